@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from mtu_cli.files.traces import Trace, Traces
 from mtu_cli.stats.least_squares import FloatArray
@@ -67,12 +68,7 @@ def noise(rng: np.random.Generator, n: int, s: float, phi: float) -> FloatArray:
     """Errors (n,) of which each follows the last: autocorrelation phi^k."""
     steps = rng.standard_normal(n) * np.sqrt(1 - phi**2) * s
     steps[0] = rng.standard_normal() * s
-    found = np.empty(n)
-    last = 0.0
-    for i, step in enumerate(steps.tolist()):
-        last = phi * last * (i > 0) + step
-        found[i] = last
-    return found
+    return np.asarray(lfilter([1.0], [1.0, -phi], steps))
 
 
 def made(
@@ -101,8 +97,8 @@ def made(
 def csv_text(traces: Traces, columns: str = "direction radius_mm feed_mm_min plane pass") -> str:
     """The traces as a file, which says that it is made."""
     names = columns.split()
-    lines = ["# Made for a test: no machine was measured.", ",".join(["angle_deg", "deviation_um",
-                                                                     *names])]  # fmt: skip
+    lines = ["# Made for a test: no machine was measured."]
+    lines.append(",".join(["angle_deg", "deviation_um", *names]))
     for trace in traces.traces:
         known = {
             "direction": trace.direction, "radius_mm": f"{traces.radius:g}",
@@ -110,6 +106,6 @@ def csv_text(traces: Traces, columns: str = "direction radius_mm feed_mm_min pla
             "pass": str(trace.number),
         }  # fmt: skip
         rest = "".join(f",{known[name]}" for name in names)
-        pairs = zip(np.degrees(trace.angle).tolist(), (trace.deviation * 1e3).tolist(), strict=True)
+        pairs = zip(np.degrees(trace.angle), trace.deviation * 1e3, strict=True)
         lines += [f"{angle:.3f},{value:.3f}{rest}" for angle, value in pairs]
     return "\n".join(lines) + "\n"

@@ -9,7 +9,7 @@ import numpy as np
 from effect_tables import readings_table
 from effect_tables import table as points_table
 
-from mtu_cli.analyses.close_loop.estimate import Parameter, Searched
+from mtu_cli.analyses.close_loop.estimate import Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.experiment import Experiment
 from mtu_cli.analyses.close_loop.result import (
     WORST,
@@ -19,7 +19,6 @@ from mtu_cli.analyses.close_loop.result import (
     Scores,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.smooth import SmoothEffect
 from mtu_cli.model.effect_library import Candidate, effect_library
 from mtu_cli.units import PARAMETER_UNITS
 

@@ -68,16 +68,14 @@ class Cause(NamedTuple):
 
 
 class TraceFigures(NamedTuple):
-    """The figures of one trace, mm: `G_lsc` about its least-squares circle with this centre; F
-    from the nominal radius about the given centre.
+    """The figures of one trace, mm: `G_lsc` about its least-squares circle; F from the nominal
+    radius about the given centre.
     """
 
     trace: Trace
     G_lsc: float
     F_max: float
     F_min: float
-    centre_a: float
-    centre_b: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -123,11 +121,10 @@ def after(angle: FloatArray, sign: int, reversal: float) -> FloatArray:
     return np.where(past > 2 * math.pi - 1e-9, 0.0, past)
 
 
-def circle_fit(angle: FloatArray, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean radius deviation and centre (3,) of the least-squares circle, and what is left (n,)."""
+def about_circle(angle: FloatArray, deviation: FloatArray) -> FloatArray:
+    """What the least-squares circle leaves of a trace (n,)."""
     X = np.column_stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
-    result = np.linalg.lstsq(X, deviation, rcond=None)[0]
-    return result, deviation - X @ result
+    return np.asarray(deviation - X @ np.linalg.lstsq(X, deviation, rcond=None)[0])
 
 
 class Fit(NamedTuple):
@@ -262,8 +259,16 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
     deviation = np.concatenate([trace.deviation for trace in traces.traces])
     return CircularResult(
         traces=traces,
-        figures=tuple(_figures(trace) for trace in traces.traces),
-        G_bidirectional=float(np.ptp(circle_fit(angle, deviation)[1])) if both else math.nan,
+        figures=tuple(
+            TraceFigures(
+                each,
+                float(np.ptp(about_circle(each.angle, each.deviation))),
+                float(each.deviation.max()),
+                float(each.deviation.min()),
+            )
+            for each in traces.traces
+        ),
+        G_bidirectional=float(np.ptp(about_circle(angle, deviation))) if both else math.nan,
         D=float(np.mean(means)) if both else math.nan,
         causes=tuple(causes),
         remainder_rms=float(np.sqrt(np.nanmean(left**2))),
@@ -303,14 +308,6 @@ def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:
     value = float(np.hypot(*pair))
     g = pair / value if value > 0 else np.full(2, math.sqrt(0.5))
     return value, math.sqrt(max(float(g @ C @ g), 0.0))
-
-
-def _figures(trace: Trace) -> TraceFigures:
-    circle, left = circle_fit(trace.angle, trace.deviation)
-    return TraceFigures(
-        trace, float(np.ptp(left)), float(trace.deviation.max()), float(trace.deviation.min()),
-        float(circle[1]), float(circle[2]),
-    )  # fmt: skip
 
 
 def _warnings(causes: list[Cause], both: bool, timed: bool) -> Iterator[Finding]:

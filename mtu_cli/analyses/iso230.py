@@ -341,17 +341,21 @@ def evaluate(axis: Axis, budget: InstrumentBudget | None, k: float, seed: int, i
     return replace(axis, figures=figures)
 
 
+def places_read(readings: Readings) -> tuple[FloatArray, np.ndarray]:
+    """Positions (n,) in mm, of rotary axes (column position_deg) in deg, and which these are."""
+    degrees, position = readings.covariates.get("position_deg"), readings.position_mm
+    if degrees is None or degrees.dtype != np.float64:
+        return position, np.zeros(len(readings), bool)
+    rotary = np.isnan(position) & np.isfinite(degrees.astype(np.float64))
+    return np.where(rotary, degrees, position), rotary
+
+
 def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
     """What was read at targets by component (and instrument, of several), and a note of the rest.
 
     Raises InputError for a component in units of two kinds or with some positions missing.
     """
-    degrees = readings.covariates.get("position_deg")
-    position, rotary = readings.position_mm, np.zeros(len(readings), bool)
-    if degrees is not None and degrees.dtype == np.float64:
-        angles = degrees.astype(np.float64)
-        rotary = np.isnan(position) & np.isfinite(angles)
-        position = np.where(rotary, angles, position)
+    position, rotary = places_read(readings)
     roles = np.array(readings.roles)[readings.file_index]
     axes, without = [], []
     for code, name in enumerate(readings.components):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,26 +32,17 @@ DRAWN = 2**18
 """Trials kept for the histogram."""
 
 
-class FirstOrder(NamedTuple):
-    """A mean, its u of first order with effective degrees of freedom, and mean -+ t u at these."""
-
-    mean: float
-    u: float
-    dof: float
-    interval95: tuple[float, float]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Orthogonality:
     """One angle less 90 degrees, in rad, from the row's +x to the column's +y.
 
     `run` holds the Monte Carlo (mean, u, interval, samples; u is nan where the trials'
-    distribution has none), `independent` the same trials under the papers' independence, with
-    `independent_u` of first order; `k` the coverage factor. `scale` is the u that figures are
-    rounded to: that of first order where the trials have none. `shares` split the variance of first
-    order; None under that independence and where there is no variance. `conformance` is of first
-    order too; None without a tolerance. `outside`: whether a feature is beyond the measured range
-    of a component.
+    distribution has none), `model` with its first order, of `interval95` mean -+ t u, and
+    `independent` the same trials under the papers' independence; `k` the coverage factor. `scale`
+    is the u that figures are rounded to: that of first order where the trials have none. `shares`
+    split the variance of first order; None under that independence and where there is no variance.
+    `conformance` is of first order too; None without a tolerance. `outside`: whether a feature is
+    beyond the measured range of a component.
     """
 
     id: str
@@ -61,9 +51,9 @@ class Orthogonality:
     prediction: Prediction
     run: MonteCarloResult
     scale: float
-    first_order: FirstOrder
+    model: AngleTrials
+    interval95: tuple[float, float]
     independent: MonteCarloResult
-    independent_u: float
     validation: Validation
     shares: Shares | None
     conformance: Conformance | None
@@ -110,7 +100,7 @@ def predict_orthogonality(
         prediction = predict(model, ids, points, covariates)
         angles.append(_angle(entry, prediction, settings))
         warnings += [*noted, *prediction_warnings(model, prediction, covariates)]
-        warnings += dof_warnings([entry.id], np.array([angles[-1].first_order.dof]))
+        warnings += dof_warnings([entry.id], angles[-1].model.dof)
     names, validations = [x.id for x in angles], [x.validation for x in angles]
     if without_u := [x.id for x in angles if not np.isfinite(x.run.u[0])]:
         warnings.append(finding("few-degrees-of-freedom", names=without_u, how=NO_U))
@@ -124,8 +114,8 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
         model = angle_trials(entry.id, entry.row, entry.column, prediction, independent=independent)
         return model, settings.run(model, keep=DRAWN)
 
-    papers, independent = trials(independent=True)
-    chosen, run = papers, independent
+    chosen, independent = trials(independent=True)
+    run = independent
     if not settings.independent:
         chosen, run = trials(independent=False)
     mean, dof = float(chosen.linear_mean[0]), float(chosen.dof[0])
@@ -138,9 +128,9 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
         prediction=prediction,
         run=run,
         scale=by_trials if np.isfinite(by_trials) else u,
-        first_order=FirstOrder(mean, u, dof, (mean - half, mean + half)),
+        model=chosen,
+        interval95=(mean - half, mean + half),
         independent=independent,
-        independent_u=float(papers.linear_u[0, 0]),
         validation=settings.validate(mean, u, dof, run, 0),
         shares=None if settings.independent else chosen.variance.shares(0),
         conformance=conformance_of(entry.tolerance, ARCSEC, mean, u, dof),

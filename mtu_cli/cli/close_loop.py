@@ -29,12 +29,12 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 if TYPE_CHECKING:
+    from mtu_cli.analyses.close_loop.estimate import SmoothEffect
     from mtu_cli.analyses.close_loop.result import (
         CloseLoopResult,
         FoundEffect,
         TableResult,
     )
-    from mtu_cli.analyses.close_loop.smooth import SmoothEffect
     from mtu_cli.files.extend_machine import ExtendedMachine
     from mtu_cli.model.estimates import EffectEstimates
     from mtu_cli.model.residuals import ResidualTable
@@ -45,7 +45,7 @@ ALPHA, MAX_EFFECTS = 0.05, 4
 def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
     """Asks measured data what the model lacks, and adds it to the machine."""
     from mtu_cli.analyses.close_loop import close_loop as analysis
-    from mtu_cli.analyses.close_loop.warnings import judged_tables, loop_warnings
+    from mtu_cli.analyses.close_loop import judged_tables, loop_warnings
     from mtu_cli.model.effect_library import effect_library
     from mtu_cli.reports import close_loop as report
 

@@ -19,6 +19,7 @@ from mtu_cli.analyses.compensate import (
 from mtu_cli.analyses.compensate import (
     compensate as analysis,
 )
+from mtu_cli.analyses.iso230 import places_read
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, option_name
@@ -101,7 +102,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         if table:
             made[table] = result.text.encode()
         if table and not control.comment:
-            beside = table.with_name(f"{table.name}{BESIDE['to_file']}")
+            beside = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
             written = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
             notes = (control.says, frame.says, f"This table: {written}.")
             made[beside] = "".join(f"{note}\n" for note in notes).encode()
@@ -159,7 +160,7 @@ def _errors(inputs: Inputs, wanted: Wanted, rotary: str) -> tuple[AxisErrors, st
     """
     machine, readings, names = inputs.machine, inputs.readings, inputs.options.component
     component, rows = machine.machine.components.get(names[0]), _rows(readings, names[0])
-    if readings and np.isfinite(_degrees(readings)[rows]).any():
+    if readings and places_read(readings)[1][rows].any():
         if names[1:]:
             reason = f"{names[0]} is of a rotary axis: nothing is added to its readings"
             raise error("not-applicable", reason=reason)
@@ -193,19 +194,11 @@ def _rows(readings: Readings | None, name: str) -> IntArray:
     return np.flatnonzero(readings.code == readings.components.index(name))
 
 
-def _degrees(readings: Readings) -> FloatArray:
-    """Positions of rotary axes, nan of others."""
-    result = readings.covariates.get("position_deg")
-    known = result is not None and result.dtype == np.float64
-    return result.astype(np.float64) if known else np.full(len(readings), np.nan)  # type: ignore[union-attr]  # known
-
-
 def _columns(
     readings: Readings, rows: IntArray, axis: str
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
     """Position (mm, of a rotary axis deg), direction, error and run of some readings."""
-    position, degrees = readings.position_mm[rows], _degrees(readings)[rows]
-    position = np.where(np.isnan(position), degrees, position)
+    position = places_read(readings)[0][rows]
     if np.isnan(position).any():
         i = rows[np.argmax(np.isnan(position))]
         file = readings.sources[readings.file_index[i]].shown

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
-from pathlib import Path
 from typing import Any
 
 from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome
-from mtu_cli.cli.load import MEASURED, Inputs, named_file
+from mtu_cli.cli.load import Inputs, named_file
 from mtu_cli.cli.options import Options, option_name
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
 from mtu_cli.files.source import same
 from mtu_cli.findings import Finding, InputError, error
-from mtu_cli.formats.base import DRIFT, INSPECT, POINTS, READINGS, Ask, Imported, RawFile, raw_file
-from mtu_cli.formats.base import walk as elements_of
+from mtu_cli.formats.base import (
+    DRIFT,
+    INSPECT,
+    POINTS,
+    READINGS,
+    Ask,
+    Imported,
+    RawFile,
+    local,
+    raw_file,
+)
 from mtu_cli.formats.instruments import (
-    KIND_OF,
     SPECS,
     contract_rows,
     identify,
@@ -47,22 +54,22 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
-    elements = Counter(path for path, _ in elements_of(file.xml)) if file.xml is not None else {}
-    result, title, gives, faults = Imported(format="xml"), "XML", list[str](), list[Finding]()
+    result, title, faults = Imported(format="xml"), "XML", list[Finding]()
+    gives: tuple[str, ...] = ()
     if is_contract(file.content):
         result, title = contract_rows(file), "columns of the contract"
     elif known := identify(file):
-        title, gives, result = known.title, list(known.gives), Imported(format=known.name)
+        title, gives, result = known.title, known.gives, Imported(format=known.name)
         try:
             result = read(file, ask)
         except InputError as fault:
             faults = list(fault.findings)
-    elif not elements:
+    elif file.xml is None:
         raise unknown(file)
     return {
         "format": result.format,
         "title": title,
-        "importable_as": gives,
+        "importable_as": [*gives],
         "code_page": file.encoding,
         "rows": len(result.rows),
         "facts": result.facts,
@@ -70,8 +77,17 @@ def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
         "left_out": result.left_out,
         "doubts": result.doubts,
         "faults": [each.message for each in faults],
-        "elements": dict(elements),
+        "elements": dict(Counter(_paths(file))),
     }
+
+
+def _paths(file: RawFile) -> Iterator[str]:
+    """The path of names of every element of an XML file, without recursion."""
+    pending = [] if file.xml is None else [(local(file.xml), file.xml)]
+    while pending:
+        path, element = pending.pop()
+        yield path
+        pending += [(f"{path}/{local(child)}", child) for child in reversed(element)]
 
 
 def _lines(results: dict[str, Any]) -> Iterable[str]:
@@ -98,18 +114,23 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     kind = _choice(options, "as_", (READINGS, POINTS, DRIFT))
     words = {"unit": tuple(UNITS), "decimal": (".", ","), "directions": DIRECTIONS}
     given = {name: _choice(options, name, known) for name, known in words.items()}
+    unit = given["unit"]
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
     tables, findings, faults = list[Imported](), list[Finding](), list[Finding]()
     target = None if options.to_csv == STANDARD_OUTPUT else options.to_csv
-    for path, ask in (each for file in options.file for each in _asked(options, file, kind, given)):
+    for path in options.file:
         try:
-            file = raw_file(path, "file")
-            if target and same(target, path):
+            file = raw_file(named_file(path)[1], "file")
+            if target and same(target, file.source.path):
                 raise file.error("not-overwritten", reason="it is an input")
-            if is_contract(file.content) and not ask.profile:
+            name = named_file(path)[0] or options.component
+            given["unit"] = unit or _unit_of(options, name)
+            if is_contract(file.content) and not options.map:
                 raise file.error("other-table", kind="the contract's CSV already")
-            found = read(file, ask)
+            whose = "the unit given" if unit else "the component's unit"
+            found = read(file, Ask(kind=kind, component=name, whose_unit=whose,
+                                   profile=options.map, **given))  # fmt: skip
         except InputError as fault:
             faults += fault.findings
             continue
@@ -127,30 +148,9 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     )
 
 
-def _asked(
-    options: Options, path: Path, kind: str, given: dict[str, Any]
-) -> Iterator[tuple[Path, Ask]]:
-    """A file with what the call says of it; of a study its instruments' files of this kind."""
-    if path.is_dir() or path.suffix in (".yaml", ".yml"):
-        inputs = Inputs(Options(options.command, {"study": path}))
-        stated = inputs.study.instruments if inputs.study else {}
-        roles = [role for role in MEASURED if KIND_OF[role] == kind]
-        files = [(role, file) for role in roles for file in inputs.files(role) if file in stated]
-        if not files:
-            raise error("missing-input", what=f"an instrument's file of {kind} in the study")
-        yield from ((file, inputs.ask_of(file, role)) for role, file in files)
-        return
-    name, file = named_file(path)
-    name = name or options.component
-    unit = given["unit"] or _unit_of(options, name)
-    yield file, Ask(kind=kind, component=name, assumed=given["unit"] is None,
-                    profile=options.map, **{**given, "unit": unit})  # fmt: skip
-
-
 def _joined(tables: list[Imported]) -> Imported:
     """Files end to end; the passes of a component that was read before are counted on."""
-    joined = Imported(format="", kind=tables[0].kind)
-    last = dict[str, int]()
+    joined, last = Imported(format="", kind=tables[0].kind), dict[str, int]()
     for table in tables:
         before = dict(last)
         for i, row in enumerate(table.rows):

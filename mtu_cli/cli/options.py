@@ -316,8 +316,8 @@ OPTIONS: dict[str, Option] = {
     },
 }
 """By the name of the parameter; behind a colon which of several of that name it is."""
-BESIDE = {"to_file": ".txt"}
-"""Ending of a file that may be written beside that of an option."""
+BESIDE = {"to_file": (".txt",)}
+"""Endings of files that may be written beside that of an option."""
 ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "before",
          "budget", "file", "map", "current", "read", "verify")  # fmt: skip
 """Options that name files to read."""

@@ -109,11 +109,12 @@ def _heading(options: Options, seed: int, name: str) -> str:
 
 def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     """The readings of one component as a run file in the instrument's unit."""
-    made, name = _simulated(inputs, model, seed), inputs.options.laser_component
+    name, kind = inputs.options.laser_component, inputs.options.write_laser.suffix.lower()[1:]
     if name is None:
         raise error("missing-input", what="what the laser reads", expected="--laser-component NAME")
-    known_name("--laser-component", "component", name, sorted(set(made.component)))
-    made, kind = made.of(name), inputs.options.write_laser.suffix.lower()[1:]
+    read = {x.estimate.name for x in model.terms if EFFECT_MARK not in x.estimate.name}
+    known_name("--laser-component", "component", name, sorted(read))
+    made = _simulated(inputs, model, seed, only=name)
     unit, written = UNITS[made.unit[0]], UNITS[RUN_UNITS[kind]]
     if unit.dimension != written.dimension:
         reason = f"{name} is read in {unit.name}, and a .{kind} file holds {written.name}"
@@ -131,7 +132,9 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     return replace(synthetic, body=content.decode("cp1252"))
 
 
-def _simulated(inputs: Inputs, model: MachineModel, seed: int) -> SimulatedReadings:
+def _simulated(
+    inputs: Inputs, model: MachineModel, seed: int, only: str | None = None
+) -> SimulatedReadings:
     read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
     needed = {estimate.of for estimate in read if estimate.of is not None}
     plan = ReadingsPlan(
@@ -139,7 +142,7 @@ def _simulated(inputs: Inputs, model: MachineModel, seed: int) -> SimulatedReadi
         directions=(1,) if inputs.options.one_way else (1, -1),
         positions=_positions(inputs, model, needed),
     )
-    return simulate_readings(model, plan, seed)
+    return simulate_readings(model, plan, seed, only)
 
 
 def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[str, FloatArray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -72,17 +72,17 @@ class RawFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Ask:
-    """What the caller says of a file: the component it reads and its unit (of the machine's
-    component where `assumed`), what it is wanted as, and what the file leaves open.
+    """What the caller says of a file: the component it reads and its unit, what it is wanted as,
+    and what the file leaves open.
     """
 
     kind: str | None = None
     component: str | None = None
     unit: str | None = None
-    assumed: bool = False
+    whose_unit: str = "the unit given"
     decimal: Decimal | None = None
     directions: str | None = None
-    profile: Path | None = None
+    profile: Path | Mapping[str, Any] | None = None
 
 
 @dataclass(kw_only=True)
@@ -117,10 +117,10 @@ class Imported:
     @property
     def sentence(self) -> str:
         """How the file was understood, and what was left out."""
-        parts = [f"{len(self.rows)} {self.kind if self.kind != DRIFT else 'drift readings'}"]
-        left = [f"{count} {what}" for what, count in self.left_out.items()]
+        kind = "drift readings" if self.kind == DRIFT else self.kind
+        left = ", ".join(f"{count} {what}" for what, count in self.left_out.items())
         # First what must not be lost where a message is cut.
-        parts += [f"left out: {', '.join(left) if left else 'nothing'}", *self.says]
+        parts = [f"{len(self.rows)} {kind}", f"left out: {left or 'nothing'}", *self.says]
         return f"{self.format}: {'; '.join(parts)}"
 
     def csv(self, order: Sequence[str] = ()) -> str:
@@ -182,58 +182,37 @@ def unit_in(text: str) -> str | None:
     return next((name for name in reversed(result) if name), None)
 
 
-def need_component(file: RawFile, ask: Ask) -> str:
-    """The component that a file of one component reads; raises InputError without it."""
-    if ask.component or ask.kind == INSPECT:
-        return ask.component or "?"
-    expected = "NAME=FILE, as --laser dx_x=FILE; with import --component NAME"
-    raise file.error("missing-input", what="the component that the file reads", expected=expected)
-
-
 def unit_of(file: RawFile, ask: Ask, found: Imported, stated: str | None) -> str:
     """The unit of the readings: as the file has it, or as the caller says where it has none."""
-    whose = "the component's unit" if ask.assumed else "the unit given"
     if stated:
         found.says.append(f"readings in {stated}, as the file says")
     elif ask.unit:
-        found.says.append(f"readings without a unit taken in {ask.unit}, {whose}")
-    elif ask.kind == INSPECT:
-        found.says.append("no unit in the file")
-    else:
+        found.says.append(f"readings without a unit taken in {ask.unit}, {ask.whose_unit}")
+    elif ask.kind != INSPECT:
         expected = "`unit: um` in the study, import --unit um, or a machine with the component"
         raise file.error("missing-input", what="the unit of the readings", expected=expected)
     return stated or ask.unit or ""
 
 
-def refuse_positions(
-    file: RawFile, targets: Sequence[float], values: Sequence[float], row: int
-) -> None:
-    """Raises InputError where values follow their targets with a slope near 1 (or 1000): they are
-    measured positions, no errors.
+def add_readings(
+    file: RawFile, ask: Ask, found: Imported, unit: str,
+    readings: Iterable[tuple[int, float, int, str, float]],
+) -> None:  # fmt: skip
+    """Adds readings of one component: line, target, pass, direction and error of each.
+
+    Raises InputError where the caller has not said which component that is, and for none.
     """
-    import numpy as np
-
-    x, y = np.array(targets, float), np.array(values, float)
-    if len(np.unique(x)) < 3 or not np.ptp(y):
-        return
-    slope = float(np.polyfit(x, y, 1)[0])
-    factor = next((f for f in (1.0, 1e3, 1e-3) if abs(slope / f - 1) < 0.02), None)
-    if factor and np.corrcoef(x, y)[0, 1] > 0.9999:
-        kind = "measured positions, no errors (they follow the targets)"
-        expected = "errors, or a --map profile with subtract: {error: position_mm}"
-        raise file.error("other-table", row=row, kind=kind, expected=expected)
+    if not ask.component and ask.kind != INSPECT:
+        expected = "NAME=FILE, as --laser dx_x=FILE; with import --component NAME"
+        raise file.error("missing-input", what="the component that the file reads",
+                         expected=expected)  # fmt: skip
+    for line, target, run, way, value in readings:
+        found.add(line, component=ask.component or "?", position_mm=target, **{"pass": run},
+                  direction=way, error=value, unit=unit)  # fmt: skip
+    if not found.rows:
+        raise file.error("empty-file", what="readings", expected=f"a whole {found.format}")
 
 
-def local(tag: str) -> str:
+def local(element: ElementTree.Element) -> str:
     """The name of an XML element without its namespace."""
-    return tag.rpartition("}")[2]
-
-
-def walk(root: ElementTree.Element) -> Iterator[tuple[str, ElementTree.Element]]:
-    """Every element of a tree with its path of names, without recursion."""
-    pending = [(local(root.tag), root)]
-    while pending:
-        path, element = pending.pop()
-        yield path, element
-        children = [child for child in element if isinstance(child.tag, str)]
-        pending += [(f"{path}/{local(child.tag)}", child) for child in reversed(children)]
+    return element.tag.rpartition("}")[2]

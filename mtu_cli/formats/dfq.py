@@ -11,7 +11,6 @@ from mtu_cli.formats.points import OF_AXIS, Coordinate, collect
 
 INVALID = ("255", "256")
 """Attributes of a value that does not count."""
-PART = {"K1001": "part number", "K1002": "part name", "K1086": "operation"}
 _FIELD = re.compile(r"(K\d{4})(?:/(\d+))?[ \t]+(.*)")
 
 
@@ -89,9 +88,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
             own = (match[2].lower(), text, data.of(index, "K2101"))
             coordinates.append(Coordinate(line, str(seen[index]), feature, *own))
     collect(file, ask, result, coordinates, faults)
-    result.facts = {PART[key]: text for key, text in data.fields.get(0, {}).items() if key in PART}
-    result.facts["characteristics"] = [data.of(i, "K2002") for i in sorted(data.fields) if i]
-    result.facts["values"] = len(data.values)
+    result.facts = {"characteristics": [data.of(i, "K2002") for i in sorted(data.fields) if i]}
     result.says = ["the n-th value of a characteristic is of the n-th part, in mm"]
     return result
 

@@ -14,7 +14,7 @@ from mtu_cli.formats.base import (
     Format,
     Imported,
     RawFile,
-    need_component,
+    add_readings,
 )
 from mtu_cli.formats.grid import Faults, number, split
 
@@ -38,7 +38,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
     """Reference position minus target, as errors in the file's unit, each cycle a pass."""
     faults, as_data = Faults(file), "REF_DATA_FWD[" in file.text
     targets, rows = (_data if as_data else _report)(file, faults)
-    unit, stated, places = (
+    unit, cycles, places = (
         next((text.strip() for text in match.groups() if text), "") if match else default
         for match, default in (
             (_UNIT.search(file.text), "mm"),
@@ -49,29 +49,27 @@ def read(file: RawFile, ask: Ask) -> Imported:
     if unit not in ("mm", "deg"):
         facts = {"what": "unit", "value": unit, "expected": "mm or deg"}
         faults.add(file.finding("unknown-name", **facts))
-    component, result = need_component(file, ask), Imported(format="ecmc-iso230")
-    for line, way, index, cycle, value in rows:
+    for line, _, index, *_ in rows:
         if index not in targets:
             faults.cell(line, "TGT_DATA", str(index), "the index of a target")
-            continue
-        result.add(line, component=component, position_mm=targets[index], **{"pass": cycle},
-                  direction=way, error=value - targets[index], unit=unit)  # fmt: skip
-    cycles = len({row[3] for row in rows})
-    if stated and len(rows) != (due := 2 * int(places) * int(stated)):
+    runs = len({row[3] for row in rows})
+    if cycles and len(rows) != (due := 2 * int(places) * int(cycles)):
         # A file that is cut off lacks its last readings: reverse ones.
-        found = f"{len(rows)} readings of {len(targets)} positions in {cycles} cycles"
-        expected = f"{due}: {places} positions, {stated} cycles, both directions, as the file says"
+        found = f"{len(rows)} readings of {len(targets)} positions in {runs} cycles"
+        expected = f"{due}: {places} positions, {cycles} cycles, both directions, as the file says"
         faults.add(file.finding("wrong-count", found=found, expected=expected))
     faults.raise_if_any()
-    if not rows:
-        raise file.error("empty-file", what="reference positions", expected="a whole file")
+    result = Imported(format="ecmc-iso230")
+    errors = [(line, targets[index], cycle, way, value - targets[index])
+              for line, way, index, cycle, value in rows]  # fmt: skip
+    add_readings(file, ask, result, unit, errors)
     result.says = [f"errors in {unit}: reference minus target", "directions as labelled"]
     if not as_data:
         result.doubts.append(
             "reports of this evaluator exchange the directions against their data file: read the "
             ".dat where there is one"
         )
-    result.facts = {"targets": sorted(targets.values()), "runs": cycles, "unit": unit}
+    result.facts = {"targets": sorted(targets.values()), "runs": runs, "unit": unit}
     return result
 
 

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from mtu_cli.files.csv_file import GZIP
 from mtu_cli.files.headers import POINTS as POINTS_SPEC
@@ -19,9 +19,6 @@ from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, listed, nearest, shorten
 from mtu_cli.formats.base import DRIFT, POINTS, READINGS, Ask, Format, Imported, RawFile, of_content
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
-
-if TYPE_CHECKING:
-    from mtu_cli.formats.table_map import Profile
 
 MODULES = ("renishaw", "ecmc", "dfq", "points", "channels", "wide")
 """From the surest to the least sure: the first that recognises a file reads it."""
@@ -55,16 +52,6 @@ def is_contract(content: bytes) -> bool:
     return bool(named & known) or len(named & {"part", "feature", "repeat", "unit", "pass"}) > 1
 
 
-def without_component(content: bytes, ask: Ask) -> Profile | None:
-    """The profile of a CSV of readings that leaves out the component that the call names."""
-    from mtu_cli.formats.table_map import Profile
-
-    names = header_of(content)
-    if not ask.component or ask.kind == POINTS or "error" not in names or "component" in names:
-        return None
-    return Profile(schema="mtu/import/1", columns={name: name for name in names})
-
-
 def identify(file: RawFile) -> Format | None:
     """The format of a file that is not the contract's CSV, or None."""
     return next((each for each in registry() if each.sniff(file)), None)
@@ -75,9 +62,9 @@ def read(file: RawFile, ask: Ask) -> Imported:
     within its own.
     """
     if ask.profile is not None:
-        from mtu_cli.formats.table_map import read_profile, read_with
+        from mtu_cli.formats.table_map import read_with
 
-        return read_with(file, ask, read_profile(ask.profile), SPECS)
+        return read_with(file, ask, SPECS)
     known = identify(file)
     if known is None:
         raise unknown(file)
@@ -119,20 +106,20 @@ def converter(
     """
 
     def convert(source: Source, content: bytes) -> Converted | None:
-        ask = ask_of(source.path, source.role)
-        contract = is_contract(content) and not ask.profile
-        profile = without_component(content, ask) if contract else None
-        if content.startswith(GZIP) or (contract and profile is None):
+        ask, names = ask_of(source.path, source.role), header_of(content)
+        if content.startswith(GZIP):
             return None
+        if is_contract(content) and not ask.profile:
+            alone = "error" in names and "component" not in names and ask.kind != POINTS
+            if not (alone and ask.component):
+                return None
+            # A CSV of readings that leaves out the component that the call names.
+            columns = {name: name for name in names}
+            ask = replace(ask, profile={"schema": "mtu/import/1", "columns": columns})
         file = of_content(source, content)
-        if profile:
-            from mtu_cli.formats.table_map import read_with
-
-            result = read_with(file, ask, profile, SPECS)
-        elif not ask.profile and identify(file) is None:
+        if not ask.profile and identify(file) is None:
             return None
-        else:
-            result = read(file, ask)
+        result = read(file, ask)
         heard(file, result)
         return result.csv(list(SPECS[result.kind].columns)).encode(), result.rows
 

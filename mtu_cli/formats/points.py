@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
@@ -77,14 +78,13 @@ def _plain(cells: Sequence[str]) -> list[str]:
 def read_calypso(file: RawFile, ask: Ask) -> Imported:
     """Actual and nominal of the characteristics X, Y, Z of each feature, by heading."""
     grid = grid_of(file.lines, separator="\t")
-    header, rows = _plain(grid.rows[0].cells), grid.rows[1:]
+    header, (*rows, last) = _plain(grid.rows[0].cells), grid.rows
     result, faults = Imported(format="calypso", kind=POINTS), Faults(file)
-    if not rows or rows[-1].cells[0].upper() != "END":
+    if last.cells[0].upper() != "END":
         raise file.error("missing-input", what="the last line END", expected="a whole file")
-    needed = max(map(header.index, CALYPSO)) + 1
-    faults.widths(rows[:-1], len(header), fewest=needed)
+    faults.widths(rows, len(header), fewest=max(map(header.index, CALYPSO)) + 1)
     coordinates = []
-    for row in rows[:-1]:
+    for row in rows[1:]:
         cells = dict(zip(header, row.cells, strict=False))
         texts = (cells.get(name, "") for name in ("idsymbol", "type", "id"))
         axis = next((m[2].lower() for text in texts if (m := OF_AXIS.fullmatch(text))), None)
@@ -92,9 +92,8 @@ def read_calypso(file: RawFile, ask: Ask) -> Imported:
             result.drop("other characteristics")
             continue
         part = cells.get("partnb") or file.source.path.stem
-        coordinates.append(
-            Coordinate(row.line, part, cells["featureid"], axis, cells["actual"], cells["nominal"])
-        )
+        own = (cells["featureid"], axis, cells["actual"], cells["nominal"])
+        coordinates.append(Coordinate(row.line, part, *own))
     signs = collect(file, ask, result, coordinates, faults, "\t")
     result.says = [said(grid, signs), "actual X, Y, Z in mm by the headings"]
     return result
@@ -131,16 +130,13 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
                 coordinates.append(Coordinate(row.line, part, *own))
     signs = collect(file, ask, result, coordinates, faults, grid.separator)
     pairs = [(a, b) for axis in "xyz" for a, b in zip(
-        result.columns.get(f"{axis}_mm", []), result.columns.get(f"nominal_{axis}_mm", []),
-        strict=True) if None not in (a, b)]  # fmt: skip
+        *(result.columns.get(f"{name}{axis}_mm", []) for name in ("", "nominal_")), strict=True)
+        if None not in (a, b)]  # fmt: skip
     if sum(abs(a - b) for a, b in pairs) > 0.5 * sum(abs(b) for _, b in pairs) > 0:
         kind = "deviations, no coordinates (they do not follow the nominal places)"
         raise file.error("other-table", kind=kind, expected="measured coordinates in mm")
     result.says = [said(grid, signs), f"{len(parts)} parts, coordinates in mm"]
-    result.facts = {
-        "parts": list(parts.values()),
-        "features": len({x.feature for x in coordinates}),
-    }
+    result.facts = {"parts": list(parts.values())}
     return result
 
 
@@ -186,9 +182,8 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
 
 
 def _under(element: Element, ending: str) -> Iterator[Element]:
-    """Elements beneath whose name without namespace ends so; comments have none."""
-    return (each for each in element.iter()
-            if isinstance(each.tag, str) and local(each.tag).endswith(ending))  # fmt: skip
+    """Elements beneath whose name without namespace ends so."""
+    return (each for each in element.iter() if local(each).endswith(ending))
 
 
 def _text(element: Element, name: str) -> str:
@@ -216,8 +211,8 @@ def read_qif(file: RawFile, ask: Ask) -> Imported:
             feature = names.get(item) or item or str(n)
             coordinates += [Coordinate(1, part, feature, *own)
                             for own in zip("xyz", cells, strict=True)]  # fmt: skip
-    result.drop("characteristics", sum(1 for _ in _under(root, "CharacteristicActual")))
-    collect(file, Ask(kind=ask.kind, decimal="."), result, coordinates, Faults(file), scale=factor)
+    result.drop("characteristics", len([*_under(root, "CharacteristicActual")]))
+    collect(file, replace(ask, decimal="."), result, coordinates, Faults(file), scale=factor)
     result.says = [f"locations times {factor:g} in mm", "nominal places from the part file"]
     return result
 

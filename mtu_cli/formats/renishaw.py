@@ -6,7 +6,6 @@ deviations mrad), whose sections end in ``::``, keys and blanks varying; the dyn
 from __future__ import annotations
 
 import re
-import struct
 from typing import Any
 
 from mtu_cli.formats.base import (
@@ -18,23 +17,18 @@ from mtu_cli.formats.base import (
     Format,
     Imported,
     RawFile,
+    add_readings,
     local,
-    need_component,
 )
 from mtu_cli.formats.grid import Faults, number
 
 UNITS = {"rtl": "um", "rta": "mrad"}
-OWNERS = {"rtl": "Linear", "rta": "Angular"}
 TARGET_UNITS = {"rtl": "mm", "rta": "degrees or mm"}
+OWNERS = {"rtl": "Linear", "rta": "Angular"}
 NO_SENSOR = -10.0
-MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
-"""The instrument writes them in English whatever the computer's language."""
-SHOWN = ("Machine", "Serial No", "Date", "By", "Axis", "Location", "TITLE", "Owner", "Version no")
-ENVIRONMENT = {
-    "Air temp": "air_degC", "Air press": "pressure_kPa", "Air humid": "humidity_percent",
-    "Exp coeff": "expansion_um_per_m_K", "Env factor": "environment_factor",
-    **{f"Mat temp {n}": f"material_{n}_degC" for n in (1, 2, 3)},
-}  # fmt: skip
+SHOWN = ("HEADER", "USER-TEXT", "ENVIRONMENT")
+"""Sections whose entries `mtu inspect` shows as they stand."""
+STATED = ("TEST_PLANE", "OPERATOR", "DATE_STARTED", "SERIAL_NUMBER", "LAST_CALIBRATED")
 FEATURE_UNITS = {
     "UT_LENGTH_UM": "um", "UT_LENGTH_MM": "mm", "UT_LENGTH_M": "m", "UT_FEEDRATE": "mm/min",
     "UT_ANGLE": "deg", "UT_SQUARENESS": "um/m", "UT_SERVO_MISMATCH": "ms", "UT_RANKING": "",
@@ -58,13 +52,12 @@ def _kind(file: RawFile) -> str | None:
     return "rta" if named.lower() == "rta" else "rtl"
 
 
-def _entry(lines: Lines, *names: str) -> tuple[int, str] | None:
-    """Line and text of a key, whatever its blanks and hyphens."""
-    wanted = {re.sub(r"[\s-]", "", name).lower() for name in names}
-    for row, line in lines:
-        if (match := _KEY.match(line)) and re.sub(r"[\s-]", "", match[1]).lower() in wanted:
-            return row, match[2].strip()
-    return None
+def _entries(lines: Lines) -> dict[str, tuple[int, str]]:
+    """Line and text of each key, whose blanks and hyphens are one blank."""
+    matches = ((row, _KEY.match(line)) for row, line in lines)
+    return {
+        re.sub(r"[\s-]+", " ", match[1]): (row, match[2].strip()) for row, match in matches if match
+    }
 
 
 def _targets(lines: Lines, faults: Faults) -> list[float]:
@@ -80,19 +73,10 @@ def _targets(lines: Lines, faults: Faults) -> list[float]:
                 faults.cell(row, "Targets", cell)
             else:
                 result.append(value)
-    _check_count(lines, "Target-count", len(result), "targets", faults)
     return result
 
 
-def _check_count(lines: Lines, key: str, count: int, what: str, faults: Faults) -> None:
-    if (stated := _entry(lines, key)) and stated[1] != str(count):
-        facts = {"found": f"{count} {what}", "expected": f"{stated[1]}, as {key} says"}
-        faults.add(faults.file.finding("wrong-count", row=stated[0], **facts))
-
-
-def _deviations(
-    lines: Lines, targets: int, faults: Faults
-) -> dict[tuple[int, int], tuple[int, float]]:
+def _deviations(lines: Lines, targets: int, faults: Faults) -> dict[tuple[int, int], Any]:
     """Line and deviation by run and index of the target, in the order of the file."""
     result: dict[tuple[int, int], tuple[int, float]] = {}
     for row, line in lines:
@@ -130,95 +114,65 @@ def read(file: RawFile, ask: Ask) -> Imported:
             facts = {"what": f"the section {name}::", "expected": "a whole file: it may be cut off"}
             faults.add(file.finding("missing-input", **facts))
     faults.raise_if_any()
+    head = _entries(sections["TARGET DATA"] + sections.get("RUNS", []))
     targets = _targets(sections["TARGET DATA"], faults)
     values = _deviations(sections["DEVIATIONS"], len(targets), faults)
     runs = len({run for run, _ in values})
-    _check_count(sections.get("RUNS", []), "Run-count", runs, "runs with deviations", faults)
+    for key, count, what in (("Target count", len(targets), "targets"),
+                             ("Run count", runs, "runs with deviations")):  # fmt: skip
+        row, stated = head.get(key, (0, str(count)))
+        if stated != str(count):
+            facts = {"found": f"{count} {what}", "expected": f"{stated}, as {key} says"}
+            faults.add(file.finding("wrong-count", row=row, **facts))
     faults.raise_if_any()
-    if not values:
-        raise file.error("empty-file", what="deviations", expected="rows below DEVIATIONS::")
     result = Imported(format=kind)
-    flags = (_entry(sections["TARGET DATA"], "Flags") or (0, ""))[1].split()
-    one_way = flags[1:2] == ["1"]
+    one_way = head.get("Flags", (0, ""))[1].split()[1:2] == ["1"]
     even = [value for (run, _), (_, value) in values.items() if run % 2 == 0]
     padded = one_way and bool(even) and not any(even) and any(v for _, v in values.values())
     if padded:
         result.drop("zeros that fill reverse runs of a file flagged as one-way", len(even))
         result.doubts.append("reverse runs of zeros in a file that is flagged as one-way")
-    component, pairs = need_component(file, ask), padded or not one_way
-    for (run, index), (row, value) in values.items():
-        if padded and run % 2 == 0:
-            continue
-        result.add(
-            row,
-            component=component,
-            position_mm=targets[index - 1],
-            **{"pass": (run + 1) // 2 if pairs else run},
-            direction=FORWARD if one_way or run % 2 else REVERSE,
-            error=value,
-            unit=UNITS[kind],
-        )
+    add_readings(file, ask, result, UNITS[kind], (
+        (row, targets[index - 1], (run + 1) // 2 if padded or not one_way else run,
+         FORWARD if one_way or run % 2 else REVERSE, value)
+        for (run, index), (row, value) in values.items() if run % 2 or not padded
+    ))  # fmt: skip
     result.says = [f"targets in {TARGET_UNITS[kind]}, deviations in {UNITS[kind]}",
                   "one-way runs" if one_way else "odd runs forward, even runs reverse"]  # fmt: skip
-    result.facts = _facts(result, sections)
+    shown = _entries([line for name in SHOWN for line in sections.get(name, [])])
+    for name, (_, text) in shown.items():
+        if name.startswith("Mat temp") and number(text.split(" ")[0], ".") == NO_SENSOR:
+            result.drop("material sensors at -10 degC, that is not connected")
+        elif text:
+            result.facts[name] = text
+    if "Exp coeff" in result.facts:
+        result.says.append(
+            f"the instrument's expansion coefficient is {result.facts['Exp coeff'].split()[0]} "
+            "um/(m K): deviations are normally at 20 degC already (confirm; not corrected here)"
+        )
     result.facts |= {"targets": targets, "runs": runs, "one_way": one_way}
     return result
 
 
-def _facts(found: Imported, sections: dict[str, Lines]) -> dict[str, Any]:
-    """The header and the environment; a sensor at -10 is not connected."""
-    header = sections.get("HEADER", []) + sections.get("USER-TEXT", [])
-    around = sections.get("ENVIRONMENT", [])
-    facts: dict[str, Any] = {
-        name.lower().replace(" ", "_"): entry[1]
-        for name in SHOWN
-        if (entry := _entry(header, name)) and entry[1]
-    }
-    for name, key in ENVIRONMENT.items():
-        entry = _entry(around, name)
-        values = [number(cell, ".") for cell in entry[1].split()[:2]] if entry else []
-        if name.startswith("Mat") and values and values[0] == NO_SENSOR:
-            found.drop("material sensors at -10 degC, that is not connected")
-        elif values and None not in values:
-            facts[key] = values
-    if entry := _entry(around, "Date Time"):
-        times = map(_time, re.findall(r'"([^"]*)"', entry[1]))
-        facts["measured"] = [time for time in times if time]
-    if "expansion_um_per_m_K" in facts:
-        found.says.append(
-            f"the instrument's expansion coefficient is {facts['expansion_um_per_m_K'][0]:g} "
-            "um/(m K): deviations are normally at 20 degC already (confirm; not corrected here)"
-        )
-    return facts
-
-
-def _time(text: str) -> str | None:
-    """An instrument's time as ISO 8601: ``10:46 Dec 12 2016``."""
-    match = re.fullmatch(r"\s*(\d\d?):(\d\d)\s+([A-Za-z]{3})\w*\s+(\d\d?)\s+(\d{4})\s*", text)
-    if not match or match[3].title() not in MONTHS:
-        return None
-    month = MONTHS.index(match[3].title()) + 1
-    return f"{match[5]}-{month:02}-{int(match[4]):02}T{int(match[1]):02}:{match[2]}"
-
-
 def read_rtx(file: RawFile, ask: Ask) -> Imported:
     """Header and extent of the samples, to be shown; raises InputError where bytes are missing."""
+    import numpy as np
+
     match = _SAMPLES.search(file.content)
     head = file.content[: match.start() if match else 0].decode("cp1252", "replace")
-    pairs = (line.partition(":") for line in head.splitlines() if ":" in line)
-    header = {name.strip(): value.strip() for name, _, value in pairs}
-    text = header.get("Sample no", header.get("Sample number", ""))
+    header = _entries([*enumerate(head.splitlines(), 1)])
+    text = header.get("Sample no", header.get("Sample number", (0, "")))[1]
     if match is None or not text.isdecimal():
         raise file.error("missing-input", what="Sample no and Data:", expected="a whole .rtx")
     count, body = int(text), file.content[match.end() :]
     if len(body) < 8 * count or not body[8 * count :].strip(b"\r\n").startswith(b"EOF"):
         facts = {"found": f"{len(body)} bytes of samples", "expected": f"{8 * count} and EOF::"}
         raise file.error("wrong-count", **facts)
-    samples = struct.unpack(f"<{count}d", body[: 8 * count])
     result = Imported(format="rtx", kind=OTHER, rows=[1] * count)
-    result.facts = {name: value for name, value in header.items() if value and len(value) < 80}
-    if samples:
-        result.facts |= {"least": min(samples), "largest": max(samples)}
+    result.facts = {name: value for name, (_, value) in header.items() if 0 < len(value) < 80}
+    if count:
+        samples = np.frombuffer(body, "<f8", count)
+        result.facts |= {"least": float(samples.min()), "largest": float(samples.max())}
     result.says = ["the order of day and month in Date is not known"]
     return result
 
@@ -235,24 +189,19 @@ def features_of(file: RawFile) -> dict[str, Any]:
     """
     result, features = dict[str, Any](), dict[str, Any]()
     for element in file.xml.iter() if file.xml is not None else ():
-        name = local(element.tag) if isinstance(element.tag, str) else ""
-        known = {local(key).upper(): value for key, value in element.attrib.items()}
-        texts = {each.tag: (each.text or "").strip() for each in element}
-        known |= {
-            local(tag).upper(): text for tag, text in texts.items() if text and tag == str(tag)
-        }
-        if name == "FEATURE" and known.get("NAME"):
+        known = {name.rpartition("}")[2].upper(): text for name, text in element.attrib.items()}
+        children = ((local(each).upper(), (each.text or "").strip()) for each in element)
+        known |= {name: text for name, text in children if text}
+        if local(element) == "FEATURE" and known.get("NAME"):
             text = known.get("VALUE") or (element.text or "").strip()
             value, unit = number(text, "."), FEATURE_UNITS.get(known.get("DT", ""))
             if value is None or unit is None:
                 raise file.error("wrong-type", path=known["NAME"], kind="a value with a known DT",
                                  value=f"{text} {known.get('DT', '')}")  # fmt: skip
             features[known["NAME"]] = {"value": value, "unit": unit}
-        for key in ("TEST_PLANE", "OPERATOR", "DATE_STARTED", "SERIAL_NUMBER", "LAST_CALIBRATED"):
-            if key in known:
-                result.setdefault(key.lower(), known[key])
-        if name in ("MACHINE_TESTED", "TEST_SPEC") and known.get("NAME"):
-            result.setdefault(name.lower(), known["NAME"])
+        elif local(element) in ("MACHINE_TESTED", "TEST_SPEC") and known.get("NAME"):
+            result.setdefault(local(element).lower(), known["NAME"])
+        result = {key.lower(): known[key] for key in STATED if key in known} | result
     if not features:
         raise file.error("empty-file", what="FEATURE with NAME, DT and value", expected="a .b5r")
     return {**result, "features": features}
@@ -262,22 +211,19 @@ def read_b5r(file: RawFile, ask: Ask) -> Imported:
     """The features, to be shown: the elements of the raw samples are not documented."""
     known = features_of(file)
     features = known.pop("features")
-    result = Imported(format="b5r", kind=OTHER, rows=[1] * len(features))
     shown = {name: f"{each['value']:g} {each['unit']}".strip() for name, each in features.items()}
-    result.facts = known | shown
-    result.says = ["A and B are first and second axis of the plane; raw samples are not read"]
-    return result
+    says = ["A and B are first and second axis of the plane; raw samples are not read"]
+    return Imported(format="b5r", kind=OTHER, rows=[1] * len(features), facts=known | shown,
+                    says=says)  # fmt: skip
 
 
 def _is_b5r(file: RawFile) -> bool:
-    return file.xml is not None and any(
-        isinstance(each.tag, str) and local(each.tag) == "FEATURE" for each in file.xml.iter()
-    )
+    return file.xml is not None and any(local(each) == "FEATURE" for each in file.xml.iter())
 
 
 def run_file(data: Imported) -> bytes:
     """Readings of one component as a run file, six decimals: the grammar of `read`."""
-    columns = data.columns
+    columns, kind = data.columns, data.format
     targets = sorted(set(columns["position_mm"]))
     one_way = set(columns["direction"]) == {FORWARD}
     cells = (columns[name] for name in ("pass", "direction", "position_mm", "error"))
@@ -285,16 +231,16 @@ def run_file(data: Imported) -> bytes:
         (p if one_way else 2 * p - (way == FORWARD), targets.index(x) + 1, value)
         for p, way, x, value in zip(*cells, strict=True)
     ]
-    kind = data.format
-    lines = ["HEADER::", f"File type  : {kind}", f"Owner      : {OWNERS[kind]}",
-             "Version no : 1", "TARGET DATA::", "Filetype  : ISO", f"Target-count: {len(targets)}",
-             "Targets :"]  # fmt: skip
-    lines += [" ".join(f"{x:.6f}" for x in targets[i : i + 5]) for i in range(0, len(targets), 5)]
-    lines += [f"Flags: 0 {int(one_way)} 2 0", "USER-TEXT::", "RUNS::",
-              f"Run-count:{len({run for run, _, _ in rows})}", "DEVIATIONS::",
-              "Run Target Data:"]  # fmt: skip
-    lines += [f"  {run}   {index}    {value:.6f}" for run, index, value in rows]
-    return "\r\n".join([*lines, "ENVIRONMENT::", "EOF::", ""]).encode("cp1252")
+    lines = [
+        *("HEADER::", f"File type  : {kind}", f"Owner      : {OWNERS[kind]}", "Version no : 1"),
+        *("TARGET DATA::", "Filetype  : ISO", f"Target-count: {len(targets)}", "Targets :"),
+        *(" ".join(f"{x:.6f}" for x in targets[i : i + 5]) for i in range(0, len(targets), 5)),
+        *(f"Flags: 0 {int(one_way)} 2 0", "USER-TEXT::", "RUNS::"),
+        *(f"Run-count:{len({run for run, _, _ in rows})}", "DEVIATIONS::", "Run Target Data:"),
+        *(f"  {run}   {index}    {value:.6f}" for run, index, value in rows),
+        *("ENVIRONMENT::", "EOF::", ""),
+    ]
+    return "\r\n".join(lines).encode("cp1252")
 
 
 FORMATS = (

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -27,6 +28,9 @@ from mtu_cli.formats.grid import Columns, Row, grid_of, number, said
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.wide import way_of
 from mtu_cli.units import UNITS, plain_unit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
 NUMBERS = ("error", "position_mm", "x_mm", "y_mm", "z_mm", "nominal_x_mm", "nominal_y_mm",
@@ -68,7 +72,7 @@ class Profile(Contract):
     units: dict[str, str] = optional("Unit of a column that is read as mm, or of error", {})
 
 
-def read_profile(path: Path) -> Profile:
+def read_profile(given: Path | Mapping[str, Any]) -> Profile:
     """A checked mapping profile; raises InputError with all its faults."""
 
     def check(profile: Profile, faults: Faults) -> None:
@@ -77,58 +81,70 @@ def read_profile(path: Path) -> Profile:
                 faults.add(("units", name), "unknown-name", value=unit, what="unit",
                            **suggestion(unit, UNITS))  # fmt: skip
 
-    return check_contract(read_yaml(path, "map"), Profile, "import", check)
+    if not isinstance(given, Path):
+        return Profile(**given)
+    return check_contract(read_yaml(given, "map"), Profile, "import", check)
 
 
-def read_with(
-    file: RawFile, ask: Ask, profile: Profile, specs: Mapping[str, TableSpec]
-) -> Imported:
-    """The table of a file as its profile says; every bad cell at once."""
+def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Imported:
+    """The table of a file as the profile of `ask` says; every bad cell at once."""
+    import pandas as pd
+
+    assert ask.profile is not None
+    profile = read_profile(ask.profile)
     kind = str(ask.kind if ask.kind in specs else READINGS)
-    skip, unpivot = profile.skip_rows, profile.unpivot
-    sign = WORDS.get(profile.separator or "", profile.separator)
+    skip, sign = profile.skip_rows, WORDS.get(profile.separator or "", profile.separator)
     grid = grid_of(file.lines[skip:], skip + 1, sign)
     if len(grid.rows) < 2:
         raise file.error("empty-file", what="rows", expected="a header and rows below it")
     header, rows = grid.rows[0].cells, grid.rows[1:]
     result, faults = Imported(format="table", kind=kind), Cells(file)
     place = _places(file, grid.rows[0], profile, faults)
-    table = Columns(faults, header, rows, ask.decimal or profile.decimal, grid.separator)
-    columns, others = dict[str, list[Any]](), [*profile.subtract.values()]
-    for name in [*profile.columns, *(name for name in others if name not in profile.columns)]:
-        index, known = place[name], specs[kind].columns.get(name)
-        numeric = name in (*NUMBERS, *profile.scale, *others)
+    cells = Columns(faults, header, rows, ask.decimal or profile.decimal, grid.separator)
+    table = pd.DataFrame(profile.constants, index=[row.line for row in rows])
+    for name in dict.fromkeys([*profile.columns, *profile.subtract.values()]):
+        index, known = place.get(name), specs[kind].columns.get(name)
+        numeric = name in (*NUMBERS, *profile.scale, *profile.subtract.values())
+        if index is None:
+            continue
         if numeric or (known and known.kind == "number" and name not in TIMES):
-            columns[name] = table.numbers(index)
+            table[name] = cells.numbers(index)
         elif known:
-            columns[name] = table.texts[index]
+            table[name] = cells.texts[index]
         else:
-            columns[name] = [cell if (value := number(cell, table.signs[index])) is None else value
-                             for cell in table.texts[index]]  # fmt: skip
+            values = ((number(x, cells.signs[index]), x) for x in cells.texts[index])
+            table[name] = pd.Series([x if v is None else v for v, x in values], table.index, object)
     if profile.cycles:
-        columns["cycle"] = _cycles(table.texts[place[profile.cycles.from_]])
-    made_rows: list[dict[str, Any]] = [{}]
-    turned: list[list[Any]] = [[0.0] * len(rows)]
-    if unpivot:
-        turned = [table.numbers(place[name], may_be_empty=True) for name in unpivot.columns]
-        made_rows = _turned(unpivot, ask)
+        level = pd.Series(cells.texts[place[profile.cycles.from_]], table.index)
+        first = level == level.iloc[0]
+        # A cycle begins where the set-point returns to its first value.
+        table["cycle"] = (first & ~first.shift(fill_value=False)).cumsum().astype(str)
+    if unpivot := profile.unpivot:
+        turned = {x: cells.numbers(place[x], may_be_empty=True) for x in unpivot.columns}
+        faults.raise_if_any()
+        parts = [table.assign(**{unpivot.into: turned[own.pop("")]}, **own)
+                 for own in _turned(unpivot, ask)]  # fmt: skip
+        whole = pd.concat(parts).sort_index(kind="stable")
+        table = whole.dropna(subset=[unpivot.into])
+        result.drop("empty cells", len(whole) - len(table))
     faults.raise_if_any()
-    for i, row in enumerate(rows):
-        base = {**profile.constants, **{name: values[i] for name, values in columns.items()}}
-        for named, values in zip(made_rows, turned, strict=True):
-            if unpivot and values[i] is None:
-                result.drop("empty cells")
-                continue
-            own = base | ({unpivot.into: values[i]} if unpivot else {}) | named
-            result.add(row.line, **_worked(profile, own))
+    table = _worked(profile, table)
+    if kind != POINTS and len(table):
+        if ask.component:
+            table["component"] = ask.component
+        elif "component" not in table:
+            expected = "--component NAME, or constants: {component: NAME} in the profile"
+            raise file.error("missing-input", what="the component", expected=expected)
+        if "unit" not in table:
+            table["unit"] = unit_of(file, ask, result, None)
+    result.columns = {str(name): table[name].tolist() for name in table}
+    result.rows = table.index.tolist()
     unused = [cell for i, cell in enumerate(header) if i not in place.values()]
     result.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
     result.drop("lines above the header", skip)
-    if kind != POINTS and result.rows:
-        _complete(file, ask, result)
     less = [f"{name} less {other}" for name, other in profile.subtract.items()]
     times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
-    result.says[:0] = [said(grid, table.signs), *less, *times]
+    result.says[:0] = [said(grid, cells.signs), *less, *times]
     return result
 
 
@@ -157,55 +173,32 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
     return result
 
 
-def _cycles(levels: list[str]) -> list[str]:
-    """Cycles are counted where the set-point returns to its first value."""
-    result, cycle, left = list[str](), 1, False
-    for level in levels:
-        cycle += left and level == levels[0]
-        left = level != levels[0]
-        result.append(str(cycle))
-    return result
-
-
-def _turned(unpivot: Unpivot, ask: Ask) -> list[dict[str, Any]]:
-    """Name and direction of each column that becomes rows; passes are counted in each direction."""
-    how, ways = ask.directions or unpivot.directions, list[str]()
+def _turned(unpivot: Unpivot, ask: Ask) -> Iterator[dict[str, Any]]:
+    """What the rows of each column have (its name under ""): a name or number, a direction; passes
+    are counted in each direction.
+    """
+    how, passes = ask.directions or unpivot.directions, Counter[str | None]()
     for n, name in enumerate(unpivot.columns):
-        alternating = (FORWARD, REVERSE)[n % 2]
-        ways.append({"headings": way_of(name), "alternate": alternating}.get(how or "", how) or "")
-    numbered = unpivot.names == "pass"
-    return [
-        {unpivot.names: ways[:n].count(ways[n]) + 1 if numbered else name}
-        | ({"direction": ways[n]} if ways[n] else {})
-        for n, name in enumerate(unpivot.columns)
-    ]
+        ways = {"headings": way_of(name), "alternate": (FORWARD, REVERSE)[n % 2]}
+        way = ways.get(how or "", how)
+        passes[way] += 1
+        own = {"": name, unpivot.names: passes[way] if unpivot.names == "pass" else name}
+        yield own | ({"direction": way} if way else {})
 
 
-def _worked(profile: Profile, made: dict[str, Any]) -> dict[str, Any]:
+def _worked(profile: Profile, table: pd.DataFrame) -> pd.DataFrame:
     """Scaled to the units of the contract, and less what is subtracted."""
     factors = dict(profile.scale)
     for name, text in profile.units.items():
         unit = plain_unit(text)
         if name == "error":
-            made["unit"] = unit
+            table = table.assign(unit=unit)
         else:
             factors[name] = factors.get(name, 1.0) * UNITS[unit].to_internal
     for name, by in factors.items():
-        if isinstance(made.get(name), float):
-            made[name] *= by
+        if name in table and table[name].dtype.kind in "if":
+            table[name] = table[name] * by
     for name, other in profile.subtract.items():
-        if isinstance(made.get(name), float) and isinstance(made.get(other), float):
-            made[name] -= made[other]
-    hidden = {*profile.subtract.values()} - {*profile.columns}
-    return {name: value for name, value in made.items() if name not in hidden}
-
-
-def _complete(file: RawFile, ask: Ask, found: Imported) -> None:
-    """Component and unit of readings, from the caller where the profile has none."""
-    if ask.component:
-        found.columns["component"] = [ask.component] * len(found.rows)
-    elif "component" not in found.columns:
-        expected = "--component NAME, or constants: {component: NAME} in the profile"
-        raise file.error("missing-input", what="the component", expected=expected)
-    if "unit" not in found.columns:
-        found.columns["unit"] = [unit_of(file, ask, found, None)] * len(found.rows)
+        if {name, other} <= {*table} and table[name].dtype.kind in "if":
+            table[name] = table[name] - table[other]
+    return table.drop(columns=[*({*profile.subtract.values()} - {*profile.columns}) & {*table}])

@@ -6,7 +6,7 @@ then one column a run; directions from the headings. Aerotech's laser text holds
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from mtu_cli.formats.base import (
     FORWARD,
@@ -16,8 +16,7 @@ from mtu_cli.formats.base import (
     Format,
     Imported,
     RawFile,
-    need_component,
-    refuse_positions,
+    add_readings,
     unit_in,
     unit_of,
 )
@@ -33,30 +32,7 @@ SUMMARY = re.compile(
 DIRECTIONS = ("alternate", FORWARD, REVERSE)
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
-    """The numeric part of a text table: rows that begin with a number, and the rows about it."""
-
-    above: list[Row]
-    rows: list[Row]
-    below: list[Row]
-    separator: str
-
-    @property
-    def width(self) -> int:
-        """Columns of most of its rows."""
-        return Grid(self.separator, self.rows).width
-
-    @property
-    def names(self) -> list[str]:
-        """The headings: the last row above that has as many cells; else numbers."""
-        for row in reversed(self.above):
-            if len(row.cells) == self.width and not row.cells[0].replace(".", "").isdigit():
-                return row.cells
-        return [str(i) for i in range(1, self.width + 1)]
-
-
-def block_of(grid: Grid) -> Block | None:
+def numeric_rows(grid: Grid) -> slice | None:
     """The rows from the first to the last that begin with a number; None of fewer than two."""
 
     def numeric(cell: str) -> bool:
@@ -64,10 +40,7 @@ def block_of(grid: Grid) -> Block | None:
 
     found = [i for i, row in enumerate(grid.rows) if len(row.cells) > 1
              and numeric(row.cells[0]) and any(map(numeric, row.cells[1:]))]  # fmt: skip
-    if len(found) < 2:
-        return None
-    first, last = found[0], found[-1] + 1
-    return Block(grid.rows[:first], grid.rows[first:last], grid.rows[last:], grid.separator)
+    return slice(found[0], found[-1] + 1) if len(found) > 1 else None
 
 
 def way_of(heading: str) -> str | None:
@@ -88,12 +61,13 @@ def sniff(file: RawFile) -> bool:
     """Whether most of it is a numeric table with different targets in its first column."""
     if not file.text or file.text.lstrip().startswith(("<", "{")):
         return False
-    block = block_of(grid_of(file.lines))
-    if block is None or block.width < 2 or len(block.below) > len(block.rows):
+    grid = grid_of(file.lines)
+    place = numeric_rows(grid)
+    if place is None or len(grid.rows) - place.stop > place.stop - place.start:
         return False
-    texts = [row.cells[0] for row in block.rows]
-    sign = "," if any(evidence(text) == "," for text in texts) else "."
-    known = [x for text in texts if (x := number(text, "," if sign == "," else ".")) is not None]
+    texts = [row.cells[0] for row in grid.rows[place]]
+    comma = any(evidence(text) == "," for text in texts)
+    known = [x for text in texts if (x := number(text, "," if comma else ".")) is not None]
     return len(set(known)) == len(known) >= 2
 
 
@@ -115,59 +89,77 @@ def read_laser(file: RawFile, ask: Ask) -> Imported:
 
 
 def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Imported:
-    block, faults = block_of(grid_of(lines)), Faults(file)
-    if block is None:
+    grid, faults = grid_of(lines), Faults(file)
+    place = numeric_rows(grid)
+    if place is None:
         raise file.error("empty-file", what="table of numbers", expected="targets and runs")
-    names, rows, width = block.names, block.rows, block.width
+    above, rows = grid.rows[: place.start], grid.rows[place]
+    width = Grid(grid.separator, rows).width
+    headings = [row.cells for row in reversed(above) if len(row.cells) == width]
+    named = (cells for cells in headings if not cells[0].replace(".", "").isdigit())
+    names = next(named, [str(i) for i in range(1, width + 1)])
     runs = [i for i in range(1, width) if not SUMMARY.search(names[i])]
     found.drop("calculated columns", width - 1 - len(runs))
-    found.drop("lines above the table", max(0, len(block.above) - 1))
-    found.drop("lines below the table", len(block.below))
-    columns = Columns(faults, names, rows, ask.decimal, block.separator)
+    found.drop("lines above the table", max(0, len(above) - 1))
+    found.drop("lines below the table", len(grid.rows) - place.stop)
+    columns = Columns(faults, names, rows, ask.decimal, grid.separator)
     if not runs:
         raise file.error("missing-input", what="a column of a run", expected="one column a run")
-    ways, how = _ways(block, runs, ask, found)
-    component = need_component(file, ask)
+    ways, how = _ways([[cells[i] for i in runs] for cells in headings], len(runs), ask, found)
     stated = {unit for i in runs if (unit := unit_in(names[i]))}
-    above = {unit for row in block.above for cell in row.cells if (unit := unit_in(cell))}
-    stated = stated or (above - {"mm"} if len(above - {"mm"}) == 1 else set())
+    over = {unit for row in above for cell in row.cells if (unit := unit_in(cell))} - {"mm"}
+    stated = stated or (over if len(over) == 1 else set())
     if len(stated) > 1:
         raise file.error("undecided", what=f"the unit: {', '.join(sorted(stated))}")
     unit = unit_of(file, ask, found, next(iter(stated), None))
     targets = columns.numbers(0)
     values = [columns.numbers(i, may_be_empty=True) for i in runs]
     faults.raise_if_any()
-    for row, target, *cells in zip(rows, targets, *values, strict=True):
-        for n, (way, value) in enumerate(zip(ways, cells, strict=True)):
-            if value is None:
-                found.drop("empty cells")
-                continue
-            found.add(row.line, component=component, position_mm=target,
-                      **{"pass": ways[:n].count(way) + 1}, direction=way, error=value,
-                      unit=unit)  # fmt: skip
-    if not found.rows:
-        raise file.error("empty-file", what="readings", expected="numbers below the runs")
-    refuse_positions(file, found.columns["position_mm"], found.columns["error"], rows[0].line)
-    read = said(Grid(block.separator, rows), columns.signs)
-    found.says[:0] = [read, how, f"{len(rows)} targets x {len(runs)} runs"]
+    found.drop("empty cells", sum(each.count(None) for each in values))
+    passes = [ways[:n].count(way) + 1 for n, way in enumerate(ways)]
+    add_readings(file, ask, found, unit, (
+        (row.line, target, run, way, value)
+        for row, target, *cells in zip(rows, targets, *values, strict=True)
+        for run, way, value in zip(passes, ways, cells, strict=True) if value is not None
+    ))  # fmt: skip
+    _refuse_positions(file, found, rows)
+    found.says[:0] = [said(grid, columns.signs), how, f"{len(rows)} targets x {len(runs)} runs"]
     found.facts = {"targets": sorted(set(targets)), "runs": len(runs), "unit": unit}
     return found
 
 
-def _ways(block: Block, runs: list[int], ask: Ask, found: Imported) -> tuple[list[str], str]:
+def _ways(
+    headings: Sequence[Sequence[str]], runs: int, ask: Ask, found: Imported
+) -> tuple[list[str], str]:
     """The direction of each run, and where it was read."""
     if ask.directions in (FORWARD, REVERSE):
-        return [ask.directions] * len(runs), f"all runs {ask.directions}, as given"
-    for row in reversed(block.above):
-        if len(row.cells) == block.width:
-            ways = [way_of(row.cells[i]) for i in runs]
-            if None not in ways:
-                return [way or "" for way in ways], "directions from the headings"
-    alternating = [(FORWARD, REVERSE)[n % 2] for n in range(len(runs))]
+        return [ask.directions] * runs, f"all runs {ask.directions}, as given"
+    for cells in headings:
+        ways = [way_of(cell) or "" for cell in cells]
+        if all(ways):
+            return ways, "directions from the headings"
+    alternating = [(FORWARD, REVERSE)[n % 2] for n in range(runs)]
     if ask.directions:
         return alternating, "directions alternating, as given"
     found.doubts.append("directions are not stated: taken as alternating")
     return alternating, "directions not stated, taken as alternating"
+
+
+def _refuse_positions(file: RawFile, found: Imported, rows: Sequence[Row]) -> None:
+    """Raises InputError where values follow their targets with a slope near 1 (or 1000): they are
+    measured positions, no errors.
+    """
+    import numpy as np
+
+    x, y = (np.array(found.columns[name], float) for name in ("position_mm", "error"))
+    if len(np.unique(x)) < 3 or not np.ptp(y):
+        return
+    slope = float(np.polyfit(x, y, 1)[0])
+    near = any(abs(slope / factor - 1) < 0.02 for factor in (1.0, 1e3, 1e-3))
+    if near and np.corrcoef(x, y)[0, 1] > 0.9999:
+        kind = "measured positions, no errors (they follow the targets)"
+        expected = "errors, or a --map profile with subtract: {error: position_mm}"
+        raise file.error("other-table", row=rows[0].line, kind=kind, expected=expected)
 
 
 FORMATS = (

@@ -29,6 +29,7 @@ from mtu_cli.language.tree import Call, Name, Node, Number
 from mtu_cli.language.tree import names as names_in
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 Directions = Callable[[str], FloatArray | None]
 """The two directions (2, pairs) of each pair along a name; None where they do not move it."""
 
@@ -99,28 +100,7 @@ def taylor(
     """
     expansion = _Expansion(values, along, pairs)
     with np.errstate(all="ignore"):
-        jet = expansion.of(node)
-    return jet.series, expansion.faults
-
-
-@dataclass(frozen=True, slots=True)
-class _Jet:
-    """A truncated polynomial: its coefficients `series` (10, pairs).
-
-    `varies` (pairs,): whether the directions move a name that it holds, be it that the
-    coefficients to the third order vanish: x**4 does at 0, and yet sqrt(x**4) is x**2.
-    """
-
-    series: FloatArray
-    varies: NDArray[np.bool_]
-
-    def __mul__(self, other: _Jet) -> _Jet:
-        return _Jet(_product(self.series, other.series), self.varies | other.varies)
-
-    @property
-    def value(self) -> float:
-        """The value of the node itself."""
-        return float(self.series[0, 0])
+        return expansion.of(node), expansion.faults
 
 
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:
@@ -132,100 +112,105 @@ def _product(left: FloatArray, right: FloatArray) -> FloatArray:
 
 @dataclass(slots=True)
 class _Expansion:
+    """Truncated polynomials of the nodes of a tree: arrays (10, pairs) of coefficients. What does
+    not vary to the third order counts as a constant.
+    """
+
     values: Mapping[str, float]
     along: Directions
     pairs: int
     faults: list[Finding] = field(default_factory=list)
 
-    def of(self, node: Node) -> _Jet:
+    def of(self, node: Node) -> FloatArray:
         match node:
             case Number(value):
                 return self.constant(value)
             case Name(name, column):
-                jet = self.constant(given(name, self.values, column))
-                if (directions := self.along(name)) is None:
-                    return jet
-                jet.series[[PLACE[1, 0], PLACE[0, 1]]] = directions
-                return _Jet(jet.series, np.any(directions != 0.0, axis=0))
+                series = self.constant(given(name, self.values, column))
+                if (directions := self.along(name)) is not None:
+                    series[[PLACE[1, 0], PLACE[0, 1]]] = directions
+                return series
             case Call(function, arguments, column):
                 return self.call(function, [self.of(item) for item in arguments], column)
 
-    def call(self, function: str, jets: list[_Jet], column: int) -> _Jet:
-        match function, jets:
-            case "/", [left, right]:
-                return left * self.power(right, -1.0, "'/'", column)
-            case "**", [base, exponent]:
-                return self.raised(base, exponent, column)
-            case "atan2", [y, x]:
-                return self.atan2(y, x, column)
-            case "*", [left, right]:
-                return left * right
-            case "+" | "-" | "neg", [first, *_]:
-                parts, last = [jet.series for jet in jets], jets[-1]
-                return _Jet(FUNCTIONS[function].scalar(*parts), first.varies | last.varies)
-        value, slopes = apply_scalar(function, (jets[0].value,)), FUNCTIONS[function].slopes
-        return self.chained(f"{function}()", value, slopes, jets[0], column)
+    def call(self, function: str, parts: list[FloatArray], column: int) -> FloatArray:
+        first, last = parts[0], parts[-1]
+        match function:
+            case "/":
+                return _product(first, self.power(last, -1.0, "'/'", column))
+            case "**":
+                return self.raised(first, last, column)
+            case "atan2":
+                return self.atan2(first, last, column)
+            case "*":
+                return _product(first, last)
+            case "+" | "-" | "neg":
+                result: FloatArray = FUNCTIONS[function].scalar(*parts)
+                return result
+        value, slopes = apply_scalar(function, (float(first[0, 0]),)), FUNCTIONS[function].slopes
+        return self.chained(f"{function}()", value, slopes, first, column)
 
-    def constant(self, value: float, varies: NDArray[np.bool_] | None = None) -> _Jet:
+    def constant(self, value: float) -> FloatArray:
         series = np.zeros((len(TERMS), self.pairs))
         series[0] = value
-        return _Jet(series, np.zeros(self.pairs, bool) if varies is None else varies)
+        return series
 
-    def power(self, base: _Jet, exponent: float, what: str, column: int) -> _Jet:
+    def power(self, base: FloatArray, exponent: float, what: str, column: int) -> FloatArray:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
-        value = apply_scalar("**", (base.value, exponent))
+        value = apply_scalar("**", (float(base[0, 0]), exponent))
         return self.chained(what, value, partial(power_slopes, exponent=exponent), base, column)
 
-    def raised(self, base: _Jet, exponent: _Jet, column: int) -> _Jet:
-        if not np.any(exponent.series[1:]):
-            return self.power(base, exponent.value, "'**'", column)
-        value = apply_scalar("**", (base.value, exponent.value))
-        if value is None or base.value <= 0.0:
-            what = "'**' with an uncertain exponent"
-            return self.chained(what, None, FUNCTIONS["exp"].slopes, base, column)
-        return self.call("exp", [exponent * self.call("log", [base], column)], column)
+    def raised(self, base: FloatArray, exponent: FloatArray, column: int) -> FloatArray:
+        if not np.any(exponent[1:]):
+            return self.power(base, float(exponent[0, 0]), "'**'", column)
+        value = apply_scalar("**", (float(base[0, 0]), float(exponent[0, 0])))
+        if value is None or base[0, 0] <= 0.0:
+            return self.chained("'**' with an uncertain exponent", None, None, base, column)
+        logarithm = self.call("log", [base], column)
+        return self.call("exp", [_product(exponent, logarithm)], column)
 
-    def atan2(self, y: _Jet, x: _Jet, column: int) -> _Jet:
-        angle = math.atan2(y.value, x.value)
-        if y.value == 0.0 and x.value <= 0.0:
+    def atan2(self, y: FloatArray, x: FloatArray, column: int) -> FloatArray:
+        angle = math.atan2(y[0, 0], x[0, 0])
+        if y[0, 0] == 0.0 and x[0, 0] <= 0.0:
             # The angle jumps by 2 pi there, or is any angle at the origin: it has a value alone.
-            alone = self.constant(angle, y.varies | x.varies)
-            return self.without_slopes(alone, "atan2(y, x) with y = 0", x.value, column)
+            varies = np.any(y[1:], axis=0) | np.any(x[1:], axis=0)
+            what = "atan2(y, x) with y = 0"
+            return self.without_slopes(self.constant(angle), varies, what, x, column)
         # The larger one divides; the derivatives of both forms are those of the angle.
-        over, under, sign = (y, x, 1.0) if abs(x.value) >= abs(y.value) else (x, y, -1.0)
-        ratio = over * self.power(under, -1.0, "'/'", column)
-        jet = self.call("atan", [ratio], column)
-        jet.series[:] *= sign
-        jet.series[0] = angle
-        return jet
+        over, under, sign = (y, x, 1.0) if abs(x[0, 0]) >= abs(y[0, 0]) else (x, y, -1.0)
+        ratio = _product(over, self.power(under, -1.0, "'/'", column))
+        series = sign * self.call("atan", [ratio], column)
+        series[0] = angle
+        return series
 
     def chained(
-        self, what: str, value: float | None, slopes: Slopes | None, inner: _Jet, column: int
-    ) -> _Jet:
+        self, what: str, value: float | None, slopes: Slopes | None, inner: FloatArray, column: int
+    ) -> FloatArray:
         """f(u) = f(u0) + f' h + f'' h^2/2 + f''' h^3/6 with h = u - u0."""
+        at = float(inner[0, 0])
         if value is None or slopes is None:
-            self.fault(what, inner.value, column)
-            return _Jet(np.full_like(inner.series, math.nan), inner.varies)
-        jet = self.constant(value, inner.varies)
-        found = slopes(inner.value)
+            self.fault(what, at, column)
+            return np.full_like(inner, math.nan)
+        series, found = self.constant(value), slopes(at)
         if not math.isfinite(found[0]):
-            return self.without_slopes(jet, what, inner.value, column)
-        h = inner.series.copy()
+            return self.without_slopes(series, np.any(inner[1:], axis=0), what, inner, column)
+        h = inner.copy()
         h[0] = 0.0
         rising = h
         for k, slope in enumerate(found, start=1):
             # An infinite derivative touches only the orders that its power of h reaches.
-            step = np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
-            jet.series[:] += step
+            series += np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
             rising = _product(rising, h)
-        return jet
+        return series
 
-    def without_slopes(self, jet: _Jet, what: str, at: float, column: int) -> _Jet:
+    def without_slopes(
+        self, series: FloatArray, varies: BoolArray, what: str, inner: FloatArray, column: int
+    ) -> FloatArray:
         """A value that has no derivatives where it varies, which is a fault then."""
-        if np.any(jet.varies):
-            self.fault(f"the derivative of {what}", at, column)
-            jet.series[1:, jet.varies] = math.nan
-        return jet
+        if np.any(varies):
+            self.fault(f"the derivative of {what}", float(inner[0, 0]), column)
+            series[1:, varies] = math.nan
+        return series
 
     def fault(self, what: str, at: float, column: int) -> None:
         where = f" at {at:.6g}"

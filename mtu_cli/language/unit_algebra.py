@@ -29,35 +29,21 @@ from mtu_cli.language.tree import (
 )
 from mtu_cli.units import ANY, PLAIN, Powers, Unit, parameter_units_of
 
-SIMPLE = 12
-"""Numerator and denominator of the largest simple fraction."""
 NO_LENGTH = Powers((0.0, *ANY.exponents[1:]))
 """Of a literal factor that is no length, but may be a number of kelvin or minutes."""
-
-
-def simple_fraction(value: float) -> Powers:
-    """A literal factor without a unit if it is a simple fraction, perhaps times a power of pi; any
-    other may convert one unit into another (1000, 180/pi).
-    """
-    if abs(value) != 1.0 and math.log10(abs(value) or 1.0) % 1.0 == 0.0:
-        return ANY
-    multiples = (abs(value) / math.pi**n * q for n in range(-2, 3) for q in range(1, SIMPLE + 1))
-    simple = any(abs(p - round(p)) < 1e-9 and 1 <= round(p) <= SIMPLE for p in multiples)
-    return PLAIN if simple else ANY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Algebra:
     """The units of terms by the `units` of names; what does not agree goes to `faults`.
 
-    `factor`: the unit of a literal factor, ``0.004*dir_x``; None: `simple_fraction` says it, and
-    only units of one dimension and different sizes are at fault. `empirical`: a function of what
-    holds literals, as exp(34 - 6292/T), may have any unit; elsewhere a broken exponent is not
-    known, as ``2*sqrt(x)`` has a 2 in some unit. `names` of units for messages.
+    `factor`: the unit of a literal factor, ``0.004*dir_x``. `empirical`: a function of what holds
+    literals, as exp(34 - 6292/T), may have any unit; elsewhere a broken exponent is not known, as
+    ``2*sqrt(x)`` has a 2 in some unit. `names` of units for messages.
     """
 
     units: Mapping[str, Powers]
-    factor: Powers | None = ANY
+    factor: Powers = ANY
     empirical: bool = False
     names: Mapping[str, Powers] = field(default_factory=dict)
     faults: list[Finding] = field(default_factory=list)
@@ -101,20 +87,11 @@ class Algebra:
         return PLAIN
 
     def _of_factor(self, node: Node) -> Powers:
-        value = literal_value(node)
-        if value is None:
-            return self.of(node)
-        return simple_fraction(value) if self.factor is None else self.factor
+        return self.of(node) if literal_value(node) is None else self.factor
 
     def _raised(self, node: Node, power: float) -> Powers:
         result = self.of(node) ** power
         return result if self.empirical else result.whole
-
-    def differ(self, one: Powers, other: Powers) -> bool:
-        """Whether two units that should be one are not."""
-        if self.factor is None:
-            return one.known and other.known and one.alike(other) and not one.agrees(other)
-        return not one.agrees(other)
 
     def _alike(self, left: Node, right: Node, column: int, verb: str) -> Powers:
         one, other = self.of(left), self.of(right)
@@ -123,15 +100,14 @@ class Algebra:
                 return unit * ANY if _has_literal_factor(rest) else unit
         if one.agrees(other):
             return one | other
-        if self.differ(one, other):
-            expected = "terms of one unit" + times(other, one, f": {shown(right)}")
-            self.add(f"what is {verb}", other, one, expected, column=column)
+        expected = "terms of one unit" + times(other, one, f": {shown(right)}")
+        self.add(f"what is {verb}", other, one, expected, column=column)
         return ANY
 
     def _check_number(self, node: Node, what: str) -> None:
         found = self.of(node)
         # Empirical equations take logarithms of numbers: log(t + 273.15).
-        if (self.factor is not None and has_literal(node)) or not self.differ(found, PLAIN):
+        if has_literal(node) or found.agrees(PLAIN):
             return
         expected = "a plain number, or an angle in rad" + times(found, PLAIN, ": the argument")
         self.add(what, found, PLAIN, expected, column=first_column(node), value=shown(node))
@@ -211,11 +187,9 @@ def _expected(
 def check_consistent(
     node: Node, units: Mapping[str, Powers], stated: Powers, names: Mapping[str, Powers]
 ) -> tuple[list[Finding], Finding | None]:
-    """Checks an equation of numbers that are calculated with as they stand, as a budget's are.
-
-    First no literal factor is taken for a plain number; then simple fractions are, and only units
-    of one dimension and different sizes are at fault. Returns the faults within the equation, and
-    if there is none that of its result, which should be `stated`.
+    """Checks an equation of numbers that are calculated with as they stand, as a budget's are; a
+    literal factor may have any unit. Returns the faults within the equation, and if there is none
+    that of its result, which should be `stated`.
 
     >>> from mtu_cli.language.parser import parse
     >>> from mtu_cli.units import unit_powers
@@ -225,13 +199,10 @@ def check_consistent(
     >>> print(fault)
     what is added is um, not mm at column 3; expected terms of one unit: b times 0.001
     """
-    for factor in (ANY, None):
-        algebra = Algebra(units=units, factor=factor, empirical=factor is ANY, names=names)
-        found = algebra.of(node)
-        if algebra.faults:
-            return algebra.faults, None
-        if algebra.differ(found, stated):
-            how = times(found, stated, "the equation") or "an equation that gives this unit"
-            algebra.add("the result", found, stated, how)
-            return [], algebra.faults[0]
-    return [], None
+    algebra = Algebra(units=units, empirical=True, names=names)
+    found = algebra.of(node)
+    if algebra.faults or found.agrees(stated):
+        return algebra.faults, None
+    how = times(found, stated, "the equation") or "an equation that gives this unit"
+    algebra.add("the result", found, stated, how)
+    return [], algebra.faults[0]

@@ -39,10 +39,10 @@ from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.slope import slope
 from mtu_cli.language.tree import filled_text, filled_tree
 from mtu_cli.language.unit_algebra import NO_LENGTH, Algebra
-from mtu_cli.model.machine_model import AXES, LARGEST, TIME
+from mtu_cli.model.machine_model import AXES, LARGEST
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import PARAMETER_UNITS, UNITS, internal, parameter_units_of
+from mtu_cli.units import UNITS, parameter_units_of
 
 BUILT_IN = Path(__file__).with_name("effects.yaml")
 Binding = Mapping[str, str]
@@ -138,7 +138,6 @@ class TableData:
         counts = [name for name in ("sequence",) if name in columns]
         counts += [name for name in plain if _counts(values[name])]
         others = tuple(name for name in plain if name not in counts)
-        counts += [name for name in (TIME,) if name in columns and table.component is not None]
         # A range of printed values is rounded: 26.05 - 26.
         steady = dict.fromkeys(hot, STEADY_K + 1e-9)
         return cls(
@@ -349,7 +348,13 @@ class BoundTemplate:
 
 def bound(family: Family, template: Template, binding: Binding, data: TableData) -> BoundTemplate:
     """Raises NoMember where the data has none: no such axis or column, or no finite values."""
-    found = list(_equations(template, binding, data.table.axes))
+    axes, search = data.table.axes, template.search
+    found: list[tuple[int, Node, Binding]] = []
+    for key, tree in template.trees.items():
+        for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
+            if axis not in axes:
+                raise NoMember
+            found.append((axes.index(axis), tree, {**binding, "each": axis}))
     columns = {_column(raw, own, data) for _, _, own in found for raw in template.columns}
     wanted = columns | {_column(raw, binding, data) for raw in family.needs}
     for name in sorted(wanted):
@@ -370,13 +375,17 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
     units = {}
     for raw, unit in template.units.items():
         own_unit = re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
-        for axis in data.table.axes if "{each}" in raw else ("",):
+        for axis in axes if "{each}" in raw else ("",):
             units[str(meant(raw, {**binding, "each": axis}))] = own_unit
-    levers = {axis: linear_form(tree, units).coefficients for axis, tree in equations.items()}
-    if binding.get("c") == TIME:
-        for name, unit in units.items():
-            own_levers = [own[name] for own in levers.values() if name in own]
-            units[name] = _per_minute(name, unit, own_levers, template.searched)
+    grid = None
+    if search is not None:
+        along = search.of and _column(search.of, binding, data)
+        if along:
+            check_column(along, data)
+        size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
+        grid = grid_of(search, data.values[along] if along else None, size)
+        if not len(grid):
+            raise NoMember(f"too few values of {along} to search {template.searched}")
     used = sorted(wanted - {*AXES})
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
     whole = BoundTemplate(
@@ -385,26 +394,15 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         data=data,
         parameters=units,
         equations=equations,
-        levers=levers,
+        levers={axis: linear_form(tree, units).coefficients for axis, tree in equations.items()},
         used=tuple(used),
         covariate=next(iter([*goes_with, *used]), None),
-        grid=_grid(template, binding, columns, data),
+        grid=grid,
     )
-    whole.columns(whole.grid)
-    if whole.grid is not None:
+    whole.columns(grid)
+    if grid is not None:
         whole.change_unit()
     return whole
-
-
-def _equations(
-    template: Template, binding: Binding, axes: Sequence[str]
-) -> Iterator[tuple[int, Node, Binding]]:
-    """Axis, tree and binding of each equation."""
-    for key, tree in template.trees.items():
-        for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
-            if axis not in axes:
-                raise NoMember
-            yield axes.index(axis), tree, {**binding, "each": axis}
 
 
 def _column(raw: str, binding: Binding, data: TableData) -> str:
@@ -416,40 +414,6 @@ def _column(raw: str, binding: Binding, data: TableData) -> str:
     if table.component is not None and name == f"dir_{table.axes[0]}":
         return next((own for own in table.covariates if own.startswith("dir_")), name)
     return name
-
-
-def _grid(
-    template: Template, binding: Binding, columns: Collection[str], data: TableData
-) -> FloatArray | None:
-    """The values of what is searched, None where nothing is. Raises NoMember without any."""
-    if template.search is None:
-        return None
-    along = template.search.of and _column(template.search.of, binding, data)
-    if along:
-        check_column(along, data)
-    size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
-    grid = grid_of(template.search, data.values[along] if along else None, size)
-    if not len(grid):
-        raise NoMember(f"too few values of {along} to search {template.searched}")
-    return grid
-
-
-def _per_minute(parameter: str, unit: str, levers: Sequence[Node], searched: str | None) -> str:
-    """The unit of a parameter where the time stands for {c}, a plain count: um/min for um.
-
-    Raises NoMember where there is no such unit, or a count is added to {c}.
-    """
-    held = {name for lever in levers for name in names(lever)}
-    algebra = Algebra(units={name: internal(minute=name == TIME) for name in held - {searched}})
-    timed = [algebra.of(filled_tree(lever, {str(searched): 1.0})).minute == 1 for lever in levers]
-    if algebra.faults:
-        raise NoMember(f"{TIME} in place of {{c}}: {algebra.faults[0].text}")
-    if not all(timed):
-        return unit
-    per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
-    if not per or PARAMETER_UNITS[unit].per is not None:
-        raise NoMember(f"{unit} of {parameter} has no unit per minute")
-    return per[0]
 
 
 # Candidates.
@@ -594,32 +558,31 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
         count = min(search.count or len(inside), most)
         every = math.ceil(len(inside) / count) if count else 1
         return inside[(every - 1) // 2 :: every]
-    if search.grid == "frequency" and len(distinct) < FEWEST_FOR_WAVES:
+    waves = search.grid == "frequency"
+    if waves and len(distinct) < FEWEST_FOR_WAVES:
         return np.zeros(0)
-    known = _known(distinct)
-    low = max(_bounds(search.from_, known), default=math.nan)
-    high = min(_bounds(search.to, known), default=math.nan)
-    least = -math.inf if search.grid == "linear" else 0.0
-    if not (math.isfinite(low) and math.isfinite(high) and least < low < high):
+    # What the bounds of a search may be given in.
+    known = dict[str, float]()
+    if len(distinct) > 1:
+        low, high, steps = float(distinct[0]), float(distinct[-1]), np.diff(distinct)
+        step = float(np.median(steps[steps > ONE_VALUE * (high - low)]))
+        known = {"low": low, "high": high, "span": high - low}
+        known |= {"spacing": _spacing(distinct, step)}
+    trees = [[parse(text) for text in texts] for texts in (search.from_, search.to)]
+    if not all(names(tree).keys() <= {*known} for own in trees for tree in own):
         return np.zeros(0)
-    usual = MOST_FREQUENCIES if search.grid == "frequency" else DEFAULT_COUNT
-    count = min(search.count or usual, most)
-    if search.grid == "linear":
-        return np.linspace(low, high, count)
-    if search.grid == "log":
-        return np.geomspace(low, high, count)
+    low, high = (
+        float(choice(evaluate(tree, known) for tree in own))
+        for choice, own in zip((max, min), trees, strict=True)
+    )
+    if not (-math.inf if search.grid == "linear" else 0.0) < low < high < math.inf:
+        return np.zeros(0)
+    count = min(search.count or (MOST_FREQUENCIES if waves else DEFAULT_COUNT), most)
+    if not waves:
+        return (np.linspace if search.grid == "linear" else np.geomspace)(low, high, count)
     ends = 1.0 / high, 1.0 / low
     needed = math.ceil((ends[1] - ends[0]) * PER_SPAN * known["span"]) + 1
     return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
-
-
-def _known(distinct: FloatArray) -> dict[str, float]:
-    """What the bounds of a search may be given in, of values (D,)."""
-    if len(distinct) < 2:
-        return {}
-    low, high, steps = float(distinct[0]), float(distinct[-1]), np.diff(distinct)
-    spacing = _spacing(distinct, float(np.median(steps[steps > ONE_VALUE * (high - low)])))
-    return {"low": low, "high": high, "span": high - low, "spacing": spacing}
 
 
 def _spacing(distinct: FloatArray, step: float) -> float:
@@ -637,9 +600,3 @@ def _spacing(distinct: FloatArray, step: float) -> float:
     window = np.abs(np.exp(2j * np.pi * np.outer(frequencies, distinct)).mean(axis=1))
     alike = frequencies[window >= ALIKE]
     return min(step, 1.0 / float(alike[0]) if len(alike) else 1.0 / FINEST)
-
-
-def _bounds(texts: Sequence[str], known: dict[str, float]) -> list[float]:
-    """The ends of a search; nan where the data does not know what they are given in."""
-    trees = [parse(text) for text in texts]
-    return [float(evaluate(t, known)) if names(t).keys() <= {*known} else math.nan for t in trees]

@@ -14,7 +14,7 @@ from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
     JointPasses,
-    stated_component,
+    known_component,
 )
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
@@ -78,7 +78,7 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
         renames.append(rename)
         stated, covariance = _stated(effect, rename)
         for name, entry in effect.components.items():
-            tables[rename[name]] = stated_component(rename[name], entry)
+            tables[rename[name]] = known_component(rename[name], entry)
         components |= stated
         if all(_is_reported(item, reported) for item in stated.values()):
             together += list(stated)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -231,35 +232,54 @@ def leftover_estimate(drift: ThermalEstimate) -> ComponentEstimate:
     )
 
 
-def stated_component(name: str, entry: Component) -> ComponentEstimate:
-    """A component whose coefficients a file states, without a covariance as known. `u_future`, the
-    standard uncertainty of a future observation that many tables print, counts as repeatability or,
-    without an axis, as shared by all points of a part.
+def known_component(name: str, entry: Component | ReportedComponent) -> ComponentEstimate:
+    """A component whose coefficients a machine file states, without a covariance as known, or a
+    report. `u_future`, the standard uncertainty of a future observation that many tables print,
+    counts as repeatability or, without an axis, as shared by all points of a part.
     """
-    unit, coefficients = UNITS[entry.unit], np.asarray(entry.coefficients, float)
-    f, k = unit.to_internal, len(coefficients)
-    C = np.zeros((k, k)) if entry.covariance is None else np.asarray(entry.covariance, float)
-    D, repeat = entry.pass_covariance, entry.s_repeat or 0.0
-    if entry.u_future is not None and entry.of is None:
-        D = [[entry.u_future**2]]
-    elif entry.u_future is not None:
-        repeat = entry.u_future
-    q, table = min(2, k), stated_table(entry)
-    T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q)
-    overall = dof_or(entry.dof)
+    unit, k = UNITS[entry.unit], len(entry.coefficients or ())
+    f, q, table = unit.to_internal, min(2, k), stated_table(entry)
+    T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q) * f
+
+    def squared(key: str, by: FloatArray) -> FloatArray | None:
+        matrix = getattr(entry, key, None)
+        return None if matrix is None else by @ np.asarray(matrix, float) @ by.T
+
+    scale = np.eye(k) * f
+    known: dict[str, Any] = {}
+    if isinstance(entry, ReportedComponent):
+        D, repeat, overall = squared("pass_covariance_moment", T), entry.s_repeat, np.inf
+        known = {
+            "n_passes": entry.n_passes,
+            "independent_covariance": squared("covariance_independent", scale),
+            "independent_s": None if entry.s is None else entry.s * f,
+            "position_range": entry.position_range_mm,
+            "half_differences": squared("half_difference_mean_square", T),
+            "run_covariance": squared("run_covariance", T),
+        }
+    else:
+        D, repeat = squared("pass_covariance", T), entry.s_repeat or 0.0
+        overall = dof_or(entry.dof)
+        if entry.u_future is not None and entry.of is None:
+            D = T @ T.T * entry.u_future**2
+        elif entry.u_future is not None:
+            repeat = entry.u_future
+        if table is not None:
+            # A table says nothing of what is beyond it.
+            known = {"position_range": (float(table.at[0]), float(table.at[-1]))}
+    C, none = squared("covariance", scale), np.zeros((k, k))
     return ComponentEstimate(
         name=name,
         of=entry.of,
         unit=unit,
-        coefficients=coefficients * f,
-        covariance=C * f**2,
-        pass_covariance=T @ np.asarray(np.zeros((q, q)) if D is None else D) @ T.T * f**2,
+        coefficients=np.asarray(entry.coefficients, float) * f,
+        covariance=none if C is None else C,
+        pass_covariance=none if D is None else D,
         s_repeat=repeat * f,
         pass_dof=0.0 if D is None else dof_or(entry.pass_dof, overall),
         repeat_dof=dof_or(entry.repeat_dof, overall),
         table=table,
-        # A table says nothing of what is beyond it.
-        position_range=None if table is None else (float(table.at[0]), float(table.at[-1])),
+        **known,
     )
 
 

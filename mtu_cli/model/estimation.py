@@ -11,7 +11,7 @@ import numpy as np
 
 from mtu_cli.files.machine_contract import AUTO
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import InputError, error, finding
+from mtu_cli.findings import error
 from mtu_cli.model.basis import Powers
 from mtu_cli.model.estimates import (
     ComponentEstimate,
@@ -141,32 +141,19 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
     agreement_p = None
     if len(fits) > 1:
-        _check_weights(readings, name, fits, estimates)
+        for fit, estimate in zip(fits, estimates, strict=True):
+            if not (np.diag(estimate.covariance) > 0).all():
+                what = f"the readings of {name!r} by {fit.role} do not scatter, so that they have "
+                what += "no weight beside the others"
+                file = ", ".join(x.shown for x in readings.sources if x.role == fit.role) or None
+                expected = "more readings, with all their digits"
+                raise error("too-little-data", what=what, file=file, expected=expected)
         estimates = _at_both_ways(estimates, fits)
         agreement_p = agreement(estimates[0], estimates[1])
     estimate = combine(estimates, [len(fit.error) for fit in fits])
     return ComponentFit(
         name=name, unit=unit, instruments=fits, estimate=estimate, agreement_p=agreement_p
     )
-
-
-def _check_weights(
-    readings: Readings,
-    name: str,
-    fits: Sequence[InstrumentFit],
-    estimates: Sequence[ComponentEstimate],
-) -> None:
-    """Raises InputError: without scatter an instrument has no weight against the others."""
-    problems = []
-    for fit, estimate in zip(fits, estimates, strict=True):
-        if not (np.diag(estimate.covariance) > 0).all():
-            what = f"the readings of {name!r} by {fit.role} do not scatter, so that they have no "
-            what += "weight beside the others"
-            file = ", ".join(s.shown for s in readings.sources if s.role == fit.role) or None
-            expected = "more readings, with all their digits"
-            problems.append(finding("too-little-data", what=what, file=file, expected=expected))
-    if problems:
-        raise InputError(problems)
 
 
 def _fit_instrument(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import Any
@@ -107,44 +108,35 @@ def grid_of(
 
     Raises InputError for a count that is none, or an axis without travel.
     """
-    given, fixed, travels = _counts(text), model.position_constants(), machine.machine.travels
+    try:
+        given = [int(count) for count in text.split(",")]
+    except ValueError:
+        given = []
+    if not 1 <= len(given) <= 3 or min(given) < 1:
+        form, expected = "a count an axis", "5 or 7,5,3, say"
+        raise error("wrong-type", path="--grid", kind=form, value=text, expected=expected)
+    fixed, travels = model.position_constants(), machine.machine.travels
+    needed = {name for axis in model.axes for name in coordinates_of(model, axis)} - {*fixed}
     counts = [*(given * 3 if len(given) == 1 else given), 1][:3]
-    needed = {name for axis in model.axes for name in coordinates_of(model, axis)}
-    levels, problems = [], []
-    for axis, count in zip(AXES, counts, strict=True):
-        ends = travels.get(axis, (np.nan, np.nan))
-        if axis in fixed:
-            levels.append(np.full(1, fixed[axis]))
-        elif axis not in needed:
-            levels.append(np.full(1, np.nan))
-        else:
-            levels.append(np.linspace(*ends, count) if count > 1 else np.full(1, np.mean(ends)))
-            if axis not in travels:
-                place = {"file": machine.source.shown, "line": machine.line_of("axes")}
-                expected = f"axes: {{{axis}: {{travel_mm: [LOW, HIGH]}}}}"
-                key = {"key": f"{axis}.travel_mm", "path": "axes", "expected": expected}
-                problems.append(finding("missing-key", **key, **place))
-    if problems:
-        raise InputError(problems)
-    count = int(np.prod([len(level) for level in levels]))
-    if count > MOST_PLACES:
+    counts = [count if axis in needed else 1 for axis, count in zip(AXES, counts, strict=True)]
+    if (count := math.prod(counts)) > MOST_PLACES:
         expected = f"at most {MOST_PLACES} places, not {count}"
         raise error("out-of-range", path="--grid", value=text, expected=expected)
+    place = {"file": machine.source.shown, "line": machine.line_of("axes"), "path": "axes"}
+    if lacking := [axis for axis in AXES if axis in needed and axis not in travels]:
+        raise InputError(
+            finding(
+                "missing-key",
+                key=f"{axis}.travel_mm",
+                expected=f"axes: {{{axis}: {{travel_mm: [LOW, HIGH]}}}}",
+                **place,
+            )
+            for axis in lacking
+        )
+    levels = []
+    for axis, count in zip(AXES, counts, strict=True):
+        ends = travels[axis] if axis in needed else (fixed.get(axis, np.nan),) * 2
+        levels.append(np.linspace(*ends, count) if count > 1 else np.full(1, np.mean(ends)))
     points = np.array(list(product(*levels)))
     names = tuple(",".join(f"{value:g}" for value in row if np.isfinite(value)) for row in points)
     return names, points
-
-
-def _counts(text: str) -> list[int]:
-    """One to three counts, each 1 to MOST_PLACES."""
-    try:
-        counts = [int(part) for part in text.split(",")]
-    except ValueError:
-        counts = []
-    if not 1 <= len(counts) <= 3 or min(counts) < 1:
-        form, expected = "a count an axis", "5 or 7,5,3, say"
-        raise error("wrong-type", path="--grid", kind=form, value=text, expected=expected)
-    if max(counts) > MOST_PLACES:
-        expected = f"at most {MOST_PLACES} places in all"
-        raise error("out-of-range", path="--grid", value=text, expected=expected)
-    return counts

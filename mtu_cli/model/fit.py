@@ -11,7 +11,7 @@ import numpy as np
 
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.machine_contract import AUTO, Component, Thermal
+from mtu_cli.files.machine_contract import AUTO, Component
 from mtu_cli.files.readings import Readings, drift_problem
 from mtu_cli.files.reports_read import (
     ComponentsReport,
@@ -22,7 +22,6 @@ from mtu_cli.files.reports_read import (
 )
 from mtu_cli.findings import Finding, InputError, finding, suggestion
 from mtu_cli.language import evaluate
-from mtu_cli.model.basis import Powers
 from mtu_cli.model.effect_parameters import declared_effects
 from mtu_cli.model.effect_ranges import outside_seen
 from mtu_cli.model.estimates import (
@@ -32,8 +31,7 @@ from mtu_cli.model.estimates import (
     JointPasses,
     ThermalEstimate,
     dof_or,
-    stated_component,
-    stated_table,
+    known_component,
 )
 from mtu_cli.model.estimation import TESTS, ComponentFit, fit_component, shared_passes
 from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone, theta
@@ -219,7 +217,7 @@ def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
     """The components whose coefficients the machine file states."""
     entries = machine.machine.components.items()
     return {
-        name: stated_component(name, entry)
+        name: known_component(name, entry)
         for name, entry in entries
         if entry.coefficients is not None
     }
@@ -233,7 +231,7 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     """
     _check_report(machine, report)
     result = from_machine_file(machine)
-    result |= {name: _reported(name, item) for name, item in report.components.items()}
+    result |= {name: known_component(name, item) for name, item in report.components.items()}
     effects, item = None, report.effects
     if item is not None:
         units = tuple(PARAMETER_UNITS[unit] for unit in item.units)
@@ -286,37 +284,9 @@ def _shape(entry: Component | ReportedComponent) -> str:
     return "`shape: table`" if entry.shape == "table" else f"degree {entry.degree}"
 
 
-def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
-    unit, table = UNITS[item.unit], stated_table(item)
-    f, k = unit.to_internal, len(item.coefficients)
-    T = (table or Powers(k - 1)).of_line(item.pass_center_mm, min(2, k)) * f
-    return ComponentEstimate(
-        name=name,
-        of=item.of,
-        unit=unit,
-        coefficients=np.asarray(item.coefficients, float) * f,
-        covariance=np.asarray(item.covariance, float) * f**2,
-        pass_covariance=T @ np.asarray(item.pass_covariance_moment, float) @ T.T,
-        s_repeat=item.s_repeat * f,
-        pass_dof=dof_or(item.pass_dof),
-        repeat_dof=dof_or(item.repeat_dof),
-        n_passes=item.n_passes,
-        independent_covariance=_scaled(item.covariance_independent, np.eye(k) * f),
-        independent_s=None if item.s is None else item.s * f,
-        position_range=item.position_range_mm,
-        half_differences=_scaled(item.half_difference_mean_square, T),
-        run_covariance=_scaled(item.run_covariance, T),
-        table=table,
-    )
-
-
-def _scaled(matrix: list[list[float]] | None, T: FloatArray) -> FloatArray | None:
-    return None if matrix is None else T @ np.asarray(matrix, float) @ T.T
-
-
 def _joint(group: ReportedGroup, found: Mapping[str, ComponentEstimate]) -> JointPasses:
-    units = [found[name].unit.to_internal for name in group.components]
-    f = np.repeat(units, group.widths)
+    f = np.repeat([found[name].unit.to_internal for name in group.components], group.widths)
+    halves = group.half_difference_mean_square
     return JointPasses(
         components=tuple(group.components),
         widths=tuple(group.widths),
@@ -324,53 +294,45 @@ def _joint(group: ReportedGroup, found: Mapping[str, ComponentEstimate]) -> Join
         pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
         pass_dof=group.pass_dof,
         n_passes=group.n_passes,
-        half_differences=_scaled(group.half_difference_mean_square, np.diag(f)),
+        half_differences=None if halves is None else np.asarray(halves, float) * np.outer(f, f),
     )
 
 
 def thermal_from_machine_file(machine: LoadedMachine) -> dict[str, ThermalEstimate]:
-    """The drifts that the machine file states, by component."""
-    reference = machine.machine.reference_temperature_degC
-    return {
-        name: _stated_drift(name, entry, entry.thermal, reference)
-        for name, entry in machine.machine.components.items()
-        if entry.thermal is not None
-    }
-
-
-def _stated_drift(
-    name: str, entry: Component, thermal: Thermal, reference: float
-) -> ThermalEstimate:
-    """Exactly known coefficients; what they leave is a shift of the component as a whole."""
-    unit, sensors, at = UNITS[entry.unit], tuple(thermal.gradients), thermal.positions_mm
-    gradients = np.array([thermal.gradients[sensor] for sensor in sensors]).T
-    if at is not None:
-        gradients = through_positions(np.array(at, float), gradients, thermal.degree)
-    powers = thermal.degree + 1
-    leftover = np.zeros((powers, powers))
-    leftover[0, 0] = (thermal.s_leftover * unit.to_internal) ** 2
-    size = powers * len(sensors)
-    return ThermalEstimate(
-        component=name,
-        of=entry.of,
-        unit=unit,
-        sensors=sensors,
-        reference=reference,
-        coefficients=gradients * unit.to_internal,
-        covariance=np.zeros((size, size)),
-        coefficient_dof=np.inf,
-        leftover=leftover,
-        leftover_dof=np.inf,
-        time_constants=np.array([thermal.time_constants_min.get(s, 0.0) for s in sensors], float),
-        sensor_u=np.array([thermal.sensor_u_degC.get(s, 0.0) for s in sensors], float),
-        position_range=None if at is None else (min(at), max(at)),
-    )
-
-
-def through_positions(positions: FloatArray, values: FloatArray, degree: int) -> FloatArray:
-    """Powers (degree + 1, s) of the least-squares polynomial of `values` (positions, s): eq. 13."""
-    X = polynomial(positions, degree)
-    return np.column_stack([least_squares(X, column).coefficients for column in values.T])
+    """The drifts that the machine file states, by component: exactly known coefficients, those of
+    the least-squares polynomial through their positions (Valdes et al., eq. (13)); what they leave
+    is a shift of the component as a whole.
+    """
+    result = {}
+    for name, entry in machine.machine.components.items():
+        if (thermal := entry.thermal) is None:
+            continue
+        unit, sensors, at = UNITS[entry.unit], tuple(thermal.gradients), thermal.positions_mm
+        gradients = np.array([thermal.gradients[sensor] for sensor in sensors]).T
+        powers = thermal.degree + 1
+        if at is not None:
+            X = polynomial(np.array(at, float), thermal.degree)
+            fits = [least_squares(X, column).coefficients for column in gradients.T]
+            gradients = np.column_stack(fits)
+        leftover = np.zeros((powers, powers))
+        leftover[0, 0] = (thermal.s_leftover * unit.to_internal) ** 2
+        lags, u = thermal.time_constants_min, thermal.sensor_u_degC
+        result[name] = ThermalEstimate(
+            component=name,
+            of=entry.of,
+            unit=unit,
+            sensors=sensors,
+            reference=machine.machine.reference_temperature_degC,
+            coefficients=gradients * unit.to_internal,
+            covariance=np.zeros((powers * len(sensors),) * 2),
+            coefficient_dof=np.inf,
+            leftover=leftover,
+            leftover_dof=np.inf,
+            time_constants=np.array([lags.get(sensor, 0.0) for sensor in sensors], float),
+            sensor_u=np.array([u.get(sensor, 0.0) for sensor in sensors], float),
+            position_range=None if at is None else (min(at), max(at)),
+        )
+    return result
 
 
 def thermal_from_report(

@@ -23,28 +23,25 @@ LIMITS = ("reversal", "passes-drift", "instruments-disagree")
 
 def scatter_warnings(fit: MachineFit) -> list[Finding]:
     """That readings do not give all of the scatter: what is predicted from them has less of it."""
-    mixed, one_run, still, alike = ([] for _ in range(4))
+    mixed: list[str] = []
+    kinds = [("readings", ONE_RUN), ("readings", NO_SCATTER), ("means of the passes", NO_SCATTER)]
+    unknown: dict[tuple[str, str], list[str]] = {kind: [] for kind in kinds}
     for name, component in fit.components.items():
-        fits = [instrument.fit for instrument in component.instruments]
+        fits, known = [x.fit for x in component.instruments], component.estimate
         if not all(each.separated for each in fits):
             mixed.append(name)
         if any(each.separated and each.n_passes == 2 == 2 * len(each.pairs) for each in fits):
-            one_run.append(name)
-        s = component.estimate.independent_s
-        if s is not None and s < SCATTERS:
-            still.append(name)
-        elif not np.diag(component.estimate.covariance).all():
-            alike.append(name)
+            unknown["readings", ONE_RUN].append(name)
+        if known.independent_s is not None and known.independent_s < SCATTERS:
+            unknown["readings", NO_SCATTER].append(name)
+        elif not np.diag(known.covariance).all():
+            unknown["means of the passes", NO_SCATTER].append(name)
     warnings = []
     if mixed:
         facts = {"what": f"the scatter from pass to pass of {listed(mixed)}", "names": mixed}
         facts |= {"others": ["repeatability"], "consequence": ALL_REPEATABILITY}
         warnings.append(finding("not-separable", **facts))
-    for what, names, consequence in (
-        ("readings", one_run, ONE_RUN),
-        ("readings", still, NO_SCATTER),
-        ("means of the passes", alike, NO_SCATTER),
-    ):
+    for (what, consequence), names in unknown.items():
         if names:
             facts = {"what": what, "names": names, "consequence": consequence}
             warnings.append(finding("no-scatter-known", **facts))

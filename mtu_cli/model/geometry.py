@@ -13,6 +13,7 @@ u_i the unit vectors from the centre, P_i = I - u_i u_i' and the Hessian H of su
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,19 +36,14 @@ class GeometryError(Exception):
     """The points do not determine the figure; the message says why, in words."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlaneFit:
-    """The plane of least squared distances of n points (n, 3), mm.
-
-    `normal` (3,), `basis` (2, 3) two directions in the plane, `centroid` (3,), `heights` (n,)
-    above it. `tilt` (2, n, 3): gradient of the normal along each direction of the basis.
+class PlaneFit(NamedTuple):
+    """The plane of least squared distances: `centroid` (3,) mm, `normal` (3,), and `basis` (2, 3)
+    two directions in the plane.
     """
 
     centroid: FloatArray
     normal: FloatArray
     basis: FloatArray
-    heights: FloatArray
-    tilt: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,46 +77,38 @@ def fit_sphere(points: FloatArray) -> RoundFit:
 def fit_circle(points: FloatArray) -> RoundFit:
     """The least-squares circle of `points` (n, 2), or (n, 3): in their least-squares plane.
 
-    In space points that move tilt the plane, too: in-plane coordinates q_i.e_k change by
-    dp_i.e_k - h_i dn.e_k.
+    In space the gradient is that in the plane: what points that move tilt it by is of the order of
+    their heights above it over the radius.
 
     Raises GeometryError where the points do not determine it.
     """
     if points.shape[1] == 2:
         return _round(points)
-    plane = fit_plane(points)
-    e, flat = plane.basis, _round((points - plane.centroid) @ plane.basis.T)
-    tilted = np.einsum("k,kic->ic", plane.heights @ flat.radius_gradient, plane.tilt)
+    centroid, _, e = fit_plane(points)
+    flat = _round((points - centroid) @ e.T)
     return replace(
         flat,
-        centre=plane.centroid + flat.centre @ e,
+        centre=centroid + flat.centre @ e,
         away=flat.away @ e,
-        radius_gradient=flat.radius_gradient @ e - tilted,
+        radius_gradient=flat.radius_gradient @ e,
     )
 
 
 def fit_plane(points: FloatArray) -> PlaneFit:
     """The least-squares plane of `points` (n, 3): through the centroid, across the smallest
-    principal moment S n = l n of S = sum q_i q_i'; dn.e_k = e_k' dS n / (l - l_k).
+    principal moment of their coordinates about it.
 
     Raises GeometryError for points on a line, or in a cloud without a flattest direction.
     """
-    centroid, q, scale = _centred(points)
+    centroid, q, _ = _centred(points)
     _, singular, Vt = np.linalg.svd(q, full_matrices=True)
-    moments = np.zeros(3)
-    moments[: len(singular)] = singular**2
-    extent = np.sqrt(moments / moments[0])
+    extent = np.zeros(3)
+    extent[: len(singular)] = singular / singular[0]
     if extent[1] < SAME:
         raise GeometryError("the points lie on a line")
     if extent[1] - extent[2] < SAME:
         raise GeometryError("the points lie in no plane")
-    normal, basis = Vt[2], Vt[:2]
-    heights, along = q @ normal, q @ basis.T
-    tilt = heights[None, :, None] * basis[:, None, :] + along.T[:, :, None] * normal
-    tilt /= (moments[2] - moments[:2])[:, None, None]
-    return PlaneFit(
-        centroid=centroid, normal=normal, basis=basis, heights=heights * scale, tilt=tilt / scale
-    )
+    return PlaneFit(centroid, Vt[2], Vt[:2])
 
 
 def _centred(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:

@@ -7,7 +7,7 @@ times temperatures.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -104,8 +104,8 @@ class MachineModel:
     axes: tuple[str, ...]
     terms: tuple[Term, ...]
     remainders: dict[str, tuple[Node, ...]]
-    constants: dict[str, tuple[float, float]]
-    joint: tuple[JointPasses, ...]
+    constants: dict[str, tuple[float, float]] = field(default_factory=dict)
+    joint: tuple[JointPasses, ...] = ()
     effects: tuple[DeclaredEffect, ...] = ()
     file: str | None = None
 
@@ -205,14 +205,7 @@ def component_alone(
     terms = [] if estimate is None else [Term(estimate=estimate, levers=lever)]
     if drift is not None:
         terms += drift_terms(drift, lever)
-    return MachineModel(
-        name=name,
-        axes=(axis,),
-        terms=tuple(terms),
-        remainders={axis: ()},
-        constants={},
-        joint=(),
-    )
+    return MachineModel(name=name, axes=(axis,), terms=tuple(terms), remainders={axis: ()})
 
 
 def _levers(parts: Sequence[Part]) -> dict[str, dict[str, Node]]:
@@ -231,27 +224,26 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
     """Raises InputError for `missing` components, and for one too few readings leave without
     scatter.
     """
-    problems = []
+    shown, problems = machine.source.shown, []
+    if not terms and not missing:
+        raise error("not-applicable", reason="no equation contains a component", file=shown)
+
+    def add(name: str, code: str, what: str, expected: str) -> None:
+        place = {"path": f"components.{name}", "file": shown, "expected": expected}
+        line = machine.line_of("components", name)
+        problems.append(finding(code, what=what, line=line, **place))
+
     for name in missing:
         expected = "readings of it (--lbb, --laser), coefficients here, or a components report (-c)"
-        expected += "; with -m no study is read"
-        facts = {"what": f"an estimate of {name}", "expected": expected}
-        problems.append(finding("missing-input", path=f"components.{name}", **facts))
+        add(
+            name, "missing-input", f"an estimate of {name}", f"{expected}; with -m no study is read"
+        )
     for item in (term.estimate for term in terms):
         if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat)):
             what = f"as many readings of {item.name!r} as coefficients"
-            expected = "more readings of it, best in several passes"
-            place = {"path": f"components.{item.name}", "expected": expected}
-            problems.append(finding("too-little-data", what=what, **place))
-    shown = machine.source.shown
-    if not terms and not problems:
-        reason = "no equation contains a component"
-        raise error("not-applicable", reason=reason, file=shown)
+            add(item.name, "too-little-data", what, "more readings of it, best in several passes")
     if problems:
-        raise InputError(
-            replace(x, file=shown, line=machine.line_of(*(x.path or "").split(".", 1)))
-            for x in problems
-        )
+        raise InputError(problems)
 
 
 def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
@@ -273,26 +265,27 @@ def missing_covariates(
     model: MachineModel,
     given: Collection[str],
     columns: Collection[str] | None = None,
+    *,
+    ask: str = "--at {}=VALUE",
+    of_sensor: str = "",
     **place: Any,
 ) -> list[Finding]:
     """A finding of each covariate that the equations need and that is not among those `given`;
-    `place` is of the file whose `columns` it might be one of.
+    `place` is of the file whose `columns` it might be one of. `ask` is the option that gives it,
+    `of_sensor` what else gives a temperature of a drift.
     """
     drifts, problems = sensors_of(model), []
     for name in model.covariates():
         if name in given:
             continue
-        expected = f"--at {name}=VALUE"
+        expected = ask.format(name) + of_sensor * (name in drifts)
         if columns is not None:
             near = closest(name, columns)
             there = f" (there is {near!r})" if near else ""
             expected = f"a column of this name{there}, or {expected}"
-        elif given:
-            expected += f"; given: {', '.join(given)}"
         drift = f"the drift of {listed(drifts.get(name, ()))}"
         owner = drift if name in drifts else f"the machine {model.name!r}"
-        what = f"a value of {name} for {owner}"
-        facts = {"what": what, "names": [name], "expected": expected}
+        facts = {"what": f"a value of {name} for {owner}", "names": [name], "expected": expected}
         problems.append(finding("missing-input", **facts, **place))
     return problems
 

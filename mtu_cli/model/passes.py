@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -32,22 +31,22 @@ class Passes:
 
     def only(self, kept: IntArray) -> Passes:
         """The passes `kept` (m,)."""
-        some: dict[str, Any] = {
-            name: getattr(self, name)[kept] for name in ("order", "starts", "ends", "runs")
-        }
-        for name in ("keys", "setups"):
-            some[name] = tuple(getattr(self, name)[g] for g in kept)
-        return replace(self, **some)
+        arrays = {name: getattr(self, name)[kept] for name in ("order", "starts", "ends", "runs")}
+        keys, setups = tuple(self.keys[g] for g in kept), tuple(self.setups[g] for g in kept)
+        return replace(self, keys=keys, setups=setups, **arrays)
 
 
-def passes_of(
-    readings: Readings, rows: IntArray, numbers: IntArray, sign: IntArray
-) -> tuple[IntArray, Passes]:
-    """The pass of each of the readings `rows` (n,), whose pass numbers and directions are `numbers`
-    and `sign` (n,), and the passes: one (file, number, direction), forward before reverse.
+def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, Passes]:
+    """The pass of each of the readings `rows` (n,) of a component along the axis `of`, and the
+    passes: one (file, number, direction), forward before reverse. Without a number each reading is
+    a pass of its own where there is no axis, else a repeat of pass 0.
 
     Files number their passes on their own: pass 1 of two days is two passes.
     """
+    has, sign = readings.has_pass[rows], readings.direction[rows].astype(np.int64)
+    numbers = np.where(has, readings.pass_number[rows], 0)
+    if of is None and not has.all():
+        numbers = np.arange(1, len(rows) + 1)
     triples = np.column_stack([readings.file_index[rows], numbers, -sign]).astype(np.int64)
     keys, first, group = np.unique(triples, axis=0, return_index=True, return_inverse=True)
     group, G = group.reshape(-1), len(keys)
@@ -60,9 +59,8 @@ def passes_of(
     rank: IntArray = np.arange(G)
     if timed:
         rank[np.argsort(starts, kind="stable")] = np.arange(G)
-    setups = [""] * G
-    if (labels := readings.covariates.get("setup")) is not None:
-        setups = [str(label) for label in labels[rows[first]]]
+    labels = readings.covariates.get("setup")
+    setups = [""] * G if labels is None else [str(label) for label in labels[rows[first]]]
     return group, Passes(
         keys=tuple((file, number, way) for file, number, way in keys.tolist()),
         order=rank,
@@ -72,17 +70,6 @@ def passes_of(
         setups=tuple(setups),
         runs=_runs(keys, rank, setups),
     )
-
-
-def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, Passes]:
-    """The passes of the readings `rows` (n,) of a component along the axis `of`: without a number
-    each is a pass of its own where there is no axis, else a repeat of pass 0.
-    """
-    has, sign = readings.has_pass[rows], readings.direction[rows].astype(np.int64)
-    numbers = np.where(has, readings.pass_number[rows], 0)
-    if of is None and not has.all():
-        numbers = np.arange(1, len(rows) + 1)
-    return passes_of(readings, rows, numbers, sign)
 
 
 def _least(code: IntArray, values: FloatArray | IntArray, count: int) -> FloatArray:

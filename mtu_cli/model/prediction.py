@@ -13,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -49,17 +48,12 @@ INDEFINITE = 1e-9
 """Of the largest eigenvalue: what is further below 0 is no rounding."""
 
 
-class ConstantEffects(NamedTuple):
-    """What the constants' uncertainties do: blocks, and a shift (rows,) of the mean, mm."""
-
-    blocks: tuple[Block, ...]
-    shift: FloatArray
-
-
 def constant_effects(
     model: MachineModel, points: FloatArray, covariates: Covariates, centre: Design
-) -> ConstantEffects:
-    """First and second order in every uncertain constant c (JCGM 100, 5.1.2, note): dE/dc and
+) -> tuple[list[Block], FloatArray]:
+    """What the constants' uncertainties do: blocks, and a shift (rows,) of the mean, mm.
+
+    First and second order in every uncertain constant c (JCGM 100, 5.1.2, note): dE/dc and
     d2E/dc2 by central differences over one standard uncertainty. A constant is a lever arm of
     components that are uncertain themselves: their product adds u(c)^2 (dJ/dc) (C + D) (dJ/dc)'.
     `centre` is the design at the constants' values.
@@ -86,7 +80,7 @@ def constant_effects(
         if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
             levers = (up.levers - down.levers) / 2
             blocks += component_blocks(model, change, levers, centre.columns)
-    return ConstantEffects(tuple(blocks), shift)
+    return blocks, shift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,39 +112,37 @@ class Prediction:
 
         It may have a negative part where D has; `drawable` has none.
         """
-        return self._assembled([block.C + block.D for block in self.blocks])
+        return self.assembled()
 
     @cached_property
     def drawable(self) -> FloatArray:
         """The same without the negative part of any D: a covariance, somewhat too large."""
-        return self._assembled([x.C + drawable_passes(x.D, x.C) for x in self.blocks])
+        return self.assembled(drawable=True)
 
     @cached_property
     def scatter(self) -> FloatArray:
         """The part of the covariance that differs from one part to the next: passes and visits."""
-        return self._assembled([block.D for block in self.blocks])
+        return self.assembled(coefficients=0.0)
 
-    def _assembled(self, inner: Sequence[FloatArray]) -> FloatArray:
-        """sum G M G' of the matrices M of the blocks, and visits, which axes of a point share."""
-        n, a = len(self.points), len(self.axes)
-        total, each = np.zeros((n * a, n * a)), np.arange(n)
-        of_points = total.reshape(n, a, n, a)
-        for block, M in zip(self.blocks, inner, strict=True):
-            total += block.G @ M @ block.G.T
-            noise = block.noise.reshape(n, a, -1)
-            of_points[each, :, each, :] += np.einsum("pic,pjc->pij", noise, noise)
-        return total
-
-    def of_points(self, *, drawable: bool) -> FloatArray:
-        """Covariances (n, a, a) of the errors of each point alone: blocks of `covariance`, or of
-        `drawable`.
+    def assembled(
+        self, *, drawable: bool = False, coefficients: float = 1.0, by_point: bool = False
+    ) -> FloatArray:
+        """sum G (C + D) G' of the blocks, and visits, which the axes of a point share: (n*a, n*a)
+        or, `by_point`, that (n, a, a) of each point alone.
         """
         n, a = len(self.points), len(self.axes)
-        total = np.zeros((n, a, a))
+        total = np.zeros((n, a, a) if by_point else (n * a, n * a))
+        each = np.arange(n)
         for block in self.blocks:
             D = drawable_passes(block.D, block.C) if drawable else block.D
-            G, noise = (rows.reshape(n, a, rows.shape[1]) for rows in (block.G, block.noise))
-            total += G @ (block.C + D) @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
+            M, noise = coefficients * block.C + D, block.noise.reshape(n, a, -1)
+            visits = np.einsum("pic,pjc->pij", noise, noise)
+            if by_point:
+                G = block.G.reshape(n, a, -1)
+                total += G @ M @ G.transpose(0, 2, 1) + visits
+            else:
+                total += block.G @ M @ block.G.T
+                total.reshape(n, a, n, a)[each, :, each, :] += visits
         return total
 
     def first(self, count: int) -> Prediction:
@@ -218,9 +210,9 @@ def predict(
     check_covariates(model, given)
     rows = design(model, points, given)
     blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
-    constants = constant_effects(model, points, given, rows)
+    of_constants, shift = constant_effects(model, points, given, rows)
     others = temperature_blocks(model, points, given, rows.levers)
-    others += [*table_blocks(model, points, rows.levers), *constants.blocks]
+    others += [*table_blocks(model, points, rows.levers), *of_constants]
     independent = np.zeros(len(rows.J))
     for t, term in enumerate(model.terms):
         # Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, whose readings are
@@ -246,7 +238,7 @@ def predict(
         ids=tuple(ids),
         axes=model.axes,
         points=points,
-        mean=rows.J @ theta(model) + rows.remainder + constants.shift,
+        mean=rows.J @ theta(model) + rows.remainder + shift,
         blocks=(*blocks, *others),
         independent_variance=independent,
         outside=tuple(outside),
@@ -280,13 +272,13 @@ def reportable(
     where it has both already.
     """
     wanted = variance.reshape(-1, len(prediction.axes)) if by_point else variance
-    own = prediction.of_points(drawable=False) if by_point else prediction.covariance
+    own = prediction.assembled(by_point=True) if by_point else prediction.covariance
     if np.allclose(np.einsum("...ii->...i", own), wanted, rtol=1e-9, atol=0.0):
         # C + D of every block a covariance: then so is their sum, however many rows.
         sound = not any(_indefinite(block.C + block.D) for block in prediction.blocks)
         if sound or not (by_point or _indefinite(own)):
             return own
-    own = prediction.of_points(drawable=True) if by_point else prediction.drawable
+    own = prediction.assembled(drawable=True, by_point=True) if by_point else prediction.drawable
     drawn = np.einsum("...ii->...i", own)
     ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
     return own * ratio[..., :, None] * ratio[..., None, :]

@@ -356,11 +356,11 @@ def _evaluated(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The mean (m, a) mm, and the factors (m, a, r) that all parts share and that each draws."""
     centre = design(model, places, values)
-    effects = constant_effects(model, places, values, centre)
-    mean = centre.J @ theta(model) + centre.remainder + effects.shift
+    of_constants, shift = constant_effects(model, places, values, centre)
+    mean = centre.J @ theta(model) + centre.remainder + shift
     shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
     blocks = component_blocks(model, centre.J, centre.levers, centre.columns)
-    for block in (*blocks, *effects.blocks):
+    for block in (*blocks, *of_constants):
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: shown[name].shape if name in shown else (1, 1) for name in sensors_of(model)}

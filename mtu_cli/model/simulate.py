@@ -13,13 +13,20 @@ import numpy as np
 
 from mtu_cli.files.headers import LARGEST_READING
 from mtu_cli.files.part import Circle
-from mtu_cli.findings import InputError, error, finding, suggestion
+from mtu_cli.findings import InputError, error, suggestion
 from mtu_cli.language import Node, check_known, evaluate, parse
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.geometry import GeometryError, fit_circle
-from mtu_cli.model.machine_model import AXES, Design, MachineModel, design, sensors_of, theta
-from mtu_cli.model.variance import Block, component_blocks, drawable_passes
+from mtu_cli.model.machine_model import (
+    AXES,
+    Design,
+    MachineModel,
+    design,
+    missing_covariates,
+    theta,
+)
+from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
@@ -44,27 +51,19 @@ def pass_root(model: MachineModel) -> FloatArray:
     Raises InputError for passes of which nothing is known.
     """
     columns = model.columns
-    result, every = np.zeros((columns[-1].stop, columns[-1].stop)), np.arange(columns[-1].stop)
+    K = columns[-1].stop
+    result, every = np.zeros((K, K)), np.arange(K)
     place = {term.estimate.name: every[own] for term, own in zip(model.terms, columns, strict=True)}
-    for block in _blocks(model):
+    for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns))), columns):
+        if not np.isfinite(block.D).all():
+            raise error(
+                "too-little-data",
+                what="the readings do not determine it",
+                path=f"the pass-to-pass covariance of {block.names[0]}",
+                expected="a report of readings in several passes",
+            )
         own = np.concatenate([place[name] for name in block.names])
         result[np.ix_(own, own)] = covariance_root(drawable_passes(block.D, block.C))
-    return result
-
-
-def _blocks(model: MachineModel) -> list[Block]:
-    """One of components that were read together."""
-    columns = model.columns
-    nothing, none = np.zeros((0, columns[-1].stop)), np.zeros((0, len(columns)))
-    result = component_blocks(model, nothing, none, columns)
-    unknown = [block.names[0] for block in result if not np.isfinite(block.D).all()]
-    if unknown:
-        raise error(
-            "too-little-data",
-            what="the readings do not determine it",
-            path=f"the pass-to-pass covariance of {', '.join(unknown)}",
-            expected="a report of readings in several passes",
-        )
     return result
 
 
@@ -88,23 +87,13 @@ class SimulatedReadings:
     direction: np.ndarray
     error: FloatArray
 
-    def of(self, *names: str) -> SimulatedReadings:
-        """The readings of some components."""
-        rows = np.flatnonzero(np.isin(self.component, names))
-        return SimulatedReadings(
-            component=tuple(self.component[i] for i in rows),
-            unit=tuple(self.unit[i] for i in rows),
-            position=self.position[rows],
-            pass_number=self.pass_number[rows],
-            direction=self.direction[rows],
-            error=self.error[rows],
-        )
 
-
-def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
-    """Readings of every component: its polynomial, a draw of D a pass, together for components read
-    together, s_repeat a reading. A component without an axis is read once a pass, forward only;
-    nothing reads the parameters of declared effects.
+def simulate_readings(
+    model: MachineModel, plan: ReadingsPlan, seed: int, only: str | None = None
+) -> SimulatedReadings:
+    """Readings of every component, or of the `only` one asked for: its polynomial, a draw of D a
+    pass, together for components read together, s_repeat a reading. A component without an axis is
+    read once a pass, forward only; nothing reads the parameters of declared effects.
     """
     estimates = [term.estimate for term in model.terms]
     # Direction and positions of each run through them in a pass.
@@ -126,7 +115,7 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
     rows: list[tuple[str, str, float, int, int, float]] = []
     for estimate, own, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
-        if EFFECT_MARK in estimate.name:
+        if EFFECT_MARK in estimate.name or only not in (None, estimate.name):
             continue
         for number, i in np.ndindex(plan.passes, len(own)):
             sign, positions = own[i]
@@ -238,10 +227,6 @@ class Part:
     points: FloatArray
     values: Mapping[str, FloatArray]
 
-    def named(self, index: int) -> str:
-        """A feature of this part in words."""
-        return f"in part {self.number} at feature {self.ids[index]!r}"
-
     def evaluated(self, option: str, node: Node, least: float, most: float) -> FloatArray:
         """Values (n,) of an equation, an error or a standard deviation in mm, or a covariate.
 
@@ -253,23 +238,20 @@ class Part:
         except InputError as fault:
             raise InputError(each.at(path=option) for each in fault.findings) from None
         result = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(self.ids)))
-        if not np.isfinite(result).all():
-            i = int(np.argmin(np.isfinite(result)))
-            at = ", ".join(f"{name} = {known[name][i]:g}" for name in names_of(node))
-            where = f" at {at} {self.named(i)}".rstrip()
-            expected = "an equation that has one at every feature"
-            what = {"what": "the equation", "where": where, "expected": expected}
-            raise error("no-finite-value", path=option, **what)
-        beyond = (result < least) | (result > most)
-        if beyond.any():
-            i = int(np.argmax(beyond))
+        faulty = ~((least <= result) & (result <= most))
+        if not faulty.any():
+            return result
+        i = int(np.argmax(faulty))
+        named = f"in part {self.number} at feature {self.ids[i]!r}"
+        if np.isfinite(result[i]):
             unit = " mm" if most == LARGEST_MM else ""
-            expected = f"at most {most:g}{unit} in size"
-            if result[i] < least == 0:
-                expected = "a standard deviation of 0 or more, mm"
-            place = {"path": f"{option} {self.named(i)}", "value": f"{result[i]:g}"}
-            raise error("out-of-range", **place, expected=expected)
-        return result
+            size = f"{'0 to' if least == 0 else 'at most'} {most:g}{unit}"
+            facts = {"path": f"{option} {named}", "value": f"{result[i]:g}"}
+            raise error("out-of-range", **facts, expected=size + " in size" * (least < 0))
+        at = ", ".join(f"{name} = {known[name][i]:g}" for name in names_of(node))
+        expected = "an equation that has one at every feature"
+        what = {"what": "the equation", "where": f" at {at} {named}", "expected": expected}
+        raise error("no-finite-value", path=option, **what)
 
 
 def _parts(ids: Sequence[str], points: FloatArray, plan: PartsPlan) -> list[Part]:
@@ -334,14 +316,8 @@ def simulate_points(
 
 def _check(model: MachineModel, part: Part) -> None:
     """Raises InputError for covariates that the part lacks, and for an unknown coordinate."""
-    sensors, missing = sensors_of(model), []
-    for name in model.covariates():
-        if name not in part.values:
-            expected = f"--covariate '{name}: EQUATION'"
-            expected += ", or --cmm-room DEGC" if name in sensors else ""
-            what = f"a value of {name} for the machine {model.name!r}"
-            missing.append(finding("missing-input", what=what, names=[name], expected=expected))
-    if missing:
+    ask = "--covariate '{}: EQUATION'"
+    if missing := missing_covariates(model, part.values, ask=ask, of_sensor=", or --cmm-room DEGC"):
         raise InputError(missing)
     axes = _written(model)
     unknown = np.argwhere(np.isnan(part.points[:, [AXES.index(axis) for axis in axes]]))

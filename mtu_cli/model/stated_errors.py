@@ -10,7 +10,7 @@ import numpy as np
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import error, suggestion
 from mtu_cli.language import names
-from mtu_cli.model.estimates import stated_component
+from mtu_cli.model.estimates import known_component
 from mtu_cli.model.machine_model import AXES, component_alone, design, effect_alone, theta
 from mtu_cli.model.variance import component_blocks
 from mtu_cli.stats.least_squares import FloatArray
@@ -66,7 +66,7 @@ class Stated:
             expected = "readings of it, or coefficients in the machine file"
             raise error("missing-input", what=f"an estimate of {self.name}", expected=expected)
         else:
-            model = component_alone(self.name, self.axis, stated_component(self.name, entry))
+            model = component_alone(self.name, self.axis, known_component(self.name, entry))
         way, points = f"dir_{self.axis}", np.full((2 * len(positions), 3), np.nan)
         points[:, AXES.index(self.axis)] = np.tile(positions, 2)
         rows = design(model, points, {way: np.repeat([1.0, -1.0], len(positions))})

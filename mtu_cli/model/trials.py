@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -151,28 +153,14 @@ def conformance_of(
     return Conformance(tolerance=tolerance, probability=float(below[0] - below[1]))
 
 
-class _Counted:
-    """A Monte Carlo model of events: 1 where one happens, else 0."""
-
-    linear_mean = None
-
-    def __init__(self, names: tuple[str, ...], happens: Happens) -> None:
-        self.names, self.happens, self.u_exists = names, happens, (True,) * len(names)
-
-    def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        return Draws(values=self.happens(rng, m).astype(np.float64))
-
-
 def _counted(
     names: tuple[str, ...], happens: Happens, settings: Settings
 ) -> tuple[FloatArray, FloatArray]:
     """Probabilities (events,) by Monte Carlo, and their standard errors."""
-    result = monte_carlo(
-        _Counted(names, happens),
-        seed=settings.seed,
-        trials=settings.trials or COUNTED_TRIALS,
-        threads=settings.threads,
-    )
+    model: Any = SimpleNamespace(names=names, u_exists=(True,) * len(names), linear_mean=None)
+    model.draw = lambda rng, m: Draws(values=happens(rng, m).astype(np.float64))
+    trials = settings.trials or COUNTED_TRIALS
+    result = monte_carlo(model, seed=settings.seed, trials=trials, threads=settings.threads)
     n, p = result.trials, result.mean
     # One miss more and one hit more: 200 000 hits of 200 000 are not certainty.
     cautious = (p * n + 1) / (n + 2)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from mtu_cli.model.estimates import JointPasses, between_passes, from_mean
-from mtu_cli.model.machine_model import MachineModel, Term
+from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.stats.covariance import positive_part
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -230,67 +231,56 @@ def component_blocks(
 
     `J` (rows, K) and `levers` (rows, c) as `design` gives them, `columns` of each term in J.
     """
-    alone = {
-        term.estimate.name: _own_block(term, J[:, columns[t]], levers[:, t])
-        for t, term in enumerate(model.terms)
-    }
-    blocks = []
+    at = {term.estimate.name: t for t, term in enumerate(model.terms)}
+    groups: list[tuple[list[str], JointPasses | None]] = []
     for group in model.joint:
-        kept = [name for name in group.components if name in alone]
+        kept = [name for name in group.components if name in at]
         if len(kept) >= 2:
-            own = [alone.pop(name) for name in kept]
-            blocks.append(_joint_block(group, positions_in_group(group, kept), own))
-    return [*blocks, *alone.values()]
+            groups.append((kept, group))
+    joint = {name for kept, _ in groups for name in kept}
+    groups += [([name], None) for name in at if name not in joint]
+    return [
+        _block(model, [at[n] for n in kept], group, J, levers, columns) for kept, group in groups
+    ]
 
 
-def positions_in_group(group: JointPasses, kept: Sequence[str]) -> list[int]:
-    """Rows of the kept components in a group's covariance."""
-    owners = np.repeat(np.arange(len(group.components)), group.widths).tolist()
-    return [row for row, owner in enumerate(owners) if group.components[owner] in kept]
-
-
-def _own_block(term: Term, G: FloatArray, lever: FloatArray) -> Block:
-    estimate = term.estimate
+def _block(
+    model: MachineModel,
+    terms: Sequence[int],
+    group: JointPasses | None,
+    J: FloatArray,
+    levers: FloatArray,
+    columns: Sequence[slice],
+) -> Block:
+    """The block of some `terms` that share the passes of a group, or of one of its own."""
+    known = [model.terms[t].estimate for t in terms]
+    ends = np.cumsum([0, *(len(x.coefficients) for x in known)]).tolist()
+    inside = tuple(slice(*pair) for pair in pairwise(ends))
+    squares = [between_passes(x) for x in known]
+    of = group or known[0]
+    C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, squares[0]
+    if group is not None:
+        owners = np.repeat(np.array(group.components, object), group.widths)
+        rows = np.ix_(*[np.flatnonzero(np.isin(owners, [x.name for x in known]))] * 2)
+        C, D, halves = C[rows], D[rows], None if halves is None else halves[rows]
+        between = None
+        if group.n_passes is not None and all(own is not None for own in squares):
+            # Between components C is of their level and slope alone, whatever their degree.
+            between = from_mean(C, group.n_passes, halves)
+            for part, own in zip(inside, squares, strict=True):
+                between[part, part] = own
+    sides = [J[:, columns[t]] for t in terms]
+    visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, known, strict=True)]
     return Block(
-        names=(estimate.name,),
-        columns=(slice(0, G.shape[1]),),
-        G=G,
-        C=estimate.covariance,
-        D=estimate.pass_covariance,
-        noise=(lever * estimate.s_repeat)[:, None],
-        pass_dof=estimate.pass_dof,
-        repeat_dof=(estimate.repeat_dof,),
-        between=between_passes(estimate),
-        n_passes=estimate.n_passes or 0,
-        half_differences=estimate.half_differences,
-    )
-
-
-def _joint_block(group: JointPasses, inside: Sequence[int], own: Sequence[Block]) -> Block:
-    """The components of a group as one block; their own blocks lie on its diagonal."""
-    ends = np.cumsum([block.G.shape[1] for block in own]).tolist()
-    columns = tuple(
-        slice(end - block.G.shape[1], end) for block, end in zip(own, ends, strict=True)
-    )
-    rows = np.ix_(inside, inside)
-    C, between, halves = group.covariance[rows], None, group.half_differences
-    if halves is not None:
-        halves = halves[rows]
-    if group.n_passes is not None and all(block.between is not None for block in own):
-        # Between components C is of their level and slope alone, whatever their degree.
-        between = from_mean(C, group.n_passes, halves)
-        for part, block in zip(columns, own, strict=True):
-            between[part, part] = block.between
-    return Block(
-        names=tuple(block.names[0] for block in own),
-        columns=columns,
-        G=np.column_stack([block.G for block in own]),
+        names=tuple(x.name for x in known),
+        columns=inside,
+        G=sides[0] if group is None else np.column_stack(sides),
         C=C,
-        D=group.pass_covariance[rows],
-        noise=np.column_stack([block.noise for block in own]),
-        pass_dof=group.pass_dof,
-        repeat_dof=tuple(block.repeat_dof[0] for block in own),
+        D=D,
+        noise=np.column_stack(visits),
+        pass_dof=of.pass_dof,
+        repeat_dof=tuple(x.repeat_dof for x in known),
         between=between,
-        n_passes=group.n_passes or 0,
+        n_passes=of.n_passes or 0,
         half_differences=halves,
     )

@@ -107,11 +107,11 @@ def _of_unit(field: Field, unit: str) -> Field:
     )
 
 
-def _in_units(text: str, *units: str) -> list[Field]:
-    """Fields of lengths and of angles, or in these `units`, each of its own items."""
+def _in_units(text: str) -> list[Field]:
+    """Fields of lengths and of angles, each of its own items."""
     return [
         _of_unit(field, unit)
-        for unit in units or ("um", "arcsec")
+        for unit in ("um", "arcsec")
         for field in declare(text.replace("UNIT", unit))
         if isinstance(field, Field)
     ]
@@ -201,17 +201,17 @@ CAPABILITY = declare(
 )
 
 
-def unusual_part(item: Any = None) -> Fields:
-    """The figures of an outlying part, with its largest deviation in its unit."""
-    units = ("um", "arcsec") if item is None else (_unit(item),)
-    text = """
-        part | | its name | part, text
-        where. | where | *place | json
-        *deviation
-        p_familywise | p | p over all parts and tables | p, p
-        singles[] | singles | *place
+UNUSUAL = declare(
     """
-    return declare(text, place=place(""), deviation=_in_units(DEVIATION, *units))
+    part | | its name | part, text
+    where. | where | *place | json
+    *deviation
+    p_familywise | p | p over all parts and tables | p, p
+    singles[] | singles | *place
+    """,
+    place=place(""),
+    deviation=_in_units(DEVIATION),
+)
 
 
 def _rows(kind: Kind) -> Callable[[AnovaResult], list[RowOf]]:
@@ -242,7 +242,7 @@ RESULTS = declare(
     length=entry("length"),
     angle=entry("angle"),
     total=TOTAL,
-    unusual=unusual_part,
+    unusual=UNUSUAL,
     trend=TREND,
     capability=CAPABILITY,
 )
@@ -266,9 +266,7 @@ def _tables(result: AnovaResult) -> Iterator[Table]:
     )
     yield Table(f"Features by operation and axis{datum}", TOTAL, result.totals, footer)
     footer = f"mean of the other parts; false alarms in {100 * FAMILY_RATE:g} % of studies"
-    yield Table(
-        "Outlying parts", unusual_part(), result.unusual or (), f"deviation from the {footer}"
-    )
+    yield Table("Outlying parts", UNUSUAL, result.unusual or (), f"deviation from the {footer}")
     footer = "change from part to part, p over all tables (Holm)"
     yield Table("Trends over the sequence", TREND, _significant(result), footer)
     footer = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"

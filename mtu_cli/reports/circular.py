@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.analyses.circular import MEANING, CircularResult, circle_fit
+from mtu_cli.analyses.circular import MEANING, CircularResult, about_circle
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
@@ -50,8 +50,6 @@ TRACE = declare(
     F_max | | um: largest radial deviation from the nominal radius about the given centre \
         | F max / um, sig3, size=size()
     F_min | | um: smallest radial deviation | F min / um, sig3, size=size()
-    centre_a_um | centre_a | centre of that circle along the first axis | -, json
-    centre_b_um | centre_b | centre of that circle along the second axis | -, json
     """,
     samples=lambda item: len(item.trace.angle),
     **UNIT,
@@ -175,7 +173,7 @@ def polar(result: CircularResult) -> Page:
     for trace, fitted in zip(result.traces.traces, result.fitted, strict=True):
         order = np.argsort(np.mod(trace.angle, 2 * math.pi), kind="stable")
         rest, model = (
-            circle_fit(trace.angle, values)[1][order] / UM for values in (trace.deviation, fitted)
+            about_circle(trace.angle, values)[order] / UM for values in (trace.deviation, fitted)
         )
         angle, step = trace.angle[order], len(order) // MOST_ANGLES + 1
         panel.plot(angle, rest, color=colours[trace.direction], lw=1.0, label=trace.direction)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mtu_cli.analyses.close_loop.estimate import SmoothEffect
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.analyses.close_loop.smooth import SmoothEffect
 from mtu_cli.language import names, parse
 from mtu_cli.model.basis import TableShape
 from mtu_cli.model.machine_model import AXES

@@ -98,13 +98,9 @@ def _searched(searched: Searched) -> str:
 
 def _first_after(at: float, item: TableResult) -> str:
     """The first part after a step."""
-    order = item.table.covariates.get("sequence")
-    parts = item.table.parts
-    if order is not None and len(order) == len(parts):
-        after = [name for name, value in zip(parts, order[:, 0], strict=True) if value > at]
-        if after:
-            return after[0]
-    return significant(at, 3)
+    order, parts = item.table.covariates.get("sequence", np.zeros((0, 1)))[:, 0], item.table.parts
+    after = np.flatnonzero(order[: len(parts)] > at)
+    return parts[after[0]] if len(after) else significant(at, 3)
 
 
 def verdict_text(item: TableResult, alpha: float) -> str:

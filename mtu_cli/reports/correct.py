@@ -37,13 +37,11 @@ OF_AXES = (
         | correction A, plus-minus, u=u.K, unit=um, csv=correction_A_um
     u_correction_um.A | u.K | its standard uncertainty | -, unit=um, csv=u_correction_A_um
     """,
-    "dof_effective.A | dof.K | of the correction; null: infinite | -, json, unit=",
     "corrected.A_mm | corrected.K | measured plus correction | corrected A, u=u_corrected.K",
     """
     u_corrected_um.A | u_corrected.K | standard uncertainty of corrected \
         | -, unit=um, csv=u_corrected_A_um
     """,
-    "dof_corrected.A | dof_corrected.K | of it; null: infinite | -, json, unit=",
 )
 """Each of every axis before the next."""
 ROW = declare(

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -56,8 +55,7 @@ SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendi
 """Sources for people; others are places."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+class Node(NamedTuple):
     """A place (circle) of a `kind` by its name, or a transition (bar, no kind) by what it does.
 
     `marked`: holds a marker from the start (a constant, a known point).
@@ -69,28 +67,22 @@ class Node:
     reported: bool = False
 
     @property
-    def place(self) -> bool:
-        """Whether it is a place."""
-        return bool(self.kind)
-
-    @property
     def width(self) -> float:
         """Width of the node with its label."""
         return max(2 * RADIUS, LETTER * len(self.label))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Net:
+class Net(NamedTuple):
     """Nodes and arcs (from, to) as numbers of nodes: places first, then transitions.
 
     `shares` of the variance of `of` that comes in at a place, from 0 to 1.
     """
 
     title: str
-    nodes: tuple[Node, ...]
-    arcs: tuple[tuple[int, int], ...]
-    of: str | None = None
-    shares: Mapping[int, float] = field(default_factory=dict)
+    nodes: list[Node]
+    arcs: list[tuple[int, int]]
+    of: str | None
+    shares: Mapping[int, float]
 
 
 class Layout(NamedTuple):
@@ -133,35 +125,46 @@ def net_of(
 ) -> Net:
     """The net of a graph; `shares` by place are those of the variance of `of`."""
     at = {name: i for i, name in enumerate(graph.places)}
-    nodes = [
-        Node(label=name, kind=item.kind, marked=item.marked, reported=name in reported)
-        for name, item in graph.places.items()
-    ]
-    arcs = []
+    nodes = [Node(n, x.kind, x.marked, n in reported) for n, x in graph.places.items()]
+    arcs: list[tuple[int, int]] = []
     for item in graph.transitions:
         # A place that is an input twice has one arc.
         arcs += [(at[name], len(nodes)) for name in dict.fromkeys(item.in_)]
         arcs += [(len(nodes), at[name]) for name in item.out]
-        nodes.append(Node(label=item.do))
+        nodes.append(Node(item.do))
     known = {at[name]: share for name, share in (shares or {}).items()}
-    return Net(title=graph.name, nodes=tuple(nodes), arcs=tuple(arcs), of=of, shares=known)
+    return Net(graph.name, nodes, arcs, of, known)
 
 
 def lay_out(net: Net) -> Layout:
-    """The layout of a net without cycles."""
-    rank = _ranks(len(net.nodes), net.arcs)
+    """The layout of a net without cycles: layers by longest path, nodes ordered in them by the mean
+    position of their neighbours. An arc that passes a layer has a point of its own there.
+    """
+    count = len(net.nodes)
+    rank = _ranks(count, net.arcs)
     paths = []
     for a, b in net.arcs:
         bends = range(rank[a] + 1, rank[b])
         paths.append([a, *range(len(rank), len(rank) + len(bends)), b])
         rank += bends
-    steps = [pair for path in paths for pair in pairwise(path)]
-    layers = _ordered(rank, steps)
-    wide = [max((net.nodes[i].width for i in x if i < len(net.nodes)), default=0) for x in layers]
+    layers: list[list[int]] = [[] for _ in range(max(rank, default=0) + 1)]
+    for node, number in enumerate(rank):
+        layers[number].append(node)
+    before, after = _adjacent([pair for path in paths for pair in pairwise(path)])
+    for sweep in range(SWEEPS):  # to and fro; at last forward
+        near, pairs = (after, layers[::-1]) if sweep % 2 else (before, layers)
+        for fixed, layer in pairwise(pairs):
+            at = {node: i for i, node in enumerate(fixed)}
+            wanted = {node: i * len(fixed) / len(layer) for i, node in enumerate(layer)}
+            for node in filter(near.__getitem__, layer):
+                wanted[node] = sum(at[other] for other in near[node]) / len(near[node])
+            layer.sort(key=wanted.__getitem__)
+    wide = [max((net.nodes[i].width for i in x if i < count), default=0) for x in layers]
     middles = np.cumsum(wide) - np.array(wide) / 2 + GAP * np.arange(len(wide))
-    spots = np.column_stack([middles[rank], _rows(len(net.nodes), layers, steps)])
+    near_rows = [before[i] + after[i] or [i] for i in range(len(rank))]
+    spots = np.column_stack([middles[rank], _rows(count, layers, near_rows)])
     width, height = spots.max(axis=0, initial=0.0)
-    return Layout(width, height, spots[: len(net.nodes)], [spots[path] for path in paths])
+    return Layout(width, height, spots[:count], [spots[path] for path in paths])
 
 
 def _adjacent(arcs: Arcs) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
@@ -189,30 +192,11 @@ def _ranks(count: int, arcs: Arcs) -> list[int]:
     return [value - least for value in rank]
 
 
-def _ordered(rank: list[int], arcs: Arcs) -> list[list[int]]:
-    """Layers from top to bottom by the mean position of neighbours, to and fro; at last forward."""
-    before, after = _adjacent(arcs)
-    layers: list[list[int]] = [[] for _ in range(max(rank, default=0) + 1)]
-    for node, number in enumerate(rank):
-        layers[number].append(node)
-    for sweep in range(SWEEPS):
-        near, pairs = (after, layers[::-1]) if sweep % 2 else (before, layers)
-        for fixed, layer in pairwise(pairs):
-            at = {node: i for i, node in enumerate(fixed)}
-            wanted = {node: i * len(fixed) / len(layer) for i, node in enumerate(layer)}
-            for node in filter(near.__getitem__, layer):
-                wanted[node] = sum(at[other] for other in near[node]) / len(near[node])
-            layer.sort(key=wanted.__getitem__)
-    return layers
-
-
-def _rows(nodes: int, layers: list[list[int]], arcs: Arcs) -> FloatArray:
+def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatArray:
     """Rows at the means of their neighbours, gaps kept, by least squares."""
     from scipy.optimize import isotonic_regression
 
-    before, after = _adjacent(arcs)
-    y: FloatArray = np.zeros(sum(map(len, layers)))
-    near = [before[i] + after[i] or [i] for i in range(len(y))]
+    y: FloatArray = np.zeros(len(near))
     offsets = []
     for layer in layers:
         rooms = np.where(np.array(layer) < nodes, ROOM, BEND)
@@ -241,7 +225,7 @@ def drawing(net: Net) -> Figure:
     panel.set(xlim=(-left, width - left), ylim=(layout.height + MARGIN + FOOT, -MARGIN))
     panel.axis("off")
     for (a, b), route in zip(net.arcs, layout.routes, strict=True):
-        before, after = (RADIUS if net.nodes[x].place else BAR[0] / 2 for x in (a, b))
+        before, after = (RADIUS if net.nodes[x].kind else BAR[0] / 2 for x in (a, b))
         share = max(net.shares.get(a, 0.0), net.shares.get(b, 0.0))
         _draw_arc(panel, before, after, route, share)
     for number, node in enumerate(net.nodes):
@@ -275,7 +259,7 @@ def _draw_arc(panel: Axes, before: float, after: float, route: FloatArray, share
 def _draw_node(panel: Axes, node: Node, x: float, y: float, share: float) -> None:
     """A circle, or a bar, with its name below; a share to the left."""
     ring: dict[str, Any] = {"ls": "", "marker": "o", "ms": 144 * RADIUS, "mec": figures.INK}
-    if node.place:
+    if node.kind:
         panel.plot(x, y, **ring, mfc=COLOURS[node.kind], mew=0.9, zorder=3, label=node.kind)
     else:
         bar: dict[str, Any] = {"ms": 72 * BAR[1], "mew": 72 * BAR[0], "color": figures.INK}

@@ -39,23 +39,24 @@ LINES = 14
 
 
 class Trials(NamedTuple):
-    """Trials with the `ends` of their interval, and those of the first order (value, u, dof; u 0:
-    none); what stands above and below.
+    """Trials with the `ends` of their interval, and value, u and degrees of freedom of the first
+    order (u 0: none); what stands above and below.
     """
 
     samples: FloatArray
     ends: Sequence[float]
     first: tuple[float, float, float]
-    first_ends: Sequence[float]
     title: str
     label: str
-    percent: str = "95 %"
+    probability: float = 0.95
 
 
 def histogram(panel: Axes, item: Trials) -> None:
     """The density of the trials and the curve of first order."""
-    (value, u, dof), percent = item.first, item.percent
-    known = [*item.ends, *item.first_ends] if u > 0.0 else [*item.ends]
+    (value, u, dof), percent = item.first, f"{100 * item.probability:.4g} %"
+    half = coverage_factor(item.probability, dof) * u if u > 0.0 else 0.0
+    first_ends = [value - half, value + half] if u > 0.0 else []
+    known = [*item.ends, *first_ends]
     room = max(MARGIN * (max(known) - min(known)), 1e-6 * max(map(abs, known)), 1e-300)
     limits = min(known) - room, max(known) + room
     style: dict[str, Any] = {"color": figures.PALE, "label": "Monte Carlo trials"}
@@ -66,7 +67,7 @@ def histogram(panel: Axes, item: Trials) -> None:
         grid = np.linspace(*limits, 400)
         curve = t.pdf(grid, dof, loc=value, scale=u)
         panel.plot(grid, curve, color=figures.INK, label="first order")
-        for end in item.first_ends:
+        for end in first_ends:
             panel.axvline(end, color=figures.INK, lw=1, ls="--", label=f"{percent}, first order")
     low, high = item.ends
     panel.axvspan(low, high, ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
@@ -91,14 +92,14 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     shown = []
     for item in result.angles[:ANGLES]:
-        run, first = item.run, item.first_order
+        run, model = item.run, item.model
+        first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]
         mean, u = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0], run.u[0] / ARCSEC
         shown.append(
             Trials(
                 run.samples[0] / ARCSEC,
                 (float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)),
-                (first.mean / ARCSEC, first.u / ARCSEC, first.dof),
-                [end / ARCSEC for end in first.interval95],
+                first,
                 f"{cut(item.id, NAME)}: mean {mean}, u {significant(u)} arcsec",
                 "angle minus 90 degrees, arcsec",
             )
@@ -125,8 +126,8 @@ def budget(result: BudgetResult) -> Figure:
         text = f"{name} = {with_u(item.value, item.u or None)[0]}{unit}\nu = {significant(item.u)}"
         text += f", by Monte Carlo {significant(item.of_run('u'))}{unit}"
         ends, curve = (item.of_run("low"), item.of_run("high")), (item.value, item.u, item.dof)
-        label, percent = name + unit.replace(" ", ", ", 1), f"{100 * run.probability:.4g} %"
-        histogram(right, Trials(samples, ends, curve, item.interval, text, label, percent))
+        label = name + unit.replace(" ", ", ", 1)
+        histogram(right, Trials(samples, ends, curve, text, label, run.probability))
     figures.legend(page)
     return page
 
@@ -141,10 +142,10 @@ def simulated(result: GraphSimulation) -> Figure:
     for item in seen:
         factor, unit = small_unit(item.output.unit)
         ends, u = [end * factor for end in item.deviations], item.first_order_u * factor
-        half, samples = coverage_factor(0.95) * u, (item.samples - item.nominal) * factor
+        samples = (item.samples - item.nominal) * factor
         text = f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}"
         of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
-        shown.append(Trials(samples, ends, (0.0, u, math.inf), (-half, half), text, of))
+        shown.append(Trials(samples, ends, (0.0, u, math.inf), text, of))
     some = f" ({len(seen)} of {len(varying)})" if len(seen) < len(varying) else ""
     return _sheet(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}", shown)
 

@@ -74,7 +74,8 @@ def anova(result: AnovaResult) -> Figure:
     for panel in page.axes[-columns:]:
         panel.set_xlabel("sequence of the parts")
     figures.legend(page, 2)
-    some = f"; {PANELS} of {len(result.shown)} features" * (len(result.shown) > PANELS)
+    count = len({label[:2] for label in result.features.labels})
+    some = f"; {PANELS} of {count} features" * (count > PANELS)
     figures.title(page, f"Mean errors by part, actual minus nominal{some}")
     return page
 
@@ -84,7 +85,9 @@ def _features(result: AnovaResult) -> Iterator[Chart]:
     found = result.features
     labels, k = found.tables.labels, found.coverage_factor
     clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in labels]
-    keys = dict.fromkeys([*(label[:2] for label in clear), *result.shown])
+    outliers = [label for label, parts in zip(labels, found.unusual, strict=True) if parts]
+    most = [*clear, *outliers, *(labels[i] for i in found.order)]
+    keys = dict.fromkeys(label[:2] for label in most)
     for key in list(keys)[:PANELS]:
         for i in (i for i, label in enumerate(labels) if label[:2] == key):
             mean, u = (each / UM for each in found.part_means(i))
@@ -135,7 +138,7 @@ def compare(result: CompareResult) -> Figure:
 @figures.styled
 def correct(result: CorrectResult) -> Figure:
     """Errors of diameters (or lengths) before and after with 95 % intervals of one part; without
-    either the mean errors of the features.
+    either the errors of the points.
     """
     rounds = [*result.of_kind("circle"), *result.of_kind("sphere")]
     kinds = {"diameters": rounds, "lengths": result.of_kind("length")}
@@ -149,15 +152,11 @@ def correct(result: CorrectResult) -> Figure:
             break
     else:
         points, at = result.points, [AXES.index(axis) for axis in result.axes]
-        seen, code = np.unique(points.feature, return_inverse=True)
-        count, nominal = np.bincount(code)[:, None], points.nominal[:, at]
         before, after = (
-            np.ravel([np.bincount(code, along) for along in (x[:, at] - nominal).T] / count.T, "F")
-            / UM
-            for x in (points.measured, result.corrected)
+            (x - points.nominal)[:, at].ravel() / UM for x in (points.measured, result.corrected)
         )
-        names = [f"{points.features[i]} {axis}" for i in seen for axis in result.axes]
-        title, half = "Mean errors of the features", np.full(len(names), np.nan)
+        names = [words(x, axis) for x in result.feature for axis in result.axes]
+        title, half = "Errors of the points", np.full(len(names), np.nan)
     rows = spread(len(names), SIZES)
     some = f" ({len(rows)} of {len(names)})" if len(rows) < len(names) else ""
     shown = [

@@ -10,7 +10,7 @@ normal Z has every marginal distribution as stated. The correlation of the Z is 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
@@ -33,8 +33,6 @@ BEYOND = 1e-8
 """A coefficient that differs by no more than this share is the largest there is, as it was written.
 """
 ROUNDING = 1e-12
-SHAPE_DIGITS = 12
-"""Decimals of a shape: those of inputs that are alike agree to these."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,36 +187,24 @@ def largest_covariance(first: Distribution, second: Distribution) -> float:
     return copula_covariance(first, second, 1.0, FINE)
 
 
+@cache
 def normal_correlation(
     first: Distribution, second: Distribution, covariance: float
 ) -> float | None:
-    """rho of the normals for which the inputs have this `covariance`; None where none gives it."""
-    (one, own), (two, other) = _sized(first), _sized(second)
-    return _shape_correlation(one, two, round(covariance / own / other, SHAPE_DIGITS))
-
-
-def _sized(item: Distribution) -> tuple[Distribution, float]:
-    """The shape of a distribution, of half-width (a normal one of u) 1, and its size."""
-    size = item.half_width if item.bounded else item.u
-    half, top = (1.0, round(item.top / size, SHAPE_DIGITS)) if item.bounded else (0.0, 0.0)
-    u = round(item.u / size, SHAPE_DIGITS)
-    return replace(item, u=u, half_width=half, top=top), size
-
-
-@cache
-def _shape_correlation(first: Distribution, second: Distribution, share: float) -> float | None:
-    """The same of two shapes: inputs in pairs are often alike, and each takes a double integral."""
+    """rho of the normals for which the inputs have this `covariance`; None where none gives it.
+    Inputs in pairs are often alike, and each pair takes a double integral.
+    """
     from scipy.optimize import brentq
 
     most = largest_covariance(first, second)
-    if abs(share) > most * (1.0 + BEYOND):
+    if abs(covariance) > most * (1.0 + BEYOND):
         return None
-    if abs(share) >= most * (1.0 - BEYOND):
-        return math.copysign(1.0, share)
-    scale = most / copula_covariance(first, second, 1.0)
+    if abs(covariance) >= most * (1.0 - BEYOND):
+        return math.copysign(1.0, covariance)
+    scale = 1.0 / copula_covariance(first, second, 1.0)
 
     def excess(rho: float) -> float:
-        return scale * copula_covariance(first, second, rho) - share
+        return scale * copula_covariance(first, second, rho) - covariance / most
 
     return float(brentq(excess, -1.0, 1.0, xtol=ROUNDING))
 

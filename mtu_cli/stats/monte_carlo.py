@@ -85,124 +85,114 @@ def monte_carlo(
     """
     asked = max_trials if trials is None else trials
     _check(seed, asked, probability, digits, tolerance_fraction, threads)
-    plan = _plan(model, trials, max_trials, probability)
+    run = _Run(model, trials, max_trials, probability, seed, keep, progress)
     threads = threads or available_threads()
 
     def criterion(estimates: Estimates) -> float:
-        return _ratio(estimates, probability, digits, tolerance_fraction)
+        ratio = _ratio(estimates, probability, digits, tolerance_fraction)
+        return ratio * few_blocks_factor(run.blocks)
 
     # A product split among threads would not give the same bits: blocks are the unit of work.
     with one_blas_thread(), workers(threads) as executor:
-        each = executor.map if threads > 1 and plan.blocks != 1 else map
-        run = _Runner(model, plan, seed, each, min(keep, asked), progress)
-        estimates = _estimates(run, criterion, max_trials)
+        each = executor.map if threads > 1 and run.plan.blocks != 1 else map
+        estimates = run.estimates(criterion, each)
     return MonteCarloResult(
         names=tuple(model.names),
         trials=run.trials,
         blocks=run.blocks,
-        converged=criterion(estimates) * few_blocks_factor(run.blocks) <= 1.0,
+        converged=criterion(estimates) <= 1.0,
         probability=probability,
-        samples=run.samples()[:, :keep],
+        samples=run.samples[:, : min(keep, run.trials)],
         **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
     )
 
 
-def _plan(model: TrialModel, trials: int | None, max_trials: int, probability: float) -> BlockPlan:
-    """Blocks for a given count, or for one that adapts where it leaves room for a first look."""
-    smooth = bool(getattr(model, "smooth", False))
-    if trials is None:
-        plan = BlockPlan.adaptive(probability, smooth=smooth)
-        if max_trials >= FIRST_LOOK * plan.size:
-            return plan
-        trials = max_trials
-    return BlockPlan.fixed(trials, probability, smooth=smooth)
-
-
-def _estimates(run: _Runner, criterion: Criterion, most: int) -> Estimates:
-    """Runs the plan, at most `most` trials where the count adapts."""
-    plan, model = run.plan, run.model
-    exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
-    pool = Pool(exists)
-    if plan.blocks == 1:
-        run.run_to(1, pool)
-        return single_block_estimates(run.samples(), plan.probability, exists)
-    largest = plan.blocks or most // plan.size
-    goal = plan.blocks or FIRST_LOOK
-    while True:
-        run.run_to(goal, pool)
-        estimates = pool.estimates()
-        ratio = criterion(estimates)
-        if goal >= largest or ratio * few_blocks_factor(goal) <= 1.0:
-            return estimates
-        # Standard errors fall as 1/sqrt(h). The goals follow from the results alone, so they
-        # are the same for any number of threads; a quarter more at least, to look rarely.
-        goal = min(largest, math.ceil(goal * min(4.0, max(1.25, 1.1 * ratio * ratio))))
-
-
-class _Runner:
-    """Runs the blocks of a plan, each by `each`, a `map`, and takes their summaries in the order
-    of their numbers; `trials` and `blocks` count what has been done. The first `keep` trials are
-    kept, all of a single block.
+class _Run:
+    """The blocks of a Monte Carlo, whose summaries are pooled in the order of their numbers;
+    `trials` and `blocks` count what has been done. The first `keep` trials stay in `samples`
+    (outputs, kept), all of a single block.
     """
 
     def __init__(
         self,
         model: TrialModel,
-        plan: BlockPlan,
+        trials: int | None,
+        most: int,
+        probability: float,
         seed: int,
-        each: Callable[..., Iterable[Any]],
         keep: int,
         progress: Progress | None,
     ) -> None:
-        self.model, self.plan, self._seed, self._each = model, plan, seed, each
-        self._progress, self.trials, self.blocks = progress, 0, 0
+        smooth = bool(getattr(model, "smooth", False))
+        self.plan = BlockPlan.adaptive(probability, smooth=smooth)
+        # A count that adapts needs room for a first look.
+        if trials is not None or most < FIRST_LOOK * self.plan.size:
+            asked = most if trials is None else trials
+            self.plan = BlockPlan.fixed(asked, probability, smooth=smooth)
+        self.model, self.seed, self.progress = model, seed, progress
+        self.trials, self.blocks, self.largest = 0, 0, self.plan.blocks or most // self.plan.size
+        single, total = self.plan.blocks == 1, self.plan.total
         # Untouched pages of an empty array take no memory.
-        self._samples = np.empty((len(model.names), plan.size if plan.blocks == 1 else keep))
-        self._summariser = None if plan.blocks == 1 else BlockSummariser(model, plan)
+        kept = self.plan.size if single else min(keep, most if total is None else total)
+        self.samples = np.empty((len(model.names), kept))
+        self.exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
+        self.pool = Pool(self.exists)
+        self.summariser = None if single else BlockSummariser(model, self.plan)
 
-    def run_to(self, goal: int, pool: Pool) -> None:
-        """Runs blocks up to number `goal`, exclusive, and adds them to `pool` in order.
+    def estimates(self, criterion: Criterion, each: Callable[..., Iterable[Any]]) -> Estimates:
+        """Runs the plan, each block by `each`, a `map`; where the count adapts until the criterion
+        is 1 or below.
 
         Raises InputError for values that are not finite.
         """
-        # Some at a time: while tasks are queued an interrupt may leave the queue locked.
-        for first in range(self.blocks, goal, AT_ONCE):
-            some = range(first, min(first + AT_ONCE, goal))
-            for count, not_finite, summary in self._each(self._block, some):
-                self.blocks += 1
-                self.trials += count
-                if np.any(not_finite):
-                    where = f"of the first {self.trials} Monte Carlo trials"
-                    expected = "a model that is defined for all values its inputs may take"
-                    raise InputError(
-                        finding(
-                            "no-finite-value",
-                            output=name,
-                            what=repr(name),
-                            where=f" in {bad} {where}",
-                            expected=expected,
-                        )
-                        for name, bad in zip(self.model.names, not_finite, strict=True)
-                        if bad
-                    )
-                if summary is not None:
-                    pool.add(summary)
-                if self._progress is not None:
-                    self._progress(self.trials, self.plan.total)
+        goal = self.plan.blocks or FIRST_LOOK
+        while True:
+            # Some at a time: while tasks are queued an interrupt may leave the queue locked.
+            while self.blocks < goal:
+                some = range(self.blocks, min(self.blocks + AT_ONCE, goal))
+                for count, not_finite, summary in each(self._block, some):
+                    self._take(count, not_finite, summary)
+            if self.summariser is None:
+                return single_block_estimates(self.samples, self.plan.probability, self.exists)
+            found = self.pool.estimates()
+            ratio = criterion(found)
+            if goal >= self.largest or ratio <= 1.0:
+                return found
+            # Standard errors fall as 1/sqrt(h). The goals follow from the results alone, so they
+            # are the same for any number of threads; a quarter more at least, to look rarely.
+            ratio /= few_blocks_factor(goal)
+            goal = min(self.largest, math.ceil(goal * min(4.0, max(1.25, 1.1 * ratio * ratio))))
 
-    def samples(self) -> FloatArray:
-        """The first trials (outputs, kept), in order."""
-        return self._samples[:, : self.trials]
+    def _take(self, count: int, not_finite: IntArray, summary: BlockSummary | None) -> None:
+        self.blocks += 1
+        self.trials += count
+        if np.any(not_finite):
+            expected = "a model that is defined for all values its inputs may take"
+            raise InputError(
+                finding(
+                    "no-finite-value",
+                    output=name,
+                    what=repr(name),
+                    where=f" in {bad} of the first {self.trials} Monte Carlo trials",
+                    expected=expected,
+                )
+                for name, bad in zip(self.model.names, not_finite, strict=True)
+                if bad
+            )
+        if summary is not None:
+            self.pool.add(summary)
+        if self.progress is not None:
+            self.progress(self.trials, self.plan.total)
 
     def _block(self, block: int) -> tuple[int, IntArray, BlockSummary | None]:
         m, start = self.plan.trials_in(block), self.plan.first_trial(block)
-        draws = self.model.draw(block_generator(self._seed, block), m)
-        not_finite, room = _not_finite(draws), self._samples.shape[1] - start
+        draws = self.model.draw(block_generator(self.seed, block), m)
+        not_finite, room = _not_finite(draws), self.samples.shape[1] - start
         if room > 0:
-            self._samples[:, start : start + m] = draws.values[:, :room]
-        if self._summariser is None or np.any(not_finite):
+            self.samples[:, start : start + m] = draws.values[:, :room]
+        if self.summariser is None or np.any(not_finite):
             return m, not_finite, None
-        return m, not_finite, self._summariser.summarise(draws)
+        return m, not_finite, self.summariser.summarise(draws)
 
 
 def _not_finite(draws: Draws) -> IntArray:

@@ -10,8 +10,8 @@ from mtu_cli.stats.anova import Cells, Components
 from mtu_cli.stats.least_squares import FloatArray
 
 GRID = np.concatenate([[0.0], 10.0 ** np.arange(-5.0, 9.01, 0.25)])
-"""Ratios r = s_part^2/s_repeat^2 at which the likelihood is looked at first. Beyond the last one
-the limit of large r holds to a relative 1e-9.
+"""Ratios r = s_part^2/s_repeat^2 between which the likelihood's maximum is bracketed. Beyond the
+last one the limit of large r holds to a relative 1e-9.
 """
 HALVINGS = 52
 """Of a bracket: to the last bit."""
@@ -40,20 +40,24 @@ def reml(cells: Cells) -> Components:
         -2 l(r) = (N - 1) log Q + sum log(1 + n_i r) + log sum w_i,
 
     and s_repeat^2 = Q/(N - 1) (Searle, Casella & McCulloch, Variance Components, 1992, 6.6).
-    The least value is bracketed on a grid; within, the root of its derivative is bisected. For
-    large r the estimates tend to SS_within/(N - a) and the sample variance of the part means,
-    less their share of s_repeat^2. A table without repeats has nan, one with a single part has
-    nan for s_part^2; one whose repeats are all equal has s_repeat^2 = 0.
+    The root of its derivative is bracketed on a grid and bisected; r is 0 where -2 l rises from
+    there on. For large r the estimates tend to SS_within/(N - a) and the sample variance of the
+    part means, less their share of s_repeat^2. A table without repeats has nan, one with a single
+    part has nan for s_part^2; one whose repeats are all equal has s_repeat^2 = 0.
     """
     levels = _levels(cells)
     a = levels.count.sum(axis=1)
-    best = np.argmin([_criterion(levels, np.full(len(a), r)) for r in GRID], axis=0)
-    low = GRID[np.maximum(best - 1, 0)]
-    high = GRID[np.minimum(best + 1, len(GRID) - 1)]
-    r = _stationary(levels, low, high)
+    falling = np.array([_slope(levels, np.full(len(a), r)) < 0 for r in GRID])
+    last = len(GRID) - 1 - np.argmax(falling[::-1], axis=0)
+    low, high = GRID[last], GRID[np.minimum(last + 1, len(GRID) - 1)]
+    for _ in range(HALVINGS):
+        middle = np.where(low > 0, np.sqrt(low * high), high / 2)
+        above = _slope(levels, middle) > 0
+        low, high = np.where(above, low, middle), np.where(above, middle, high)
+    r = np.where(falling.any(axis=0), high, 0.0)
     repeat = _fit(levels, r)[2] / np.maximum(levels.N - 1, 1)
     part = r * repeat
-    far = (best == len(GRID) - 1) | (levels.within == 0)
+    far = falling[-1] | (levels.within == 0)
     repeat = np.where(far, levels.within / np.maximum(levels.N - a, 1), repeat)
     mean = (levels.count * levels.mean).sum(axis=1) / a
     squares = levels.squares + levels.count * (levels.mean - mean[:, None]) ** 2
@@ -65,68 +69,35 @@ def reml(cells: Cells) -> Components:
 
 
 def _levels(cells: Cells) -> _Levels:
-    result = np.unique(cells.n)
-    result = result[result > 0]
-    count, mean, squares = (np.empty((len(cells.n), len(result))) for _ in range(3))
-    for k, n in enumerate(result):
-        own = cells.n == n
+    n = np.unique(cells.n)
+    n = n[n > 0]
+    count, mean, squares = np.empty((3, len(cells.n), len(n)))
+    for k, repeats in enumerate(n):
+        own = cells.n == repeats
         count[:, k] = own.sum(axis=1)
         mean[:, k] = np.where(own, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
         away = np.where(own, cells.mean - mean[:, k, None], 0.0)
         squares[:, k] = np.einsum("ij,ij->i", away, away)
     N, within = cells.n.sum(axis=1), cells.within
-    return _Levels(n=result, count=count, mean=mean, squares=squares, within=within, N=N)
+    return _Levels(n=n, count=count, mean=mean, squares=squares, within=within, N=N)
 
 
 def _fit(levels: _Levels, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weights w and squares (m - mu)^2 summed (..., tables, levels), and Q (..., tables), at r
-    (..., tables).
-    """
-    w = levels.n / (1 + levels.n * r[..., None])
+    """Weights w and squares (m - mu)^2 summed (tables, levels), and Q (tables,), at r (tables,)."""
+    w = levels.n / (1 + levels.n * r[:, None])
     counted = levels.count * w
-    mu = (counted * levels.mean).sum(axis=-1) / counted.sum(axis=-1)
-    squares = levels.squares + levels.count * (levels.mean - mu[..., None]) ** 2
-    return w, squares, levels.within + (w * squares).sum(axis=-1)
-
-
-def _criterion(levels: _Levels, r: FloatArray) -> FloatArray:
-    """-2 l (..., tables) at the ratios r (..., tables)."""
-    w, _, Q = _fit(levels, r)
-    scale = np.where(levels.within > 0, levels.within, 1.0)
-    # Equal values in all of a table have Q = 0; such a table is not the likelihood's to decide.
-    relative = np.where(Q > 0, Q / scale, 1.0)
-    value: FloatArray = (levels.N - 1) * np.log(relative)
-    value += (levels.count * np.log(levels.n / w)).sum(axis=-1)
-    value += np.log((levels.count * w).sum(axis=-1))
-    return value
+    mu = (counted * levels.mean).sum(axis=1) / counted.sum(axis=1)
+    squares = levels.squares + levels.count * (levels.mean - mu[:, None]) ** 2
+    return w, squares, levels.within + (w * squares).sum(axis=1)
 
 
 def _slope(levels: _Levels, r: FloatArray) -> FloatArray:
-    """d(-2 l)/dr (..., tables) at r (..., tables):
+    """d(-2 l)/dr (tables,) at r (tables,):
 
     (N - 1) Q'/Q + sum w - sum w^2 / sum w, Q' = -sum w^2 (m - mu)^2.
     """
     w, squares, Q = _fit(levels, r)
-    total = (levels.count * w).sum(axis=-1)
-    change = (w**2 * squares).sum(axis=-1) / np.where(Q > 0, Q, 1.0)
-    return total - (levels.count * w**2).sum(axis=-1) / total - (levels.N - 1) * change
-
-
-def _stationary(levels: _Levels, low: FloatArray, high: FloatArray) -> FloatArray:
-    """The ratio (tables,) at which the slope changes sign, 0 where it rises from the start.
-
-    Bisected in log r, in r itself where the bracket starts at 0.
-    """
-    from_zero = low == 0
-    rising = from_zero & (_slope(levels, np.zeros_like(low)) >= 0)
-    # In log r, with the end that stands for 0 in r itself.
-    a, b = (np.where(from_zero, r, np.log(np.where(from_zero, 1.0, r))) for r in (low, high))
-
-    def ratio(at: FloatArray) -> FloatArray:
-        return np.where(from_zero, at, np.exp(np.where(from_zero, 0.0, at)))
-
-    for _ in range(HALVINGS):
-        middle = (a + b) / 2
-        above = _slope(levels, ratio(middle)) > 0
-        a, b = np.where(above, a, middle), np.where(above, middle, b)
-    return np.where(rising, 0.0, ratio((a + b) / 2))
+    total = (levels.count * w).sum(axis=1)
+    # Equal values in all of a table have Q = 0; such a table is not the likelihood's to decide.
+    change = (w**2 * squares).sum(axis=1) / np.where(Q > 0, Q, 1.0)
+    return total - (levels.count * w**2).sum(axis=1) / total - (levels.N - 1) * change

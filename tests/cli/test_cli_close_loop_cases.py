@@ -65,18 +65,6 @@ EXTENDED = ("-m", "extended.yaml", "-c", "extended.json", "-p", "part.yaml")
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed", "pair"),
-    [("B", 100, ("backlash-x", "thermal-drift-y")), ("A", 102, ("curvature-x", "scale-y"))],
-)
-def test_two_effects_at_once(tmp_path: Path, kind: Kind, seed: int, pair: tuple[str, str]) -> None:
-    args = shop(tmp_path, kind, seed, [(name, 1.0) for name in pair])
-    found = closed(tmp_path, *args)
-    assert sorted(names(found)) == sorted(pair)
-    assert found["verdict"] in ("named", "class")
-    assert found["after"]["rms_um"] < found["before"]["rms_um"]
-
-
-@pytest.mark.parametrize(
     ("kind", "seed", "outside"),
     [("B", 201, "smooth-field"), ("A", 200, "thermal-bending"), ("A", 202, "random-walk")],
 )

@@ -200,28 +200,3 @@ def test_a_second_round_keeps_what_the_first_found(
     assert effects.parameters[-2:] == ["turn.scale", "backlash-x-2.lost_motion"]
     assert np.array(effects.covariance)[:3, :3] == pytest.approx(JOINT)
     assert np.array(effects.covariance)[3] == pytest.approx([0, 0, 0, 0.09])
-
-
-def test_an_effect_of_a_component_acts_through_its_lever_arms(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """axy + f: Ex = dx_x - y (axy + f)."""
-    work = prepared(tmp_path / "work")
-    jump = effect(
-        "step",
-        parameter("jump", "urad", 5.0, 1.0),
-        equations={"Ex": "jump*step(time_min - 3)"},
-    )
-    shift = effect(
-        "backlash",
-        parameter("shift", "um", 1.0, 0.001),
-        equations={"Ex": "shift*dir_x"},
-    )
-    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
-    assert made(inputs, [jump, shift], "axy", "dx_x") == []
-    effects = load_machine(work / "new.yaml").machine.effects
-    assert [item.equations for item in effects] == [
-        {"Ex": "(-y)*(jump*step(time_min - 3))"},
-        {"Ex": "shift*dir_x"},
-    ]
-    assert effects[0].found["component"] == "axy"

@@ -49,26 +49,10 @@ def test_a_laser_run_is_fitted_as_it_came(folder: Path) -> None:
     assert json.loads(again.read_text())["results"] == results[0]
 
 
-def test_a_study_is_imported_with_what_it_states_of_its_files(folder: Path) -> None:
-    (folder / "map.yaml").write_text(made.MAP)
-    (folder / "mapped.csv").write_text(made.MAPPED)
-    (folder / "mtu.yaml").write_text(
-        "schema: mtu/study/1\nmachine: m.yaml\nlaser:\n- {file: x.rtl, component: dx_x}\n"
-        "- {file: laser.txt, component: dx_x, unit: mm}\n- {file: mapped.csv, map: map.yaml}\n"
-    )
-    call = ("import", ".", "--as", "readings")
-    rows = done(mtu(*call, "-o", "r.csv", cwd=folder)).stdout.splitlines()
-    assert [row.split(":")[0] for row in rows] == ["x.rtl", "laser.txt", "mapped.csv"]
-    made_csv = (folder / "r.csv").read_text().splitlines()[1:]
-    assert len(made_csv) == 14 + 6 + 5
-    assert {row.split(",")[5] for row in made_csv[14:]} == {"mm"}
-    assert "it is an input" in done(mtu(*call, "-o", "mapped.csv", cwd=folder), 2).stderr
-    assert "points in the study" in done(mtu("import", ".", "--as", "points", cwd=folder), 2).stderr
-
-
 def test_faults_name_the_line_of_the_instruments_file(folder: Path) -> None:
     found = mtu("fit-components", "-m", "m.yaml", "--laser", "dx_y=x.rtl", cwd=folder)
-    assert "x.rtl, row 19, column 'component': unknown component: 'dx_y'" in done(found, 2).stderr
+    told = done(found, 2).stderr
+    assert "x.rtl, rows 19 to 32, column 'component': unknown component: 'dx_y'" in told
     found = mtu("fit-components", "-m", "m.yaml", "--laser", "x.rtl", cwd=folder)
     assert "the component that the file reads is missing" in done(found, 2).stderr
     found = mtu("fit-components", "-m", "m.yaml", "--laser", "dx_x=p.csv", cwd=folder)

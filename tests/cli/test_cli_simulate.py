@@ -120,30 +120,11 @@ def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
         (("--room", "26:20"), "--room: out of range: '26:20'; expected LOW below HIGH"),
         (("--room", "warm"), "--room: not LOW:HIGH: 'warm'; expected 20:26, say"),
         (("--sensor-lag-min", "-1:5"), "--sensor-lag-min: out of range: '-1 min'; expected from 0"),
-        (("--interval-min", "1e-6"), "invalid value for '--interval-min'"),
-        (("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
-        (
-            ("--settled-drift", "a: 3 4"),
-            "--settled-drift a: 2 values; expected one at each of 1 positions",
-        ),
-        (
-            ("--settled-drift", "a: 1", "--settled-drift", "a: 2"),
-            "--settled-drift a appears twice",
-        ),
         (("--twin", "T_c_degC: T_q_degC"), "--twin: unknown sensor"),
         (("--twin", "T_b_degC: T_a_degC"), "--twin: the name is taken"),
-        (("--room", "-51:20"), "from -50 to 200 degC"),
-        (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "invalid value for '--cmm-room'"),
         (("--seed", "-1"), "--seed: out of range: '-1'; expected a number of at least 0"),
-        (
-            ("--positions", "y=-1:300:5", "--write-lbb", "l.csv"),
-            "--positions: out of range: '-1 mm of y'",
-        ),
-        (
-            ("--drift-positions", "a: 0 301"),
-            "a: out of range: '301 mm of y'",
-        ),
-        (("--drift-positions", "a: 0 50 0"), "a position of --drift-positions a appears twice"),
+        (("--drift-positions", "a: 0 301"), "a: out of range: '301 mm of y'"),
+        (("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
     ],
 )
 def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: str) -> None:
@@ -176,21 +157,9 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
     ("call", "words"),
     [
         (["--positions", "0:inf:8"], "--positions: not a finite number: 'inf'"),
-        (
-            ["--positions", "0:9:8.0"],
-            "--positions: not a whole number: '8.0'",
-        ),
-        (
-            ["--positions", "0:1:2:3"],
-            "--positions: not LOW:HIGH:COUNT: '0:1:2:3'; expected 0:140",
-        ),
         (["--positions", "100:0:3"], "--positions: out of range: '100:0:3'; expected LOW below"),
         (["--positions", "0:100:1"], "'0:100:1'; expected a COUNT from 2 to 10000"),
         (["--effect", "0.004*dir_x"], "--effect: not NAME: EQUATION: '0.004*dir_x'"),
-        (
-            ["--covariate", "T_a_degC 20"],
-            "--covariate: not NAME: EQUATION: 'T_a_degC 20'; expected 'T_spindle_degC: 20 + ",
-        ),
         (["--effect", "Ez: 0.004"], "--effect: unknown equation: 'Ez'; expected one of: Ex, Ey"),
         (
             ["--effect", "Ex: 0.0004*(T_spindle_degC-20)"],
@@ -203,11 +172,6 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (
             ["--covariate", "x_mm: 1"],
             "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",
-        ),
-        (["--passes", "1000000000"], "'--passes': Input should be less than or equal to 10000"),
-        (
-            ["--operation", ""],
-            "--operation: not a name: ''; expected a text on one line",
         ),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

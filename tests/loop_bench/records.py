@@ -1,4 +1,4 @@
-"""Draws sets, runs each through the installed command and appends what it says to a file.
+"""Draws sets, runs each through the command and appends what it says to a file.
 
 Sets that stand in the file are not run again. All kinds come in turns, so that a part of a run
 says something of each. Several processes may share a file: each has its shard.
@@ -10,7 +10,6 @@ import argparse
 import gzip
 import hashlib
 import json
-import subprocess
 import sys
 import tempfile
 import time
@@ -19,6 +18,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import mtu_cli
 from loop_bench.command import judged, rounded
 from loop_bench.rows import table
 from loop_bench.sets import KINDS, Kind, drawn
@@ -40,24 +40,8 @@ def planned(*, judging: bool, only: str = "", scale: float = 1.0) -> list[tuple[
     return [(kind, index) for _, _, kind, index in sorted(places, key=lambda place: place[:2])]
 
 
-def installed() -> Path:
-    """The package that this environment has installed, never one that lies in the working folder:
-    `python -m` would import that first, and judge it under the other's name.
-    """
-    asked = "import mtu_cli; print(mtu_cli.__file__)"
-    alone = [sys.executable, "-I", "-c", asked]
-    there = subprocess.run(alone, check=True, capture_output=True, text=True).stdout.strip()
-    sys.path[:] = [path for path in sys.path if Path(path or ".").resolve() != Path.cwd()]
-    sys.path.append(str(Path(there).parents[1]))
-    import mtu_cli
-
-    if Path(mtu_cli.__file__).resolve() != Path(there).resolve():
-        raise SystemExit(f"{mtu_cli.__file__} is imported, installed is {there}")
-    return Path(there).parent
-
-
 def state(folder: Path) -> str:
-    """Of the package's code: that of another says other things."""
+    """Of the package's code in a folder: that of another says other things."""
     code = hashlib.sha256()
     for path in sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".yaml")):
         code.update(path.read_bytes())
@@ -98,7 +82,7 @@ def identity(item: Record) -> tuple[str, int, int]:
 def draw(given: argparse.Namespace) -> None:
     """Appends what is missing of a shard."""
     shard, of = map(int, given.shard.split("/"))
-    base, folder = 2 if given.judging else 1, installed()
+    base, folder = 2 if given.judging else 1, Path(mtu_cli.__file__).parent
     code = state(folder)
     held = list(read(given.out)) if given.out.exists() else []
     if given.out.exists() and not given.out.read_bytes().endswith(b"\n"):

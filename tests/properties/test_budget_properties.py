@@ -47,22 +47,5 @@ def test_the_unit_of_an_input_does_not_matter(values: tuple[float, ...], scale: 
     assert other.u == pytest.approx(first.u)
     assert other.second_u == pytest.approx(first.second_u, rel=1e-5)
     assert np.nan_to_num(other.share) == pytest.approx(np.nan_to_num(first.share), abs=1e-8)
-
-
-@given(numbers)
-@settings(max_examples=40, deadline=None)
-def test_a_correlation_of_zero_is_none(values: tuple[float, ...]) -> None:
-    zero = (*values[:6], 0.0)
-    without = budget(zero).rpartition("correlations")[0]
-    first, other = output(without), output(budget(zero))
-    assert other.u == first.u
-    assert other.dof == first.dof
-    assert other.second_u == pytest.approx(first.second_u)
-
-
-@given(numbers)
-@settings(max_examples=40, deadline=None)
-def test_shares_sum_to_one(values: tuple[float, ...]) -> None:
-    found = output(budget(values))
-    if found.u > 0.0:
-        assert float(found.share.sum()) == pytest.approx(1.0)
+    if first.u > 0.0:
+        assert float(first.share.sum()) == pytest.approx(1.0)

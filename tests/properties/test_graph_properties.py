@@ -1,7 +1,4 @@
-"""Constructions know no machine: turned and moved inputs give turned and moved outputs.
-
-Fits of arcs and caps of any width agree with those of one set of points.
-"""
+"""Constructions know no machine: turned and moved inputs give turned and moved outputs."""
 
 from __future__ import annotations
 
@@ -11,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mtu_cli.model.geometry import fit_circle, fit_sphere
 from mtu_cli.model.graph.transitions import TRANSITIONS, Step, Use
 
 Floats = NDArray[np.float64]
@@ -116,49 +112,3 @@ def test_turned_and_moved(do: str, use: Use, count: int, seed: int) -> None:
         wanted = moved(kind, before, R, t)
         scale = max(1.0, float(np.abs(wanted).max()))
         assert after == pytest.approx(wanted, rel=1e-7, abs=1e-9 * scale)
-
-
-def fitted(do: str, points: list[Floats]) -> tuple[Floats, ...]:
-    """The fit as a step of a graph has it, from nominal points (3, 1) and trials (3, m)."""
-    names = tuple(map(str, range(len(points))))
-    step = Step(index=0, do=do, use=TRANSITIONS[do][0], inputs=names, outputs=("C", "r"))
-    nominal = [point[:, :1] for point in points]
-    return made(step, nominal, [point[:, 1:] for point in points])
-
-
-@pytest.mark.parametrize("do", ["circle", "sphere"])
-@settings(max_examples=25, deadline=None)
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    degrees=st.floats(2, 330),
-    radius=st.floats(1, 1000),
-    count=st.integers(5, 12),
-)
-def test_arcs_and_caps_of_any_width(
-    do: str, seed: int, degrees: float, radius: float, count: int
-) -> None:
-    """Against the fit of one set of points, which iterates on centre and radius. Noise: 1 % of
-    the sagitta, the height of the middle over the ends.
-    """
-    rng = np.random.default_rng(seed)
-    half = np.radians(degrees) / 2
-    sagitta = radius * (1 - np.cos(min(half, np.pi / 2)))
-    if do == "circle":
-        t = np.linspace(-half, half, count)
-        nominal = np.stack([np.cos(t), np.sin(t), np.zeros(count)])
-    else:
-        t = np.arccos(np.linspace(1, np.cos(half), count))
-        a = 2.39996 * np.arange(count)
-        nominal = np.stack([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)])
-    nominal = radius * np.linalg.qr(rng.normal(size=(3, 3)))[0] @ nominal
-    noise = 0.01 * sagitta * rng.normal(size=(count, 3, TRIALS))
-    points = [np.column_stack([nominal[:, i], nominal[:, [i]] + noise[i]]) for i in range(count)]
-    centre, found = fitted(do, points)
-    # Rounding of the coordinates, 16 times for the sums, over the sagitta; and what the other
-    # iteration stops at: 1e-12 of the extent, once more over the sagitta.
-    error = (16 * np.finfo(float).eps + 2e-12) * radius / sagitta
-    fit = fit_circle if do == "circle" else fit_sphere
-    for trial in range(TRIALS):
-        one = fit(np.array([point[:, trial + 1] for point in points]))
-        assert found[trial] == pytest.approx(one.radius, rel=error)
-        assert centre[:, trial] == pytest.approx(one.centre, abs=error * radius)

@@ -1,4 +1,4 @@
-"""Examples of NIST Technical Note 1900 (Possolo 2015), as budgets.
+"""Examples of NIST Technical Note 1900 (Possolo 2015), EA-4/02 and EURACHEM QUAM, as budgets.
 
 The inputs and printed results of E3, E11 and E13 were compared with the files of Sandia's suncal
 (test_examples.py, ex_viscometer.yaml, ex_stepatten.yaml, ex_expansion.yaml), which quotes them;
@@ -10,6 +10,12 @@ figures are stated.
 The note's Monte Carlo gives an input "t with 3 degrees of freedom and standard uncertainty u" a
 standard deviation of u. JCGM 101:2008, 6.4.9, takes u as the scale: its standard deviation is
 sqrt(3) u. Both are tested: the note's with the scale u/sqrt(3).
+
+Of EA-4/02 and EURACHEM QUAM: QUAM A1 was compared with the documentation of GTC (CITAC_A1), S2 with
+a package's test of EA-4/02 M:2022, S3 with Metrodata's file for the GUM Workbench
+(metrodata.de/examples/S03.smu: 10 000.178 000 77 ohm, u = 8.328 004 mohm). The first edition's S2
+(29.3 mg, with a drift of 8.95 mg) is given from memory of the document and was compared with
+nothing: Metrodata's S02.smu has 8.66 mg, as the edition of 2022. Its u is also computed by hand.
 """
 
 from __future__ import annotations
@@ -17,7 +23,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from budget_examples import codes, evaluated, single
+from budget_examples import agrees, codes, drawn, evaluated, single
 
 TEMPERATURE = """
     quantity: {name: t, unit: degC}
@@ -39,8 +45,7 @@ def test_surface_temperature() -> None:
     s = math.sqrt((14759.375 - 563**2 / 22) / 21)
     assert output.value == pytest.approx(563 / 22, rel=1e-12)
     assert output.u == pytest.approx(s / math.sqrt(22), rel=1e-9)
-    assert output.value == pytest.approx(25.59, abs=0.005)
-    assert output.u == pytest.approx(0.872, abs=0.0005)
+    agrees(output, value=(25.59, 0.005), u=(0.872, 0.0005))
     assert output.dof == 21.0
     assert output.k == pytest.approx(2.08, abs=0.005)
     assert output.value - output.expanded == pytest.approx(23.8, abs=0.05)
@@ -105,8 +110,7 @@ def test_pitot_tube() -> None:
     equation without its factor 2.
     """
     printed = single(evaluated(PITOT.replace("FACTOR", "1")))
-    assert printed.value == pytest.approx(40.64, abs=0.005)
-    assert printed.u == pytest.approx(0.25, abs=0.005)
+    agrees(printed, value=(40.64, 0.005), u=(0.25, 0.005))
     output = single(evaluated(PITOT.replace("FACTOR", "2")))
     assert output.value == pytest.approx(57.48, abs=0.005)
     # By hand: relative u is half of the root of the sum of squares.
@@ -137,15 +141,13 @@ def test_step_attenuator() -> None:
     """
     result = evaluated(ATTENUATOR.replace("SCALE", "0.0091"), trials=400_000)
     output, run = single(result), result.run
-    assert output.value == pytest.approx(30.043, abs=0.0005)
-    assert output.u == pytest.approx(0.0224, abs=5e-5)
+    agrees(output, value=(30.043, 0.0005), u=(0.0224, 5e-5))
     assert run.high[0] - run.low[0] > 30.081 - 30.006 + 0.01
     scale = 0.0091 / math.sqrt(3)
     run = evaluated(ATTENUATOR.replace("SCALE", repr(scale)), trials=400_000).run
     # A sample's s of t with three degrees of freedom settles slowly: 1 % here.
     assert run.u[0] == pytest.approx(0.0224, abs=5e-5 + 0.01 * 0.0224)
-    assert run.low[0] == pytest.approx(30.006, abs=0.0005 + 3 * run.se_low[0])
-    assert run.high[0] == pytest.approx(30.081, abs=0.0005 + 3 * run.se_high[0])
+    drawn(run, low=(30.006, 0.0005), high=(30.081, 0.0005))
 
 
 EXPANSION = """
@@ -175,11 +177,88 @@ def test_thermal_expansion_coefficient() -> None:
     """
     result = evaluated(expansion(1.0), trials=400_000)
     output = single(result)
-    assert output.value == pytest.approx(1.7266e-5, abs=5e-10)
-    assert output.u == pytest.approx(1.76e-6, abs=5e-9)
+    agrees(output, value=(1.7266e-5, 5e-10), u=(1.76e-6, 5e-9))
     # Nearly linear: the variance of its first-order form is known, whatever its trials.
     assert result.run.u[0] == pytest.approx(math.sqrt(3) * output.u, rel=0.003)
     run = evaluated(expansion(1 / math.sqrt(3)), trials=400_000).run
     assert run.mean[0] == pytest.approx(1.7268e-5, abs=5e-10 + 2 * 1.74e-9)
     assert run.mean[0] == pytest.approx(1.72663e-5, abs=5e-11 + 4 * run.se_mean[0])
     assert run.u[0] == pytest.approx(1.74e-6, rel=0.03)
+
+
+CADMIUM = """
+    quantity: {name: c, unit: mg/L}
+    equation: 1000*m*P/V
+    inputs:
+      m: {value: 100.28, u: 0.05, unit: mg}
+      P: {value: 0.9999, half_width: 0.0001, distribution: rectangular}
+      V: {value: 100.0, u: 0.07, unit: mL}
+"""
+
+
+def test_cadmium_standard() -> None:
+    """EURACHEM/CITAC QUAM, A1: 1002.7 mg/L with u = 0.9 mg/L, from the rounded u(V) = 0.07 mL.
+
+    From the three contributions to V, 0.041, 0.020 and 0.049 mL, unrounded u is 0.835 mg/L.
+    """
+    output = single(evaluated(CADMIUM))
+    agrees(output, value=(1002.7, 0.05), u=(0.9, 0.05))
+    volume = (
+        "{value: 100.0, half_width: 0.1, distribution: triangular, contributions: [{u: 0.02}, "
+        "{half_width: 0.084, distribution: rectangular}], unit: mL}"
+    )
+    unrounded = single(evaluated(CADMIUM.replace("{value: 100.0, u: 0.07, unit: mL}", volume)))
+    assert unrounded.u == pytest.approx(0.835199, abs=5e-7)
+
+
+WEIGHT = """
+    quantity: {name: mx, unit: g}
+    equation: ms + dmd + dm + dmc + db
+    inputs:
+      ms: {value: 10000.005, U: 0.045, k: 2}
+      dmd: {value: 0, UD}
+      dm: {value: 0.020, u: 0.0144}
+      dmc: {value: 0, half_width: 0.010, distribution: rectangular}
+      db: {value: 0, half_width: 0.010, distribution: rectangular}
+    coverage: {k: 2}
+"""
+
+
+def test_weight_of_ten_kilograms() -> None:
+    """EA-4/02, S2: 10 000.025 g with u = 29.3 mg, U = 59 mg (1999); 29.2 mg, 58 mg (M:2022).
+
+    The first edition has the drift as 8.95 mg, for limits of 15 mg, which are 8.66 mg as a
+    rectangle, as in that of 2022. Unrounded u is then 29.26 mg, U 58.52 mg.
+    """
+    printed = single(evaluated(WEIGHT.replace("UD", "u: 0.00895, distribution: rectangular")))
+    by_hand = math.sqrt(0.0225**2 + 0.00895**2 + 0.0144**2 + 2 * 0.01**2 / 3)
+    assert printed.u == pytest.approx(by_hand, rel=1e-12)
+    agrees(printed, value=(10000.025, 5e-4), u=(0.0293, 5e-5), expanded=(0.059, 5e-4))
+    own = single(evaluated(WEIGHT.replace("UD", "half_width: 0.015, distribution: rectangular")))
+    assert own.u == pytest.approx(0.0292, abs=1e-4)
+    agrees(own, u=(0.02926, 5e-5), expanded=(0.05852, 1e-4))
+
+
+RESISTOR = """
+    quantity: {name: Rx, unit: ohm}
+    equation: (Rs + dRd + dRts)*rc*r - dRtx
+    inputs:
+      Rs: {value: 10000.053, U: 0.005, k: 2}
+      dRd: {value: 0.020, half_width: 0.010, distribution: rectangular}
+      dRts: {value: 0, half_width: 0.00275, distribution: rectangular}
+      dRtx: {value: 0, half_width: 0.0055, distribution: rectangular}
+      rc: {value: 1, half_width: 1.0e-6, distribution: triangular}
+      r: {value: 1.0000105, u: 0.07e-6}
+    coverage: {k: 2}
+"""
+
+
+def test_resistor() -> None:
+    """EA-4/02, S3: 10 000.178 ohm with u = 8.33 mohm, U = 17 mohm."""
+    output = single(evaluated(RESISTOR))
+    agrees(output, value=(10000.178, 5e-4), u=(0.00833, 5e-6), expanded=(0.017, 5e-4))
+    # 0.07e-6 is the rounded s/sqrt(5) of five ratios; they are from memory, but they alone give
+    # the GUM Workbench's u to all its digits.
+    readings = "{readings: [1.0000104, 1.0000107, 1.0000106, 1.0000103, 1.0000105]}"
+    unrounded = single(evaluated(RESISTOR.replace("{value: 1.0000105, u: 0.07e-6}", readings)))
+    agrees(unrounded, value=(10000.1780007665, 1e-9), u=(0.00832800405, 5e-10))

@@ -12,8 +12,7 @@ from __future__ import annotations
 
 from shop_day.day import ShopDay
 from shop_day.effects import FAMILIES, effect
-from shop_day.files import write_csv
-from shop_day.machine import write_machine, write_part
+from shop_day.files import write_csv, write_machine, write_part
 from shop_day.noise import NOISES, Noise, measure, measure_repeats
 from shop_day.oracle import Rivals, oracle_gain, whitened
 from shop_day.outside import MISSHAPEN, OUTSIDE, misshapen_effect, outside_effect

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,19 +21,13 @@ from shop_day import (
     Truth,
     effect,
     measure,
-    measure_repeats,
     misshapen_effect,
     oracle_gain,
     outside_effect,
-    write_csv,
-    write_part,
 )
 from shop_day.day import Floats, Kind, spindle_rise
 from shop_day.noise import REPEATS, SIG_CMM, SIG_HOLE, SIG_PART, SIG_PROCESS, SIGMA
 from shop_day.rivals import rival_columns
-
-from mtu_cli.files.part import load_part
-from mtu_cli.files.points import read_points
 
 KINDS: tuple[Kind, ...] = ("A", "B")
 rng_of = np.random.default_rng
@@ -78,26 +71,6 @@ def test_size_and_columns_of_effects(kind: Kind, make: Maker) -> None:
         assert {np.sign(truth.coefficients[0]) for truth in truths} == {-1, 1}
     if make is effect:
         assert effect(day, "backlash-y", rng_of(1), 1.0).axes == (1,)
-
-
-def test_points_come_back_as_they_were(tmp_path: Path) -> None:
-    day, rng = ShopDay("B", 1), rng_of(2)
-    repeats = measure_repeats(day, rng, [effect(day, "abbe", rng, 1.0)])
-    part = load_part(write_part(day, tmp_path / "part.yaml")).part
-    points = read_points([(write_csv(day, repeats, tmp_path / "cmm.csv"), "cmm")], part.places())
-    assert len(points) == 21 * 24 * 3
-    assert points.operations == day.operations
-    p, r = points.part, points.repeat - 1
-    h = np.array([int(points.features[i]) - 1 for i in points.feature])
-    np.testing.assert_allclose(points.nominal, day.places[h], atol=1e-12)
-    error = 1000 * (points.measured[:, :2] - points.nominal[:, :2])
-    np.testing.assert_allclose(error, repeats[p, h, :, r], atol=1e-5)
-    np.testing.assert_array_equal(points.operation, day.operation[h])
-    read = points.covariates | {"sequence": points.sequence, "time_min": points.time_min}
-    read |= {"dir_x": points.direction[:, 0], "dir_y": points.direction[:, 1]}
-    assert set(read) == set(day.covariates)
-    for name, values in read.items():
-        np.testing.assert_allclose(values.astype(float), day.full(name)[p, h], rtol=1e-9)
 
 
 def strata(errors: Floats) -> list[float]:

@@ -89,9 +89,7 @@ class AnovaResult:
 
     `kinds` are features, then lengths and right angles where there are any. `unusual` is None
     where there are too few parts to tell; `sequence` has the place (parts,) of each part in an
-    operation; `trends` are of all tables, `capabilities` of what has a tolerance. `shown` are
-    (operation, feature) by interest: where a part is an outlier, then the largest
-    errors to come.
+    operation; `trends` are of all tables, `capabilities` of what has a tolerance.
     """
 
     method: Method
@@ -102,7 +100,6 @@ class AnovaResult:
     trends: tuple[Trend, ...]
     capabilities: tuple[Capability, ...]
     totals: tuple[Total, ...]
-    shown: tuple[tuple[str, str], ...]
     warnings: tuple[Finding, ...]
 
     @property
@@ -152,8 +149,6 @@ def analyse_variance(
             outliers[label] = (*outliers.get(label, ()), item.part)
     kinds = [replace(x, unusual=tuple(outliers.get(each, ()) for each in x.labels)) for x in kinds]
     features, sequence = kinds[0], sequences(points)
-    with_parts = [label for label in features.labels if label in outliers]
-    interesting = [*with_parts, *(features.labels[i] for i in features.order)]
     if datum == "none":
         warnings += _set_up_warnings(features, points)
     return AnovaResult(
@@ -165,7 +160,6 @@ def analyse_variance(
         trends=trends(kinds, sequence),
         capabilities=capabilities(kinds, part, sequence),
         totals=_totals(features),
-        shown=tuple(dict.fromkeys(label[:2] for label in interesting)),
         warnings=(*warnings, *_warnings(kinds, method)),
     )
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from mtu_cli.analyses.anova.tables import TAIL, Analysed
+from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.files.points import Points
 from mtu_cli.model.measured import Label
 from mtu_cli.model.visits import operations_of
@@ -17,9 +18,6 @@ from mtu_cli.stats.family import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.rotation import outstanding_rows
 from mtu_cli.units import ARCSEC, UM
-
-if TYPE_CHECKING:
-    from mtu_cli.files.part import LoadedPart
 
 PARTS, TRENDS = 0.6, 0.2
 """Shares of the family-wise rate, of clean studies with an alarm of any kind (weighted Bonferroni):
@@ -190,16 +188,16 @@ def capabilities(
     """Of everything in the part file that has a tolerance, and was measured on two parts."""
     if part is None:
         return ()
-    of_part, limits = part.part, dict[tuple[Of, str], Interval]()
-    for e in of_part.lengths:
-        if e.tolerance is not None:
-            limits["length", e.id] = e.tolerance.low * UM, e.tolerance.high * UM
-    for a in of_part.orthogonality:
-        if a.tolerance is not None:
-            limits["angle", a.id] = a.tolerance.low * ARCSEC, a.tolerance.high * ARCSEC
-    for name, feature in of_part.features.items():
-        if feature.position_um is not None:
-            limits["position", name] = 0.0, feature.position_um * UM / 2
+    tolerated: list[tuple[Of, str, Tolerance | None, float]] = [
+        *(("length", each.id, each.tolerance, UM) for each in part.part.lengths),
+        *(("angle", each.id, each.tolerance, ARCSEC) for each in part.part.orthogonality),
+        *(
+            ("position", name, Tolerance(0.0, each.position_um / 2), UM)
+            for name, each in part.part.features.items()
+            if each.position_um is not None
+        ),
+    ]
+    limits = {(of, name): (x.low * unit, x.high * unit) for of, name, x, unit in tolerated if x}
     result = []
     for kind in kinds:
         rows = {label: i for i, label in enumerate(kind.labels)}

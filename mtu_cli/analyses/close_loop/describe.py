@@ -9,12 +9,17 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, Offset
-from mtu_cli.analyses.close_loop.estimate import Estimate, Estimates, Parameter
+from mtu_cli.analyses.close_loop.estimate import (
+    Estimate,
+    Estimates,
+    Parameter,
+    SmoothEffect,
+    smooth_effect,
+)
 from mtu_cli.analyses.close_loop.experiment import experiment
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import FoundEffect, component_of
-from mtu_cli.analyses.close_loop.smooth import SmoothEffect, smooth_effect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.language.tree import filled_text, names

@@ -52,27 +52,33 @@ RANK = 1e-4
 Group = tuple[tuple[tuple[int, ...], int], list[int]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True, eq=False)
 class Member:
     """One form of a candidate at one value of what is searched.
 
-    `own` and `low` are indices of columns, of the effect's parameters and of its margins. Of each
-    parameter, its own and then the margins', `indices` is the column (-1: nothing of it is left)
-    and `factors` what its lever is of the unit column, `means` (k, A) its lever's over the table.
-    `prior` is its share of the candidate's.
+    `columns` (k, n) of its parameters, its own and then its margins', are what is not zero at the
+    coordinates `at` (n,), `means` (k, A) and `norms` (k,) theirs over the table; `basis` is an
+    orthonormal basis of what is its own beside the margins. Among the columns of the design `own`
+    and `low` (of margins) are indices; of each parameter `indices` is the column (-1: nothing of it
+    is left) and `factors` what its lever is of the unit column. `prior` is its share of the
+    candidate's.
     """
 
-    candidate: int
     form: BoundTemplate
     value: float | None
     chosen: int | None
-    own: tuple[int, ...]
-    factors: tuple[float, ...]
-    indices: tuple[int, ...]
-    means: FloatArray = field(compare=False)
-    low: tuple[int, ...]
-    prior: float
+    at: IntArray
+    columns: FloatArray
+    means: FloatArray
+    norms: FloatArray
+    basis: FloatArray
+    prior: float = 1.0
     around: tuple[float, ...] = ()
+    candidate: int = NONE
+    own: tuple[int, ...] = ()
+    low: tuple[int, ...] = ()
+    indices: tuple[int, ...] = ()
+    factors: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,28 +151,10 @@ class Design:
         """Finer members around one of the grid."""
         if m not in self._around:
             parent = self.members[m]
-            found = []
-            if parent.around:
-                values = np.array(parent.around)
-                for item in evaluated(self, parent.form, values):
-                    found.append(len(self.members))
-                    self.members.append(made(self, parent.candidate, item, 0.0))
-            self._around[m] = tuple(found)
+            values = np.array(parent.around)
+            finer = evaluated(self, parent.form, values) if parent.around else []
+            self._around[m] = tuple(add(self, parent.candidate, item) for item in finer)
         return self._around[m]
-
-
-def _seen(levers: Sequence[Levers], design: Design, G: int) -> tuple[IntArray, FloatArray]:
-    """Coordinates (n,) that levers reach and their values (G, k, n) there, the motions of the datum
-    taken out.
-    """
-    P, H, _ = design.table.errors.shape
-    freed = [_freed(lever, design.table) for lever in levers]
-    if design.gaps.count:
-        freed = [
-            {a: design.gaps.filled(v) if v.shape[-2:] == (P, H) else v for a, v in own.items()}
-            for own in freed
-        ]
-    return design.strata.of_levers(freed, G)
 
 
 def fitted_powers(table: ResidualTable) -> FloatArray:
@@ -193,26 +181,6 @@ def _freed(lever: Levers, table: ResidualTable) -> Levers:
     return {a: np.moveaxis(left[:, :, a], -1, 0) for a in range(A)}
 
 
-@dataclass(slots=True, kw_only=True)
-class Placed:
-    """A member before it is chosen: of its own columns (k, n) and of its margins what is not zero,
-    `at` the coordinates (n,); their means (k, A) and norms over the table, and an orthonormal basis
-    (k, n) of what is its own beside these.
-    """
-
-    form: BoundTemplate
-    value: float | None
-    chosen: int | None
-    at: IntArray
-    own: FloatArray
-    low: FloatArray
-    means: FloatArray
-    norms: FloatArray
-    basis: FloatArray
-    weight: float = 1.0
-    around: tuple[float, ...] = ()
-
-
 def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[FloatArray, FloatArray]:
     """The means (G, k, A) of columns over the table, and their norms (G, k)."""
     P, H, A = table.errors.shape
@@ -224,60 +192,59 @@ def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[Floa
     return mean, np.sqrt(square)
 
 
-def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Placed]:
+def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Member]:
     """The members of a form at some values; those of which the data see nothing are left out."""
     own = form.columns(values)
     lower = [lever for item in form.margins for lever in item.columns(values)]
     G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
     if G == 0:
         return []
-    at, X = _seen([*own, *lower], design, G)
-    means, norms = _means([*own, *lower], G, design.table)
+    table, gaps = design.table, design.gaps
+    levers: list[Levers] = [*own, *lower]
+    means, norms = _means(levers, G, table)
+    levers = [_freed(lever, table) for lever in levers]
+    if gaps.count:
+        whole = gaps.there.shape
+        levers = [
+            {a: gaps.filled(v) if v.shape[-2:] == whole else v for a, v in lever.items()}
+            for lever in levers
+        ]
+    at, X = design.strata.of_levers(levers, G)
     # What no column has is no direction: most columns are of one stratum.
     there = X.any(axis=(0, 1))
-    at, (X, Z) = at[there], np.split(X[:, :, there], [len(own)], axis=1)
-    sizes = np.linalg.norm(X, axis=2)
-    sound, inner = _bases(X, Z)
+    at, X = at[there], X[:, :, there]
+    sizes = np.linalg.norm(X[:, : len(own)], axis=2)
+    sound, inner = _bases(X[:, : len(own)], X[:, len(own) :])
     # Periods: columns are of the same size for all of them.
     if form.scale == "frequency":
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
-    kept: BoolArray = np.any(inner, axis=2)
     return [
-        Placed(
+        Member(
             form=form,
             value=None if values is None else float(values[g]),
             chosen=None if form.chosen is None else int(g),
             at=at,
-            own=X[g],
-            low=Z[g],
+            columns=X[g],
             means=means[g],
             norms=norms[g],
-            basis=inner[g][kept[g]],
+            basis=inner[g][inner[g].any(axis=1)],
         )
         for g in np.flatnonzero(sound)
     ]
 
 
-def made(design: Design, c: int, item: Placed, prior: float) -> Member:
-    """The member with its columns among those of the design."""
-    X = np.concatenate([item.own, item.low])
-    indices, factors = design.columns.add(item.at, X, item.means, item.norms)
-    k = len(item.own)
-    own = dict.fromkeys(int(i) for i in indices[:k] if i != NONE)
-    low = dict.fromkeys(int(i) for i in indices[k:] if i != NONE and i not in own)
-    return Member(
-        candidate=c,
-        form=item.form,
-        value=item.value,
-        chosen=item.chosen,
-        own=tuple(own),
-        factors=tuple(factors.tolist()),
-        indices=tuple(indices.tolist()),
-        means=item.means,
-        low=tuple(low),
-        prior=prior,
-        around=item.around,
-    )
+def add(design: Design, c: int, member: Member, prior: float = 0.0) -> int:
+    """The index of a member of candidate c among those of the design, its columns among theirs."""
+    indices, factors = design.columns.add(member.at, member.columns, member.means, member.norms)
+    k = len(member.form.parameters)
+    own, low = (dict.fromkeys(int(i) for i in some if i != NONE) for some in np.split(indices, [k]))
+    member.own, member.low = tuple(own), tuple(i for i in low if i not in own)
+    member.indices, member.factors = tuple(indices.tolist()), tuple(factors.tolist())
+    member.candidate, member.prior = c, prior
+    # Thousands of members would fill the memory with what the columns hold.
+    member.columns = member.basis = np.zeros((0, 0))
+    design.members.append(member)
+    return len(design.members) - 1
 
 
 def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -325,7 +292,7 @@ def grid_values(form: BoundTemplate) -> FloatArray | None:
     return np.asarray(back(np.interp(at, np.arange(len(grid)), to(grid))))
 
 
-def neighbours(items: Sequence[Placed]) -> tuple[list[Placed], FloatArray, FloatArray]:
+def neighbours(items: Sequence[Member]) -> tuple[list[Member], FloatArray, FloatArray]:
     """Members of a form with all columns, in their order, the angles (n - 1,) between each and the
     next, and the arc (n,) that each stands for.
     """
@@ -337,14 +304,14 @@ def neighbours(items: Sequence[Placed]) -> tuple[list[Placed], FloatArray, Float
     return items, arcs, (ends[1:] + ends[:-1]) / 2
 
 
-def _spaced(kept: list[Placed]) -> list[Placed]:
+def _spaced(kept: list[Member]) -> list[Member]:
     """Members at equal angles along what is searched; few stay all, weighed by their arcs."""
     if len(kept) < 2 or kept[0].value is None:
         return kept
     kept, arcs, weights = neighbours(kept)
     if len(kept) < FEW:
         for item, weight in zip(kept, weights.tolist(), strict=True):
-            item.weight = weight
+            item.prior = weight
         return kept
     along = np.concatenate([[0.0], np.cumsum(arcs)])
     at = np.linspace(0, along[-1], max(2, round(along[-1] / STEP_RAD) + 1))
@@ -357,7 +324,7 @@ def _spaced(kept: list[Placed]) -> list[Placed]:
     return [kept[i] for i in chosen]
 
 
-def _distinct(placed: list[Placed]) -> list[Placed]:
+def _distinct(placed: list[Member]) -> list[Member]:
     """Without members that span what an earlier one spans."""
     if not placed:
         return []
@@ -366,17 +333,18 @@ def _distinct(placed: list[Placed]) -> list[Placed]:
     single = np.ones(len(placed), bool)
     for k in np.unique(widths):
         group = np.flatnonzero(widths == k)
-        bases = np.zeros((len(group), k, len(used)))
+        # Thousands of them are compared, and single precision tells the same from others.
+        bases = np.zeros((len(group), k, len(used)), np.float32)
         for basis, i in zip(bases, group, strict=True):
             basis[:, np.searchsorted(used, placed[i].at)] = placed[i].basis
         rows = bases.reshape(-1, len(used))
         products = (rows @ rows.T).reshape(len(group), k, len(group), k)
+        squares = np.einsum("gkhl,gkhl->gh", products, products)
         for n, i in enumerate(group):
-            own, earlier = products[:n, :, n], single[group[:n]]
             least = STEP_RAD / 2 if placed[i].around else SAME_RAD
             # The least cosine of all is at most their root mean square.
-            near = earlier & (np.einsum("gkl,gkl->g", own, own) > k * np.cos(least) ** 2)
-            single[i] = not near.any() or _angles(own[near]).min() >= least
+            near = single[group[:n]] & (squares[:n, n] > k * np.cos(least) ** 2)
+            single[i] = not near.any() or _angles(products[:n, :, n][near]).min() >= least
     return [item for item, alone in zip(placed, single, strict=True) if alone]
 
 
@@ -431,8 +399,9 @@ def design_of(
                 for item in _spaced(evaluated(design, form, grid_values(form)))
             ]
         )
-        total = sum(item.weight for item in distinct)
-        design.members += [made(design, c, item, item.weight / total) for item in distinct]
+        total = sum(item.prior for item in distinct)
+        for item in distinct:
+            add(design, c, item, item.prior / total)
     design.tested = len(design.members)
     design.kernels = tuple(_kernels(table, strata))
     return design

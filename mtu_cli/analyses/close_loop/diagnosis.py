@@ -13,10 +13,11 @@ from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
-from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of, variance_of
+from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of
 from mtu_cli.analyses.close_loop.strata import FEATURE
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.least_squares import FloatArray
 
 LEAST_MEAN = 1e-9
 """Of a unit column, from which on an effect moves the mean."""
@@ -82,7 +83,7 @@ def diagnosed(
         errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
         table = replace(table, errors=errors)
     moving: list[tuple[str, float, float]] = []
-    of_features = None
+    of_features: FloatArray | None = None
     while True:
         likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features, step)
         gate = Gate(likelihood, np.random.default_rng(seed), step)
@@ -94,8 +95,10 @@ def diagnosed(
         if len(of_parts) == len(moving):
             break
         moving = of_parts
-        fit = likelihood.fit(models.columns(model))
-        of_features = variance_of(likelihood, fit, FEATURE)
+        strata, weights = likelihood.design.strata, likelihood.fit(models.columns(model)).weights
+        of_features = np.zeros(len(table.axes))
+        for s in strata.of(FEATURE):
+            of_features[strata.axis[s]] = likelihood.design.scale**2 / weights[s]
     p = gate(models.columns(model), tuple(name for name, _, _ in scatter))
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
@@ -103,11 +106,20 @@ def diagnosed(
         if c.kind == "offset" and p.get(c.name, 1.0) <= alpha
     ]
     checks = tuple((name, p[name]) for name in CHECKS if name in p)
-    fired = [name for name, value in checks if value <= alpha]
-    if OF_PARTS & {name for name, _, _ in scatter}:
-        fired = [name for name in fired if name != "pattern"]
+    # Whole parts that move at random make a pattern, too.
+    known = {"pattern"} if moving else set[str]()
+    fired = tuple(name for name, value in checks if value <= alpha and name not in known)
     nameless = any(entry.overtaken for entry in entries) or models.nameless_wins(model)
-    result = Diagnosis(
+    classes = [*(entry.credible for entry in entries), *(offset.credible for offset in offsets)]
+    if fired or nameless:
+        verdict = "unexplained"
+    elif not (entries or scatter or offsets):
+        verdict = "none"
+    else:
+        several = any(len(names) > 1 for names in classes)
+        several |= any(entry.nameless > 1 - SHARE for entry in entries)
+        verdict = "class" if several else "named"
+    return Diagnosis(
         likelihood=likelihood,
         models=models,
         model=model,
@@ -115,12 +127,11 @@ def diagnosed(
         scatter=tuple(scatter),
         offsets=tuple(offsets),
         checks=checks,
-        fired=tuple(fired),
+        fired=fired,
         nameless=nameless,
         outliers=hit,
-        verdict="none",
+        verdict=verdict,
     )
-    return replace(result, verdict=_verdict(result))
 
 
 def _offset_class(
@@ -145,14 +156,3 @@ def _offset_class(
         )
     odds = {name: np.exp(log) for name, log in logs.items() if log > -np.log(WINDOW)}
     return tuple((name, float(x / sum(odds.values()))) for name, x in odds.items())
-
-
-def _verdict(found: Diagnosis) -> str:
-    if found.fired or found.nameless:
-        return "unexplained"
-    if not found.names:
-        return "none"
-    sizes = [len(entry.credible) for entry in found.entries]
-    several = max([*sizes, *(len(offset.credible) for offset in found.offsets)], default=1) > 1
-    nameless = any(entry.nameless > 1 - SHARE for entry in found.entries)
-    return "class" if several or nameless else "named"

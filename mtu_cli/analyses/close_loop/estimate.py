@@ -1,4 +1,6 @@
-"""Sizes of the effects of a model, with their margins, the level, and what was searched."""
+"""Sizes of the effects of a model, with their margins, the level, and what was searched; smooth
+profiles as tables of values along an axis with their covariance.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +14,11 @@ from scipy.special import chdtri, logsumexp, stdtrit
 from mtu_cli.analyses.close_loop.design import (
     DEPENDENT,
     Design,
+    Kernel,
     Member,
-    Placed,
+    add,
     evaluated,
     grid_values,
-    made,
     neighbours,
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
@@ -24,8 +26,12 @@ from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
 from mtu_cli.analyses.close_loop.model_set import Model, ModelSet
 from mtu_cli.analyses.close_loop.strata import NONE
 from mtu_cli.model.effect_library import TableData
+from mtu_cli.stats.kernels import smooth_root
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.smooth_profile import averaged
 
+SAME_LINE = 1e-9
+"""Of a line; less is rounding."""
 NEWTON = 4
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""
@@ -98,6 +104,27 @@ class Estimates:
     fit: Fit
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmoothEffect:
+    """Values (T,) at `knots` (T,) mm along axis `along`, about their line and the features' mean,
+    with the covariance (T, T); `roughness` is the variance of the integrated Wiener process per
+    mm^3, `between` a variance off the knots. In mm or rad.
+    """
+
+    along: str
+    knots: FloatArray
+    values: FloatArray
+    covariance: FloatArray
+    roughness: float
+    dof: float
+    between: float = 0.0
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the values."""
+        return float(np.sqrt(np.mean(self.values**2)))
+
+
 def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     """What the data say of the searched parameter of one effect of a model.
 
@@ -143,12 +170,12 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
     return model
 
 
-def _gains(like: Likelihood, base: Fit, items: Sequence[Placed]) -> FloatArray:
+def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
     """The chi^2 that each of some members of a form explains beside a fitted model, its margins and
     the common columns, the strata's variances those of the fit with the best of them.
     """
-    labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].own)
-    X = np.array([np.concatenate([item.own, item.low]) for item in items])
+    labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].form.parameters)
+    X = np.array([item.columns for item in items])
     weights, result = base.weights, np.zeros(len(items))
     Z, y = like.design.columns.dense(base.columns), base.residual
     for _ in range(2):
@@ -210,8 +237,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
         items = evaluated(design, member.form, np.array([new]))
         if not items:
             break
-        m = len(design.members)
-        design.members.append(made(design, member.candidate, items[0], 0.0))
+        m = add(design, member.candidate, items[0])
         now = like.log_likelihood(like.closure((*rest, m)))
         if now <= top + 1e-9:
             break
@@ -233,9 +259,9 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     items = evaluated(design, member.form, near)
     if len(items) != 2:
         return None
-    k = len(items[0].own)
-    slope = np.einsum("k,kn->n", sizes[:k], items[0].own - items[1].own) / (2 * STEP)
-    mean = np.einsum("k,ka->a", sizes[:k], (items[0].means - items[1].means)[:k]) / (2 * STEP)
+    own = np.array(sizes[: len(member.form.parameters)]) / (2 * STEP)
+    slope = own @ (items[0].columns - items[1].columns)[: len(own)]
+    mean = own @ (items[0].means - items[1].means)[: len(own)]
     norms = np.linalg.norm(slope[None], axis=1)
     (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None], norms)
     if index == NONE:
@@ -323,3 +349,49 @@ def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
             g = member.chosen or 0
             result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
     return result
+
+
+def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEffect:
+    """The profile of a random function beside a fitted model (BLUP), its amplitude averaged over
+    its posterior, so that future values between the places are covered at any amplitude.
+    """
+    design, strata = likelihood.design, likelihood.design.strata
+    P, H, A = strata.shape
+    (s,) = kernel.strata
+    along = kernel.along
+    places = np.nan_to_num(design.table.mean_places)[:, "xyz".index(along)]
+    knots, at = np.unique(np.round(places, 6), return_inverse=True)
+    part = strata.slices[s]
+    _a, i, j = np.unravel_index(strata.place[part], (A, P, H))
+    shared = np.flatnonzero(i == 0)
+    basis = strata.of_features[strata.axis[s]][:, j[shared]] / strata.spread[part][shared]
+    centred = places - places.mean()
+    line = basis.T @ centred
+    N = np.sqrt(P) * basis.T @ np.eye(len(knots))[at]
+    y = fit.residual[part][shared]
+    # Of readings the lines of the passes hold it: what is left of it is rounding.
+    if np.linalg.norm(line) > SAME_LINE * np.linalg.norm(centred):
+        unit = line / np.linalg.norm(line)
+        N, y = N - np.outer(unit, unit @ N), y - unit * (unit @ y)
+    B = smooth_root(knots)
+    scale = float(np.mean((B[at] ** 2).sum(axis=1)))
+    U, sizes, V = np.linalg.svd(N, full_matrices=False)
+    kept = sizes > 1e-9 * sizes[0]
+    G, z = sizes[kept, None] * V[kept], U[:, kept].T @ y
+    rest = float(fit.residual[part] @ fit.residual[part] - z @ z) + float(likelihood.extra[s])
+    # What the profile's own coordinates do not take is the error that it is judged by.
+    nu = max(round(fit.dof[s]) - len(z), 1)
+    if nu < 2 or rest <= 0:
+        rest, nu = float(fit.dof[s] / fit.weights[s]), round(fit.dof[s])
+    values, covariance, amplitude2 = averaged(G, z, B / np.sqrt(scale), rest, nu)
+    variance = rest / nu * design.scale**2
+    # The level is estimated with those of all other effects: of the features none is left here.
+    about = np.eye(len(knots)) - np.bincount(at) / len(at)
+    return SmoothEffect(
+        along=along,
+        knots=knots,
+        values=about @ values * design.scale,
+        covariance=about @ covariance @ about.T * variance,
+        roughness=amplitude2 * variance / scale,
+        dof=float(nu),
+    )

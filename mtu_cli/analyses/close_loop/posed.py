@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, design_of, smooth_covariance
-from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import interaction, missing
 from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
 from mtu_cli.model.effect_library import Candidate
@@ -60,15 +60,6 @@ def posed(
     least = np.where(shared, strata.shape[0] * least, least)
     known = _known(design, len(scatter), variance, n)
     return Likelihood(design, y, errors.mean(axis=(0, 1)), n, known, least)
-
-
-def variance_of(likelihood: Likelihood, fit: Fit, kind: str) -> FloatArray:
-    """The variance (A,) mm^2 of the coordinates of a kind beside a fit, by axis."""
-    design = likelihood.design
-    result = np.zeros(design.strata.shape[2])
-    for s in design.strata.of(kind):
-        result[design.strata.axis[s]] = design.scale**2 / fit.weights[s]
-    return result
 
 
 def _dof(design: Design) -> FloatArray:

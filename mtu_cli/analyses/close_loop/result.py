@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from mtu_cli.analyses.close_loop.estimate import Parameter, Searched
+from mtu_cli.analyses.close_loop.estimate import Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.experiment import Experiment
-from mtu_cli.analyses.close_loop.smooth import SmoothEffect
 from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.effect_library import Candidate

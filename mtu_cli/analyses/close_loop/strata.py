@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,15 +44,17 @@ def to_contrasts(tables: FloatArray) -> FloatArray:
 class Strata:
     """Coordinates of tables (P, H, A), ordered by stratum.
 
-    `of_parts` (P, P), `of_features` (A, H, H) are orthonormal; `place` (N,) are the flat indices of
-    the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
-    `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
-    deviations relative to the stratum's; `bends` (H,) the variance of bends that parts have of
-    their own, by direction of the features (mean 1).
+    `of_parts` (P, P), `of_features` (A, H, H) are orthonormal; these are, by axis, diag(s) - L R if
+    they are k `reflections` (s, L, R), which turn rows (n, H) in a time that grows as k n H.
+    `place` (N,) are the flat indices of the coordinates in (A, P, H), and `at` (A, P, H) the
+    coordinate of each; stratum s is the slice `slices[s]`, along the axis `axis[s]`, and its kind
+    is `kinds[s]`. `spread` (N,) are standard deviations relative to the stratum's; `bends` (H,) the
+    variance of bends that parts have of their own, by direction of the features (mean 1).
     """
 
     of_parts: FloatArray
     of_features: FloatArray
+    reflections: tuple[tuple[FloatArray, FloatArray, FloatArray] | None, ...]
     place: IntArray
     at: IntArray
     slices: tuple[slice, ...]
@@ -90,7 +93,13 @@ class Strata:
         """
         P, H, _ = self.shape
         p, h = values.shape[-2:]
-        turned = values @ self.of_features[a] if h == H else values * np.sqrt(H)
+        if h < H:
+            turned = values * np.sqrt(H)
+        elif (reflections := self.reflections[a]) is None:
+            turned = values @ self.of_features[a]
+        else:
+            signs, left, right = reflections
+            turned = values * signs - (values @ left) @ right
         return to_contrasts(turned) if p == P else turned * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
@@ -142,13 +151,17 @@ def strata_of(
     A, H = len(lines), len(lines[0])
     bases, spreads, shape = np.zeros((A, H, H)), np.ones((A, 1, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
-    first = 1 if features_scatter else 0
+    first, reflections = 1 if features_scatter else 0, list[Any]()
     for a, own in enumerate(lines):
         begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), own])
         k = begin.shape[1]
         basis, R = np.linalg.qr(begin, mode="complete")
         # A factorisation is free in the signs of its columns.
         basis[:, :k] *= np.sign(np.diag(R))
+        signs = np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
+        apart = np.diag(signs) - basis
+        skeleton = np.linalg.pinv(apart[:k, :k]) @ apart[:k]
+        reflections.append(None if roughness is not None else (signs, apart[:, :k], skeleton))
         if roughness is not None and k < H:
             values, turn = np.linalg.eigh(basis[:, k:].T @ roughness @ basis[:, k:])
             basis[:, k:] = basis[:, k:] @ turn[:, ::-1]
@@ -172,6 +185,7 @@ def strata_of(
     return Strata(
         of_parts=to_contrasts(np.eye(P)).T,
         of_features=bases,
+        reflections=tuple(reflections),
         place=place,
         at=at.reshape(label.shape),
         slices=tuple(map(slice, ends[:-1], ends[1:])),

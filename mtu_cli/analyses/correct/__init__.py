@@ -46,8 +46,8 @@ class CorrectResult:
     """Corrected points and the sizes among them.
 
     Labels (n,) of every point, None where one is not given. `error` (n, 3) is the modelled error
-    with standard uncertainty `u` and effective degrees of freedom `dof` (n, 3), mm; nan along axes
-    that have no equation or were not measured. `corrected` (n, 3) = measured - error, along such
+    with standard uncertainty `u` (n, 3), mm; nan along axes that have no equation or were not
+    measured. `corrected` (n, 3) = measured - error, along such
     axes measured as it is; its `u_corrected` has the `scatter` of the measured points, too.
     `axes` are those that were corrected, `forms` the rings whose form could be tested.
     """
@@ -60,10 +60,8 @@ class CorrectResult:
     axes: tuple[str, ...]
     error: FloatArray
     u: FloatArray
-    dof: FloatArray
     corrected: FloatArray
     u_corrected: FloatArray
-    dof_corrected: FloatArray
     scatter: PointScatter | None
     sizes: tuple[Size, ...]
     forms: tuple[FormLeft, ...]
@@ -127,13 +125,13 @@ def correct(
     )
     warnings = [*needed.warnings, *guess_warnings(model, rows.places, needed.values)]
     warnings += _axis_warnings(model, points)
-    error, u, dof = rows.errors()
+    error, u = rows.errors()
     corrected = places - np.nan_to_num(error)
     wanted, absent = ([], []) if part is None else wanted_of(part, points, at)
     visits, rings, partial = measured_sizes(wanted, rows, corrected)
     scatter = point_scatter(points, corrected, rings)
     sizes = mean_sizes(wanted, visits, scatter, settings.coverage_factor)
-    u_corrected, dof_corrected = (u, dof) if scatter is None else scatter.added(u, dof)
+    u_corrected = u if scatter is None else np.hypot(u, scatter.s)
     forms = forms_left(rings, scatter, float(roundings(points).max()))
     outside = replace(rows.predicted(np.arange(1)), outside=tuple(rows.outside.values()))
     warnings += [*outside_warnings(outside), *absent, *partial]
@@ -159,10 +157,8 @@ def correct(
         axes=tuple(a for i, a in enumerate(AXES) if np.isfinite(error[:, i]).any()),
         error=error,
         u=u,
-        dof=dof,
         corrected=corrected,
         u_corrected=u_corrected,
-        dof_corrected=dof_corrected,
         scatter=scatter,
         sizes=tuple(sizes),
         forms=forms,

@@ -89,19 +89,17 @@ class RowErrors:
             return np.diag(A**2 @ prediction.independent_variance)
         return np.asarray(A @ prediction.covariance @ A.T)
 
-    def errors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Error, standard uncertainty and effective degrees of freedom (n, 3); mm. They are nan
-        along axes that have no equation or were not measured.
+    def errors(self) -> tuple[FloatArray, FloatArray]:
+        """Error and standard uncertainty (n, 3), mm: nan along axes that have no equation or were
+        not measured.
         """
         n, a = len(self.points), len(self.model.axes)
-        error, u, dof = (np.full((n, 3), np.nan) for _ in range(3))
+        error, u = np.full((2, n, 3), np.nan)
         for start in range(0, n, PIECE):
             rows = np.arange(start, min(start + PIECE, n))
             prediction, place = self.predicted(rows), np.ix_(rows, np.array(self.columns))
-            variance, nu = self.variances(prediction, np.eye(len(rows) * a))
+            variance, _ = self.variances(prediction, np.eye(len(rows) * a))
             error[place] = prediction.mean.reshape(-1, a)
             u[place] = np.sqrt(variance).reshape(-1, a)
-            dof[place] = nu.reshape(-1, a)
-        for values in (error, u, dof):
-            values[np.isnan(self.points.measured)] = np.nan
-        return error, u, dof
+        lost = np.isnan(self.points.measured)
+        return np.where(lost, np.nan, error), np.where(lost, np.nan, u)

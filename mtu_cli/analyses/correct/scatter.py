@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -58,25 +59,19 @@ class PointScatter:
     @property
     def s(self) -> float:
         """The standard deviation, mm."""
-        return float(np.sqrt(self.variance + self.rounding))
+        return sqrt(self.variance + self.rounding)
 
-    def added(
-        self,
-        u: FloatArray | float,
-        dof: FloatArray | float,
-        sensitivity: float = 1.0,
-        repeats: int = 1,
-    ) -> tuple[FloatArray, FloatArray]:
+    def added(self, u: float, dof: float, sensitivity: float, repeats: int) -> tuple[float, float]:
         """u and effective dof (JCGM 100, eq. (G.2b), never fewer than the least of both) with
         `sensitivity` (s^2/`repeats` + rounding) added to u^2: the sum of the squared gradients in
         the coordinates.
         """
         share = sensitivity / repeats
-        total = np.asarray(u**2 + share * self.variance + sensitivity * self.rounding)
+        total = u**2 + share * self.variance + sensitivity * self.rounding
         if self.variance == 0:
-            return np.sqrt(total), np.asarray(dof)
-        spread = np.asarray(u) ** 4 / dof + share**2 * self.spread
-        return np.sqrt(total), np.maximum(total**2 / spread, np.minimum(dof, self.dof))
+            return sqrt(total), dof
+        spread = u**4 / dof + share**2 * self.spread
+        return sqrt(total), max(total**2 / spread, min(dof, self.dof))
 
 
 class Ring(NamedTuple):

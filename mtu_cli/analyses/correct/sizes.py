@@ -149,9 +149,8 @@ class Size:
     `reference` is the calibrated diameter or nominal length (nan: none) with expanded
     uncertainty `U_reference` (k = 2, nan: not given), `form` the range of the radial residuals
     (nan for lengths). `u`, `dof` are those of the corrected size. Of a part that was measured
-    `n_repeats` times all are means, of which `s_repeats` (after, nan for one) is the scatter.
-    `sensitivity` is the sum of the squared gradients of the size in the coordinates; `k` the
-    coverage factor of `U`.
+    `n_repeats` times all are means, of which `s_repeats` (after, nan for one) is the scatter; `k`
+    is the coverage factor of `U`.
     """
 
     kind: Kind
@@ -163,7 +162,6 @@ class Size:
     U_reference: float
     u: float
     dof: float
-    sensitivity: float
     temperature: float
     form: Sides
     n_repeats: int
@@ -393,7 +391,7 @@ def mean_sizes(
         dof = min(x.dof for x in repeats)
         if scatter is not None:
             averaged = n if scatter.origin == "repeats" else 1
-            u, dof = (float(x) for x in scatter.added(u, dof, sensitivity, averaged))
+            u, dof = scatter.added(u, dof, sensitivity, averaged)
         size = Size(
             kind=item.kind,
             id=item.id,
@@ -404,7 +402,6 @@ def mean_sizes(
             U_reference=item.U_reference,
             u=u,
             dof=dof,
-            sensitivity=sensitivity,
             temperature=temperature,
             form=(was, left),
             n_repeats=n,

@@ -192,8 +192,6 @@ def test_type_a_and_type_b_on_one_input_count_once() -> None:
         ("u: 0.2", math.sqrt(2) * 0.04, 0.04),
         # Rectangular, a^2 = 3 u^2: V = a^4 (1/5 - 1/9) = 4 a^4/45.
         ("u: 0.2, distribution: rectangular", math.sqrt(4 / 45) * 0.12, 0.04),
-        # Arcsine, a^2 = 2 u^2: V = a^4 (3/8 - 1/4) = a^4/8.
-        ("u: 0.2, distribution: arcsine", math.sqrt(1 / 8) * 0.08, 0.04),
     ],
 )
 def test_a_square_at_zero(entry: str, second: float, mean: float) -> None:

@@ -16,6 +16,7 @@ from mtu_cli.analyses.anova.parts import radial_quantile
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.visits import only_rows
 from mtu_cli.stats import rotation
 
 SETTINGS = Settings()
@@ -66,7 +67,7 @@ def test_uncertainties_of_mean_and_future_part_hold(s_part: float, s_repeat: flo
     expected = s_part**2 * sum(n * n for n in UNEVEN) / N**2 + s_repeat**2 / N
     for seed in range(STUDIES):
         found = uneven(seed, s_part, s_repeat)
-        one = analysed(_rows(found, found.part < 8)).features
+        one = analysed(only_rows(found, found.part < 8)).features
         means.append(one.one_way.mean)
         u2_future.append(one.u_future**2)
         last = found.measured[found.part == 8] - found.nominal[found.part == 8]
@@ -92,13 +93,6 @@ def test_a_future_part_lies_in_its_interval(s_part: float) -> None:
         made = s_part * np.random.default_rng(seed + 10_000).standard_normal(2 * HOLES)
         inside += ((low <= made) & (made <= high)).tolist()
     assert np.mean(inside) >= 0.95 - 3 * np.sqrt(0.05 * 0.95 / len(inside))
-
-
-def _rows(found: Points, kept: np.ndarray) -> Points:
-    names = ("part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
-             "sequence", "direction", "file_index", "row")  # fmt: skip
-    parts = found.parts[: int(found.part[kept].max()) + 1]
-    return replace(found, parts=parts, **{name: getattr(found, name)[kept] for name in names})
 
 
 def test_methods() -> None:
@@ -196,7 +190,7 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
     half = (features.interval_future[:, 1] - features.interval_future[:, 0]) / 2
     np.testing.assert_allclose(half, 4.303 * features.u_future, rtol=1e-4)
     found = study(8, 2, 1)
-    gaps = analysed(_rows(found, ~((found.part == 2) & (found.feature == 1))))
+    gaps = analysed(only_rows(found, ~((found.part == 2) & (found.feature == 1))))
     assert codes(gaps) == ["missing-values"]
     assert (gaps.warnings[0].facts["part"], gaps.warnings[0].facts["label"]) == ("P2", "b x")
     assert gaps.features.one_way.parts.tolist().count(7) == 2

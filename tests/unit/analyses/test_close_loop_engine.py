@@ -12,6 +12,7 @@ from loop_examples import SMOOTH, effect, parameter
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma, norm
 
+from mtu_cli.analyses.close_loop import close_loop
 from mtu_cli.analyses.close_loop.crossings import crossings
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
@@ -210,6 +211,18 @@ def test_the_level_is_that_of_the_effect_though_another_has_its_column() -> None
     assert effect.name == "abbe-y"
     (level,) = (p for p in effect.of_role("level"))
     assert abs(level.value) < 5 * level.u < 5 * NOISE_MM
+
+
+def test_a_long_search_says_that_it_goes_on() -> None:
+    """Before its first result, and once it has all."""
+    calls: list[tuple[int, int | None]] = []
+    close_loop(
+        [noise(1)], effect_library(), alpha=0.05, max_effects=1, exclude=("cyclic",), seed=1,
+        progress=lambda done, total: calls.append((done, total)),
+    )  # fmt: skip
+    done = [part for part, _ in calls]
+    assert done.count(0) > 10
+    assert calls[-1][0] == calls[-1][1] == max(done)
 
 
 def turning(

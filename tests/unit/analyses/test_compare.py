@@ -4,7 +4,9 @@ of an item by hand, and the tests behind the verdicts against draws.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
@@ -229,89 +231,71 @@ def same_tail(p: float, tails: np.ndarray) -> None:
     assert p == pytest.approx(tails.mean(), abs=4 * tails.std() / np.sqrt(DRAWS) + 0.005 * p)
 
 
-def test_two_parts_by_hand() -> None:
-    """Parts of 10, 12 and 4, 2: means 11 and 3 about 7, MS_between = 2 (16 + 16) = 64 with one
-    degree of freedom, MS_within = (2 + 2)/2 = 2 with two, n0 = 2, s_part^2 = 31. Predicted: 5,
-    C = 9 (3 degrees of freedom), D + visit = 4 (8).
-    """
-    found = evidence(tables([10, 12], [4, 2]), predicted(), K)
-    table = found.one_way
-    assert [table.mean[0], table.ms_between[0], table.ms_within[0], table.n0[0]] == pytest.approx(
-        [7, 64, 2, 2]
-    )
-    assert found.predicted.mean[0] == found.independent.mean[0] == 5
-    assert found.predicted.u[0] == pytest.approx(np.sqrt(13))
-    assert found.predicted.width[0] == pytest.approx(2 * (5 + 2 * np.sqrt(13)))
-    assert (found.independent.u[0], found.independent.width[0]) == (4, 2 * (5 + 2 * 4))
-    # A future part about the measured mean: 31 + (31/2 + 2/4).
-    assert found.s_part[0] == pytest.approx(np.sqrt(31))
-    assert found.measured.u[0] == pytest.approx(np.sqrt(47))
-    assert found.measured.width[0] == pytest.approx(2 * (7 + 2 * np.sqrt(47)))
-    assert found.measured_paper.u[0] == pytest.approx(np.sqrt(64 * (1 + 1 / 4)))
-    assert found.measured_paper.width[0] == pytest.approx(2 * (7 + 2 * np.sqrt(80)))
-    # Two parts: the predicted scatter, halved, and the CMM's.
-    assert found.bias[0] == pytest.approx(2)
-    assert found.u_difference[0] == pytest.approx(np.sqrt(9 + 4 / 2 + 2 / 4))
-    assert found.E_n[0] == pytest.approx(2 / (2 * np.sqrt(11.5)))
-    V = drawn([9, 2, 0.5], [3, 8, 2])
-    same_tail(found.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
-    assert found.ratio_ms[0] == pytest.approx(64 / (2 + 2 * 4))
-    V = drawn([8, 2], [8, 2])
-    high = 2 * ndtr(-np.sqrt(64 / V))
-    same_tail(found.p_scatter[0], 2 * np.minimum(high, 1.0))
-    assert found.ratio_u[0] == pytest.approx(np.sqrt(47 / 13))
-    assert found.ratio_range[0] == pytest.approx((7 + 2 * np.sqrt(47)) / (5 + 2 * np.sqrt(13)))
-    assert found.ratio_scatter[0] == pytest.approx(np.sqrt(31 / 4))
-    assert found.paper_ratio_u[0] == pytest.approx(np.sqrt(80) / 4)
-    assert found.paper_ratio_range[0] == pytest.approx((7 + 2 * np.sqrt(80)) / 13)
-    assert found.ms_share[0] == pytest.approx(8 / np.sqrt(31))
-
-
 SIX: list[list[float]] = [[10, 12], [4, 2]] * 3
+NO_REPEATS: list[list[float]] = [[11], [3]] * 4
+ms, nan, root = 8 * 16 / 7, math.nan, math.sqrt
+HAND: dict[str, tuple[list[list[float]], float, dict[str, float], tuple[list[float], ...]]] = {
+    # Means 11 and 3 about 7, MS_between = 2 (16 + 16) = 64 with one degree of freedom, MS_within =
+    # (2 + 2)/2 = 2 with two, n0 = 2, s_part^2 = 31. A future part about the measured mean: 31 +
+    # (31/2 + 2/4). The bias of two parts: the predicted scatter, halved, and the CMM's.
+    "two parts": (
+        [[10, 12], [4, 2]],
+        4.0,
+        {
+            "one_way.mean": 7, "one_way.ms_between": 64, "one_way.ms_within": 2, "one_way.n0": 2,
+            "predicted.mean": 5, "predicted.u": root(13), "predicted.width": 2 * (5 + 2 * root(13)),
+            "independent.u": 4, "independent.width": 2 * (5 + 2 * 4),
+            "s_part": root(31), "measured.u": root(47), "measured.width": 2 * (7 + 2 * root(47)),
+            "measured_paper.u": root(80), "measured_paper.width": 2 * (7 + 2 * root(80)),
+            "bias": 2, "u_difference": root(9 + 4 / 2 + 2 / 4), "E_n": 2 / (2 * root(11.5)),
+            "ratio_ms": 64 / (2 + 2 * 4), "ratio_u": root(47 / 13), "ratio_scatter": root(31 / 4),
+            "ratio_range": (7 + 2 * root(47)) / (5 + 2 * root(13)), "paper_ratio_u": root(80) / 4,
+            "paper_ratio_range": (7 + 2 * root(80)) / 13, "ms_share": 8 / root(31),
+        },
+        ([9, 2, 0.5], [3, 8, 2]),
+    ),
+    # MS_between = 6 x 2 x 16/5, s_part^2 = 18.2: of the mean 18.2/6 + 2/12 = 3.2, where the
+    # prediction has 4/6 + 2/12. From five parts on the larger counts.
+    "six parts": (
+        SIX, 4.0, {"one_way.ms_between": 38.4, "u_difference": root(9 + 3.2)}, ([9, 3.2], [3, 5]),
+    ),
+    "six parts and more scatter predicted": (
+        SIX, 60.0, {"u_difference": root(9 + 60 / 6 + 2 / 12)}, ([9, 10, 2 / 12], [3, 8, 6]),
+    ),
+    # MS_between, of which nothing can be split off, stands for parts and CMM.
+    "no repeats": (
+        NO_REPEATS,
+        4.0,
+        {
+            "ratio_ms": ms / 4, "p_scatter": float(2 * fdtrc(7, 8, ms / 4)),
+            "ratio_scatter": root(ms / 4),
+            "measured.u": root(ms * (1 + 1 / 8)), "s_part": nan, "ms_share": nan,
+        },
+        ([9, ms / 8], [3, 7]),
+    ),
+    # Mean 11, u^2 = 9 + 4 + 2/2, no scatter to speak of.
+    "one part": (
+        [[10, 12]],
+        4.0,
+        {"bias": 6, "u_difference": root(14), "E_n": 6 / (2 * root(14)), "p_scatter": nan,
+         "ratio_ms": nan, "ratio_u": nan, "ms_share": nan},
+        ([9, 4, 1], [3, 8, 1]),
+    ),
+}  # fmt: skip
 
 
-def test_from_five_parts_on_the_larger_scatter_counts() -> None:
-    """Six parts, MS_between = 6 x 2 x 16/5 = 38.4, s_part^2 = 18.2: 18.2/6 + 2/12 = 3.2 of the
-    mean, where the prediction has 4/6 + 2/12.
-    """
-    found = evidence(tables(*SIX), predicted(), K)
-    assert found.one_way.ms_between[0] == pytest.approx(38.4)
-    assert found.u_difference[0] == pytest.approx(np.sqrt(9 + 3.2))
-    V = drawn([9, 3.2], [3, 5])
-    same_tail(found.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
-    more = evidence(tables(*SIX), predicted(scatter=60.0), K)
-    assert more.u_difference[0] == pytest.approx(np.sqrt(9 + 60 / 6 + 2 / 12))
-    V = drawn([9, 10, 2 / 12], [3, 8, 6])
-    same_tail(more.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
-    few = evidence(tables(*SIX[:4]), predicted(), K)
-    assert few.u_difference[0] == pytest.approx(np.sqrt(9 + 4 / 4 + 2 / 8))
-
-
-def test_without_repeats_ms_between_stands_for_parts_and_cmm() -> None:
-    """Values 11, 3 four times each: MS_between = 8 x 16/7, of which nothing can be split off;
-    one mean square behind the prediction is Fisher's F.
-    """
-    found = evidence(tables(*([11.0], [3.0]) * 4), predicted(), K)
-    ms = 8 * 16 / 7
-    assert found.ratio_ms[0] == pytest.approx(ms / 4)
-    assert found.p_scatter[0] == pytest.approx(2 * fdtrc(7, 8, ms / 4), rel=0.005)
-    assert found.measured.u[0] == pytest.approx(np.sqrt(ms * (1 + 1 / 8)))
-    assert found.ratio_scatter[0] == pytest.approx(np.sqrt(ms / 4))
-    assert np.isnan(found.s_part[0])
-    assert np.isnan(found.ms_share[0])
-
-
-def test_one_part_is_tested_by_what_is_predicted() -> None:
-    """10 and 12 of one part: mean 11, u^2 = 9 + 4 + 2/2, no scatter to speak of."""
-    found = evidence(tables([10, 12]), predicted(), K)
-    assert found.bias[0] == pytest.approx(6)
-    assert found.u_difference[0] == pytest.approx(np.sqrt(14))
-    assert found.E_n[0] == pytest.approx(6 / (2 * np.sqrt(14)))
-    same_tail(found.p_bias[0], 2 * ndtr(-6 / np.sqrt(drawn([9, 4, 1], [3, 8, 1]))))
-    for name in ("p_scatter", "ratio_ms", "ratio_u", "ms_share"):
-        assert np.isnan(getattr(found, name)[0]), name
-    alone = evidence(tables([11.0]), predicted(), K)
-    assert alone.u_difference[0] == pytest.approx(np.sqrt(13))
+@pytest.mark.parametrize("case", HAND)
+def test_figures_by_hand(case: str) -> None:
+    """Predicted: 5, C = 9 (3 degrees of freedom), D + visit = 4 or more (8)."""
+    parts, scatter, figures, squares = HAND[case]
+    found = evidence(tables(*parts), predicted(scatter=scatter), K)
+    for name, expected in figures.items():
+        value = attrgetter(name)(found)[0]
+        assert value == pytest.approx(expected, rel=0.005 * ("p_" in name), nan_ok=True), name
+    same_tail(found.p_bias[0], 2 * ndtr(-abs(found.bias[0]) / np.sqrt(drawn(*squares))))
+    if case == "two parts":
+        high = 2 * ndtr(-np.sqrt(64 / drawn([8, 2], [8, 2])))
+        same_tail(found.p_scatter[0], 2 * np.minimum(high, 1.0))
 
 
 @pytest.mark.filterwarnings("error")

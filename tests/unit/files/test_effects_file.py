@@ -130,12 +130,6 @@ def test_other_faults(tmp_path: Path, text: str, line: int, path: str, code: str
     assert (line, f"effects{path}", code) in found
 
 
-@pytest.mark.parametrize("text", ["schema: mtu/machine/1\n", "effects: []\n"])
-def test_another_kind_of_file(tmp_path: Path, text: str) -> None:
-    (found,) = faults(tmp_path, text)
-    assert found.code in ("wrong-type", "missing-key")
-
-
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
     found = faults(tmp_path, family("{Ex: k*speed}") + family("{Ey: k**2}", name="g"))
     assert [item.line for item in found] == [4, 8]

@@ -15,7 +15,6 @@ from mtu_cli.files.extend_machine import (
 from mtu_cli.files.machine import LoadedMachine, load_machine, machine_from
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml
-from mtu_cli.findings import InputError
 
 SOURCE = Source(role="machine", path=Path("m.yaml"), shown="m.yaml", sha256="")
 BACKLASH = written_effect(
@@ -137,20 +136,3 @@ def test_names_get_numbers(tmp_path: Path) -> None:
     )
     new = extended_machine(load(tmp_path, HEAD + TAIL), [effect]).machine.machine.effects[0]
     assert new.equations == {"Ex": "a_3*dir_x + 2.0e1*a_2"}
-
-
-@pytest.mark.parametrize(
-    ("changes", "code"),
-    [
-        ({"equations": {"Ex": "p*p"}}, "not-writable"),
-        ({"parameters": {"p": (1, -1, "um")}}, "not-writable"),
-        ({"covariate": "a", "equations": {"Ex": "p*a"}}, "name-taken"),
-    ],
-)
-def test_effects_that_no_machine_can_hold(
-    changes: dict[str, Any], code: str, tmp_path: Path
-) -> None:
-    given: dict[str, Any] = {"parameters": {"p": (1, 0, "um")}, "equations": {"Ex": "p"}}
-    with pytest.raises(InputError) as caught:
-        extended_machine(load(tmp_path, HEAD + TAIL), [written_effect(name="e", **given | changes)])
-    assert {item.code for item in caught.value.findings} == {code}

@@ -24,12 +24,6 @@ def read(tmp_path: Path, *contents: str, features: dict[str, Place] | None = PAR
     return read_points(files, features)
 
 
-def faults(tmp_path: Path, *contents: str, features: dict[str, Place] | None = PART) -> list[str]:
-    with pytest.raises(InputError) as caught:
-        read(tmp_path, *contents, features=features)
-    return [str(problem) for problem in caught.value.findings]
-
-
 def test_points_of_two_files(tmp_path: Path) -> None:
     first = (
         f"{HEAD},z_mm,repeat,operation,dir_x,T_a_degC,shift\n"
@@ -66,91 +60,75 @@ def test_points_of_two_files(tmp_path: Path) -> None:
     assert len(found) == 5
 
 
-def test_nominal_columns_stand_in_for_a_part_file(tmp_path: Path) -> None:
-    content = f"{HEAD},nominal_x_mm,nominal_y_mm,nominal_z_mm\na,f,1,2,1.5,2.5,3.5\n"
-    found = read(tmp_path, content, features=None)
-    assert found.nominal.tolist() == [[1.5, 2.5, 3.5]]
-    rows = faults(tmp_path, f"{HEAD}\na,f,1,2\na,e,1,2\n", features=None)
-    assert rows == [
-        f"p0.csv, row {row}, column 'feature': the nominal place is missing; "
-        "expected it in a part file (--part), or nominal_x_mm and nominal_y_mm"
-        for row in (2, 3)
-    ]
-    assert (
-        "column 'nominal_y_mm': the column is missing"
-        in faults(tmp_path, f"{HEAD},nominal_x_mm\na,f,1,2,3\n", features=None)[0]
-    )
+NOMINAL = f"{HEAD},nominal_x_mm,nominal_y_mm,nominal_z_mm"
+LINE = "expected a text on one line that is not empty, without control characters"
+WAY = "expected forward or reverse, + or -, 1 or -1"
+FAULTS: dict[str, tuple[list[str], dict[str, Place] | None, list[str]]] = {
+    "no nominal": (
+        [f"{HEAD}\na,f,1,2\n"],
+        None,
+        ["p0.csv, row 2, column 'feature': the nominal place is missing; expected it in a part "
+         "file (--part), or nominal_x_mm and nominal_y_mm"],
+    ),
+    "another nominal": (
+        [f"{NOMINAL}\na,h1,1,2,0,0,5\na,h2,1,2,10.00001,20,7\n"],
+        PART,
+        ["p0.csv, row 3, column 'nominal_x_mm': contradicts the nominal place of 'h2': '10.00001'; "
+         "expected 10, as in the part file"],
+    ),
+    "sequence in one file": (
+        [f"{HEAD},sequence\nb,h1,0,0,7\n", f"{HEAD}\na,h1,0,0\n"],
+        PART,
+        ["p1.csv, row 1, column 'sequence': the column is missing; expected it in all files, or in "
+         "none: p0.csv has it"],
+    ),
+    "directions": (
+        [f"{HEAD},dir_x,dir_y\na,h1,0,0,+,1\na,h2,0,0,forwrd,0.5\n"],
+        PART,
+        ["p0.csv, row 3, column 'dir_x': not a direction: 'forwrd'; did you mean 'forward'?",
+         f"p0.csv, row 3, column 'dir_y': not a direction: '0.5'; {WAY}"],
+    ),
+    "equal rows": (
+        [f"{HEAD},repeat\na,h1,0,0,1\na,h1,-0.0,0,1\na,h1,0,0,2\n"],
+        PART,
+        ["p0.csv, row 3: the same as row 2; expected each row once"],
+    ),
+    "repeat below 0, in all of a file": (
+        [f"{HEAD},repeat\n7,h1,0,0,-1\n", f"{HEAD}\n8,h1,0,0\n"],
+        PART,
+        ["p0.csv, row 2, column 'repeat': out of range: '-1'; expected a whole number from 0 on"],
+    ),
+    "control characters": (
+        [f'{HEAD}\n1\x1b[31m,h1,0,0\n2,"h\n1",0,0\n'],
+        None,
+        ["p0.csv, row 2, column 'part': not a name that a table can show: '1\\x1b[31m'; " + LINE,
+         "p0.csv, row 3, column 'feature': not a name that a table can show: 'h\\n1'; " + LINE],
+    ),
+}  # fmt: skip
 
 
-def test_nominal_columns_must_agree_with_the_part_file(tmp_path: Path) -> None:
-    """Within a nanometre; z where the part file says nothing is that of the columns."""
-    head = f"{HEAD},nominal_x_mm,nominal_y_mm,nominal_z_mm\n"
-    found = read(tmp_path, head + "a,h2,1,2,10.0000009,20,7\n")
-    assert found.nominal.tolist() == [[10.0, 20.0, 7.0]]
-    assert faults(tmp_path, head + "a,h1,1,2,0,0,5\na,h2,1,2,10.00001,20,7\n") == [
-        "p0.csv, row 3, column 'nominal_x_mm': contradicts the nominal place of 'h2': "
-        "'10.00001'; expected 10, as in the part file"
-    ]
+@pytest.mark.parametrize("case", FAULTS)
+def test_faults_have_their_place(tmp_path: Path, case: str) -> None:
+    contents, features, expected = FAULTS[case]
+    with pytest.raises(InputError) as caught:
+        read(tmp_path, *contents, features=features)
+    assert [str(problem) for problem in caught.value.findings][: len(expected)] == expected
 
 
-def test_sequence_is_as_given(tmp_path: Path) -> None:
-    found = read(tmp_path, f"{HEAD},sequence\nb,h1,0,0,7\na,h1,0,0,3\n")
-    assert found.sequence.tolist() == [7, 3]
-    found_faults = faults(tmp_path, f"{HEAD},sequence\nb,h1,0,0,7\n", f"{HEAD}\na,h1,0,0\n")
-    assert found_faults == [
-        "p1.csv, row 1, column 'sequence': the column is missing; "
-        "expected it in all files, or in none: p0.csv has it"
-    ]
-
-
-def test_dates_are_minutes_from_the_first(tmp_path: Path) -> None:
-    content = f"{HEAD},time\na,h1,0,0,2024-05-03 10:30\na,h2,0,0,2024-05-03 10:00\n"
-    assert read(tmp_path, content).time_min.tolist() == [30.0, 0.0]
-
-
-def test_directions_are_written_as_those_of_readings(
-    tmp_path: Path,
-) -> None:
-    """In words, signs or numbers, by either reader, and mixed from file to file."""
+def test_columns_that_stand_in_for_others(tmp_path: Path) -> None:
+    """Nominal places without a part file, or within a nanometre of it; dates and a sequence;
+    directions in words, signs or numbers, in a decimal comma, too.
+    """
+    alone = read(tmp_path, f"{NOMINAL}\na,f,1,2,1.5,2.5,3.5\n", features=None)
+    assert alone.nominal.tolist() == [[1.5, 2.5, 3.5]]
+    near = read(tmp_path, f"{NOMINAL}\na,h2,1,2,10.0000009,20,7\n")
+    assert near.nominal.tolist() == [[10.0, 20.0, 7.0]]
+    dated = f"{HEAD},time,sequence\na,h1,0,0,2024-05-03 10:30,7\nb,h2,0,0,2024-05-03 10:00,-4\n"
+    found = read(tmp_path, dated)
+    assert (found.time_min.tolist(), found.sequence.tolist()) == ([30.0, 0.0], [7, -4])
     first = f"{HEAD},dir_x,dir_y\na,h1,0,0,+,forward\na,h2,0,0,,Reverse\nb,h1,0,0,-,+1\n"
-    second = f"{HEAD},dir_x\nc,h1,0,0,1.0\nc,h2,0,0,-1\n"
-    found = read(tmp_path, first, second).direction
-    np.testing.assert_array_equal(found[:, 0], [1, np.nan, -1, 1, -1])
-    np.testing.assert_array_equal(found[:3, 1], [1, -1, 1])
-    bad = f"{HEAD},dir_x,dir_y\na,h1,0,0,+,1\na,h2,0,0,forwrd,0.5\n"
-    assert faults(tmp_path, bad) == [
-        "p0.csv, row 3, column 'dir_x': not a direction: 'forwrd'; did you mean 'forward'?",
-        "p0.csv, row 3, column 'dir_y': not a direction: '0.5'; expected forward or reverse, + or "
-        "-, 1 or -1",
-    ]
+    found = read(tmp_path, first, f"{HEAD},dir_x\nc,h1,0,0,1.0\nc,h2,0,0,-1\n")
+    np.testing.assert_array_equal(found.direction[:, 0], [1, np.nan, -1, 1, -1])
+    np.testing.assert_array_equal(found.direction[:3, 1], [1, -1, 1])
     german = f"{HEAD};dir_x".replace(",", ";") + "\na;h1;0,5;0;1,0\na;h2;0;0;−\n"
     assert read(tmp_path, german).direction[:, 0].tolist() == [1, -1]
-
-
-def test_equal_rows_where_repeats_are_told_apart(tmp_path: Path) -> None:
-    rows = "a,h1,0,0,1\na,h1,-0.0,0,1\na,h1,0,0,2\n"
-    assert faults(tmp_path, f"{HEAD},repeat\n{rows}") == [
-        "p0.csv, row 3: the same as row 2; expected each row once"
-    ]
-    assert len(read(tmp_path, f"{HEAD},other\n{rows}")) == 3
-
-
-def test_repeats_are_counted_from_zero(tmp_path: Path) -> None:
-    """Also where all of a file are -1, which stands for a file without repeats."""
-    rows = f"{HEAD},repeat\n7,h1,0,0,-1\n7,h2,10,20,-1\n"
-    expected = "'repeat': out of range: '-1'; expected a whole number from 0 on"
-    found = faults(tmp_path, rows, f"{HEAD}\n8,h1,0,0\n")
-    assert found == [f"p0.csv, row {row}, column {expected}" for row in (2, 3)]
-    assert read(tmp_path, f"{HEAD},sequence\n7,h1,0,0,-4\n").sequence.tolist() == [-4]
-
-
-def test_names_stand_on_one_line(tmp_path: Path) -> None:
-    content = f'{HEAD},note\n1\x1b[31m,h1,0,0,a\n2,"h\n1",0,0,"b\nc"\n2,h2,0,0,d\n'
-    expected = "expected a text on one line that is not empty, without control characters"
-    assert faults(tmp_path, content, features=None)[:2] == [
-        f"p0.csv, row 2, column 'part': not a name that a table can show: '1\\x1b[31m'; {expected}",
-        f"p0.csv, row 3, column 'feature': not a name that a table can show: 'h\\n1'; {expected}",
-    ]
-    assert faults(tmp_path, f"{HEAD},T\x07\n1,h1,0,0,1\n") == [
-        f"p0.csv, row 1: not a name that a table can show at column 5: 'T\\x07'; {expected}"
-    ]

@@ -81,30 +81,6 @@ def test_every_way_to_write_a_direction(tmp_path: Path) -> None:
     assert found.direction.tolist() == [1, -1, 1, -1, 1, -1, 1, 1, -1, 1, 0]
 
 
-def test_dates_count_from_the_earliest_of_all_files(tmp_path: Path) -> None:
-    head = f"{HEAD},time\n"
-    found = read(
-        tmp_path,
-        head + "dx_x,0,1,um,2024-05-03T10:01:00\ndx_x,1,1,um,2024-05-03T10:02:30\n",
-        head + "dx_x,0,1,um,2024-05-03T10:00:00\n",
-    )
-    assert found.time_min.tolist() == [1.0, 2.5, 0.0]
-    found = read(tmp_path, f"{HEAD},time_min\ndx_x,0,1,um,3.5\n")
-    assert found.time_min.tolist() == [3.5]
-
-
-@pytest.mark.parametrize("count", ["99999999999999999999", "9007199254740993", "9007199254740992"])
-def test_a_count_that_is_too_large(tmp_path: Path, count: str) -> None:
-    """2^53 + 1 is read as 2^53: neither is told from the other."""
-    found = faults(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,{count}\n")
-    (line,) = found
-    assert line.startswith("r0.csv, row 2, column 'pass': out of range")
-    assert line.endswith("a whole number from 0 to 2^53 - 1")
-    assert (
-        read(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,9007199254740991\n").pass_number[0] == 2**53 - 1
-    )
-
-
 def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: Path) -> None:
     rows = "dx_x,0,1,um,1\ndx_x,5,1,um,1\n\ndx_x,0,1.0,um,1\ndx_x,0,1,um,2\n"
     assert faults(tmp_path, f"{HEAD},time_min\n{rows}") == [

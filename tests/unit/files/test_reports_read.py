@@ -9,9 +9,6 @@ from typing import Any
 import pytest
 
 from mtu_cli.files.reports_read import (
-    ComponentsReport,
-    ModelReports,
-    ThermalReport,
     read_report,
     read_reports,
 )
@@ -40,10 +37,6 @@ DRIFT = {
     "coefficient_dof": None, "leftover_covariance": [[0.1, 0], [0, 1e-6]], "leftover_dof": 12.5,
     "sensor_u_degC": [0.01, 0.02], "temperature_range_degC": [[19, 26], [20, 25]],
     "position_range_mm": [0, 200], "r2_fit": 0.99,
-}  # fmt: skip
-WITHOUT_SENSORS: dict[str, Any] = {
-    "sensors": [], "coefficients": [[], []], "covariance": [], "time_constants_min": [],
-    "sensor_u_degC": [], "temperature_range_degC": None,
 }  # fmt: skip
 
 
@@ -97,40 +90,6 @@ def test_components_fitted_together(
     else:
         assert words in faults(path)[0]
         assert faults(path)[0].startswith("results.joint_pass_covariance")
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"of": "w"}, "of: unknown value: 'w'; expected one of: x, y, z"),
-        ({"unit": "inch"}, "unit: unknown unit: 'inch'; expected one of: um, mm"),
-        ({"coefficients": [[1, 2]]}, "coefficients: another size; expected 2 x 2"),
-        ({"coefficients": [[1, 2], [3, None]]}, "coefficients[1][1]: wrong value: 'null'"),
-        ({"leftover_covariance": [[None, 0], [0, 1]]}, "leftover_covariance[0][0]: wrong value"),
-        ({"time_constants_min": [0, -1]}, "time_constants_min[1]: wrong value"),
-        ({"temperature_range_degC": [[1, 2]]}, "temperature_range_degC: another size; expected 2"),
-        ({"reference_temperature_degC": None}, "reference_temperature_degC: wrong value: 'null'"),
-    ],
-)
-def test_faulty_thermal_reports(tmp_path: Path, change: dict[str, Any], words: str) -> None:
-    (found,) = faults(written(tmp_path / "t.json", "thermal-fit", DRIFT | change))
-    assert found.startswith(f"results.components.a.{words}")
-
-
-def test_reports_are_told_apart(tmp_path: Path) -> None:
-    fitted = written(tmp_path / "c.json", "fit-components", FITTED)
-    drift = written(tmp_path / "t.json", "thermal-fit", DRIFT, DRIFT | WITHOUT_SENSORS)
-    assert isinstance(read_report(fitted), ComponentsReport)
-    found = read_report(drift)
-    assert isinstance(found, ThermalReport)
-    item = found.components["a"]
-    assert (item.of, item.coefficients, item.leftover_dof) == ("y", [[1, 2], [3, 4]], 12.5)
-    assert found.components["b"].coefficients == [[], []]
-    for order in ([fitted, drift], [drift, fitted]):
-        sources = [(s.role, s.shown) for s in read_reports(order).sources]
-        assert sources == [("components", "c.json"), ("thermal", "t.json")]
-    assert read_reports([drift]).components is None
-    assert read_reports([]) == ModelReports()
 
 
 def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -119,29 +119,6 @@ def test_corners_with_derivatives() -> None:
     assert at("x**0", x=0.0).first[0] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("text", "values", "outer"),
-    [
-        # x^4 vanishes to the third order: these are x^2, |x|, x^2 + y^2 and |x y|.
-        ("sqrt(x**4)", {"x": 0.0}, "sqrt()"),
-        ("(x**4)**0.25", {"x": 0.0}, "'**'"),
-        ("sqrt((x*x + y*y)**2)", {"x": 0.0, "y": 0.0}, "sqrt()"),
-        ("abs(x*x*y*y)", {"x": 0.0, "y": 0.0}, "abs()"),
-    ],
-)
-def test_an_argument_that_vanishes_beyond_the_third_order(
-    text: str, values: dict[str, float], outer: str
-) -> None:
-    found = at(text, **values)
-    assert found.value == 0.0
-    assert np.all(np.isnan(found.first))
-    assert outer in found.faults[0].text
-    # By a name that it does not hold the output does vary.
-    other = at(f"{text} + 2*z", **values, z=1.0)
-    assert other.first[-1] == 2.0
-    assert np.all(np.isnan(other.first[:-1]))
-
-
 @pytest.mark.parametrize(("x", "value"), [(-1.0, math.pi), (-0.25, math.pi), (0.0, 0.0)])
 def test_atan2_on_its_cut_has_a_value_alone(x: float, value: float) -> None:
     found = at("atan2(y, x) + z", y=0.0, x=x, z=0.5)

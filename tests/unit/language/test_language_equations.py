@@ -10,7 +10,6 @@ import pytest
 
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.language import (
-    check_dimension,
     evaluate,
     linear_form,
     names,
@@ -20,7 +19,6 @@ from mtu_cli.language import (
 from mtu_cli.language.functions import BUDGET_FUNCTIONS, apply_scalar
 from mtu_cli.language.parser import BRACED, DOTTED, MAX_CHARACTERS, MAX_DEPTH, MAX_OPERATORS
 from mtu_cli.language.tree import Call, Name, Number
-from mtu_cli.units import internal
 
 SECONDS = 1.0
 
@@ -88,26 +86,6 @@ def test_budgets_know_more_functions_than_machines() -> None:
         parse("atan2(x)", BUDGET_FUNCTIONS)
 
 
-LARGEST = {
-    "name": "x" * MAX_CHARACTERS,
-    "sum": "+".join(["x"] * (MAX_OPERATORS + 1)),
-    "brackets": "(" * (MAX_DEPTH - 1) + "x" + ")" * (MAX_DEPTH - 1),
-    "powers": "**".join(["x"] * MAX_DEPTH),
-}
-
-
-@pytest.mark.parametrize("text", LARGEST.values(), ids=LARGEST)
-def test_the_largest_equations_are_usable(text: str) -> None:
-    node = parse(text)
-    name = next(iter(names(node)))
-    assert evaluate(node, {name: 1.0}) in (1.0, MAX_OPERATORS + 1.0)
-    assert to_text(parse(to_text(node))) == to_text(node)
-    assert linear_form(node, ["other"]).remainder == node
-    check_dimension(node, internal(), {name: internal()})
-    components = [f"c{i}" for i in range(MAX_OPERATORS + 1)]
-    assert len(linear_form(parse("+".join(components)), components).coefficients) == len(components)
-
-
 def test_names_in_braces_and_with_dots() -> None:
     text = "k_{each}*dir_{a}*({T} - {T0})"
     assert names(parse(text, name=BRACED)) == {"k_{each}": 1, "dir_{a}": 10, "{T}": 19, "{T0}": 25}
@@ -164,21 +142,6 @@ def test_folded_constants_agree_with_arrays(name: str) -> None:
 
 
 # Linear forms.
-
-
-@pytest.mark.parametrize(
-    ("text", "coefficients", "remainder"),
-    [
-        ("-a", {"a": "-1"}, None), ("a + b - y*c", {"a": "1", "b": "1", "c": "-y"}, None),
-        ("x - (a - b)", {"a": "-1", "b": "1"}, "x"), ("x*y + 3", {}, "x*y + 3"),
-        ("(a + x)*y", {"a": "y"}, "x*y"), ("y*(a + x)/2", {"a": "y/2"}, "y*x/2"),
-        ("a*2*pi", {"a": "2*3.141592653589793"}, None), ("0*a", {"a": "0"}, None),
-    ],
-)  # fmt: skip
-def test_linear_forms(text: str, coefficients: dict[str, str], remainder: str | None) -> None:
-    form = linear_form(parse(text), "abc")
-    assert {name: to_text(node) for name, node in form.coefficients.items()} == coefficients
-    assert (None if form.remainder is None else to_text(form.remainder)) == remainder
 
 
 @pytest.mark.parametrize(

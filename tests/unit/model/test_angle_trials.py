@@ -13,7 +13,7 @@ from support import paper_study
 from mtu_cli.analyses.orthogonality import angle_trials
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points
-from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, Line, angle_error, check_square
+from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, Line, check_square
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials
 
@@ -105,8 +105,6 @@ def test_no_error_at_all_is_no_scatter() -> None:
 # Which rows and columns have an angle that their slopes stand for.
 
 
-ROW = np.array([[14.0, 22.0], [106.0, 25.0], [200.0, 19.0], [310.0, 26.0]])
-COLUMN = np.array([[14.0, 22.0], [21.0, 93.0], [14.0, 206.0], [6.0, 327.0]])
 """The holes of a housing: the column's line leans by 1.9 degrees."""
 
 
@@ -126,24 +124,3 @@ def test_a_line_that_leans_is_told_with_its_path(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"orthogonality\[1\].column: .* -5.77 degrees off y"):
         check_square(part_of(tmp_path, text), [0, 1])
     check_square(part_of(tmp_path, text), [0])
-
-
-def test_slopes_of_jittered_lines_stand_for_their_angle() -> None:
-    """Against the angle between the lines themselves, for errors of a tilt, of a bend and of a set
-    up: a slope's change is its angle's but for the square of the lean, and a turn is no angle.
-    """
-    nominal = line(ROW, 0), line(COLUMN, 1)
-    bend = np.column_stack([4e-4 * (COLUMN[:, 1] / 300) ** 2, np.zeros(4)])
-    turned = np.array([[0.0, 1e-4], [-1e-4, 0.0]])
-
-    def angle(row: np.ndarray, column: np.ndarray) -> float:
-        leans = np.polyfit(row[:, 0], row[:, 1], 1)[0], np.polyfit(column[:, 1], column[:, 0], 1)[0]
-        return float(-np.arctan(leans).sum())
-
-    square = angle(ROW, COLUMN)
-    for error in (bend, np.column_stack([1e-4 * COLUMN[:, 1], np.zeros(4)])):
-        placed = line(ROW, 0), line(COLUMN + error, 1)
-        expected = angle(ROW, COLUMN + error) - square
-        assert angle_error(placed, nominal)[0] == pytest.approx(expected, rel=2 * 0.034**2)
-    placed = line(ROW + ROW @ turned, 0), line(COLUMN + COLUMN @ turned, 1)
-    assert abs(angle_error(placed, nominal)[0]) < 0.005 * 1e-4

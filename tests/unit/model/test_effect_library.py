@@ -196,6 +196,13 @@ def test_what_cannot_be_tested(name: str, changes: dict[str, Any], reason: str) 
     assert str(found.unavailable).startswith(reason)
 
 
+def test_what_can_be_tested_in_part_says_what_cannot() -> None:
+    """Of two temperatures one does not change."""
+    steady = shop_covariates(9, 12) | {"T_part_degC": np.full((1, 1), 20.0)}
+    drift = found_on(table(covariates=steady))["thermal-drift-x"]
+    assert (drift.unavailable, drift.notes) == (None, "T_part_degC does not change")
+
+
 # Readings.
 
 

@@ -77,19 +77,6 @@ def _prediction(C: FloatArray, dof: float, visits: tuple[float, float], nu: floa
     )
 
 
-def test_position_of_one_known_variance_is_rayleigh() -> None:
-    """Equal independent variances: P(r <= R) = 1 - exp(-R^2/2 s^2)."""
-    at = _prediction(np.eye(2) * 4e-6, np.inf, (0.0, 0.0), np.inf)
-    first, none = position_conformance(at, [10.0, None], Settings(trials=400_000))
-    assert none is None
-    assert first is not None
-    assert first.probability == pytest.approx(1 - np.exp(-(5.0**2) / 8), abs=4.5 * first.se)
-    papers = Settings(correlation="independent", trials=400_000)
-    first, _ = position_conformance(at, [4.0, None], papers)
-    assert first is not None
-    assert first.probability == pytest.approx(1 - np.exp(-(2.0**2) / 2), abs=4.5 * first.se)
-
-
 def test_position_against_counted_parts() -> None:
     """Errors of x and y correlated; every source with its own chi-squared."""
     C, s, n = 1e-6 * np.array([[9.0, 6.0], [6.0, 16.0]]), np.array([0.002, 0.001]), 400_000

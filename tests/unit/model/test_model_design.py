@@ -169,20 +169,6 @@ def test_a_constant_in_a_nonlinear_place(tmp_path: Path) -> None:
 # Covariates, fixed positions and degrees of the design matrix, and what it refuses.
 
 
-def test_a_position_constant_fixes_the_coordinate(tmp_path: Path) -> None:
-    text = """
-    constants: {z: 127.0}
-    components:
-      e: {of: x, unit: arcsec, coefficients: [2.0, 0.1]}
-      pz: {of: z, unit: um, coefficients: [1.0, 0.01]}
-    equations: {Ex: z*e + pz}
-    """
-    model = stated(tmp_path, text)
-    place = np.array([[10.0, 0, np.nan], [10.0, 0, 55.0]])
-    wanted = 127.0 * (2 + 0.1 * 10) * ARCSEC + (1 + 1.27) * 1e-3
-    assert predict(model, ["a", "b"], place).mean == pytest.approx([wanted, wanted], rel=1e-14)
-
-
 def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
     text = """
     components: {a: {of: x, unit: um, coefficients: [1.0, 0.1]}}

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from effect_tables import table
 from model_examples import FloatArray, loaded, stated
 from support import read_components
 
@@ -97,17 +96,6 @@ def test_the_joint_covariance_of_a_report_counts(tmp_path: Path) -> None:
     assert effect_warnings(machine, estimates.effects, "c.json") == []
 
 
-def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
-    own = predicted(machine, estimates_from_fit(machine, None))
-    estimates = reported(tmp_path, machine, together(values=(0, 5, 1)))
-    found = predicted(machine, estimates)
-    assert (own.mean - found.mean)[0::2] == pytest.approx(2e-3 * DIRECTION, rel=1e-9)
-    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
-    assert warning.code == "not-used"
-    assert "values of machine.yaml not used (backlash-x.lost_motion): those of" in warning.message
-
-
 # Declared effects beyond what they were found on.
 
 
@@ -153,21 +141,6 @@ def test_a_tenth_of_the_range_is_no_matter(
     found = told_of(tmp_path, ONE, {"time_min": time}, NEAR)
     one = f"machine.yaml: effects[0] (one) time_min from 0 to 100 extrapolated to {at}"
     assert found == ([] if at is None else [one])
-
-
-def ranges_of(**covariates: FloatArray) -> dict[str, list[float]]:
-    """The ranges of three parts with two features, one of which was not measured."""
-    repeats = np.array([[1, 1], [1, 1], [1, 0]])
-    places = np.array([[10.0, 5.0, np.nan], [1000 / 3, 5.0, np.nan]])
-    own = table(3, 2, axes=("x",), places=places, covariates=covariates, repeats=repeats)
-    return own.ranges(["x", "z", "load", "time_min"])
-
-
-def test_ranges_are_those_of_the_measured_cells() -> None:
-    """A column in its smallest shape, positions, and what the equations do not use."""
-    time = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 99.0]])
-    found = ranges_of(time_min=time, load=np.array([[7.0]]), sequence=np.arange(3.0)[:, None])
-    assert found == {"x": [10.0, 333.3334], "load": [7.0, 7.0], "time_min": [0.0, 4.0]}
 
 
 # The effects block: what close-loop found, added to the equations.

@@ -85,7 +85,7 @@ def test_a_report_of_another_machine_is_refused(tmp_path: Path, change: str, mes
         estimates_from_report(other, read_components(path))
 
 
-def test_stated_components(tmp_path: Path) -> None:
+def test_components_of_a_machine_file(tmp_path: Path) -> None:
     """Every form in which a machine file may state what is known, by hand."""
     model = stated(
         tmp_path,
@@ -188,33 +188,3 @@ def test_scatter_that_cannot_be_split_is_warned_of(tmp_path: Path) -> None:
     (item,) = [item for item in found if item.code == "not-separable"]
     assert "dx_x" in item.message
     assert not any(name in item.message for name in COMPONENTS if name != "dx_x")
-
-
-def test_readings_without_any_scatter_are_warned_of(tmp_path: Path) -> None:
-    known = machine(tmp_path)
-    given = read_machine(np.random.default_rng(7), Drift(1.0))
-    exact = np.where(given.code == 0, 1e-3 + 1e-5 * given.position_mm, given.error)
-    found = fit_warnings(fit_machine(known, replace(given, error=exact)))
-    (item,) = [item for item in found if item.code == "no-scatter-known"]
-    assert "readings is unknown (dx_x): they do not scatter" in item.message
-
-
-def test_instruments_that_disagree(tmp_path: Path) -> None:
-    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
-    rng = np.random.default_rng(8)
-    p = np.linspace(0, 140, 8)
-
-    def read(role: str, shift: float) -> Segment:
-        error = 1e-3 * rng.standard_normal((6, 1)) + 1e-3 * rng.standard_normal((6, 8)) + shift
-        passes = np.repeat(np.arange(6), 8)
-        return Segment(
-            name="a", position=np.tile(p, 6), error=error.ravel(), passes=passes, role=role
-        )
-
-    def warned(shift: float) -> int:
-        pairs = [readings([read("lbb", 0.0), read("laser", shift)]) for _ in range(60)]
-        found = [fit_warnings(fit_machine(known, pair)) for pair in pairs]
-        return sum("instruments-disagree" in {item.code for item in one} for one in found)
-
-    assert warned(0.0) <= stats.binom(60, 0.05).ppf(1 - 1e-4)
-    assert warned(9e-3) == 60

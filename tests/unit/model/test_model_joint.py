@@ -102,11 +102,6 @@ def groups(tmp_path: Path, given: list[Segment]) -> int:
     return len(shared_passes(fit_machine(machine, readings(given)).components))
 
 
-def clock(start: float, passes: int = PASSES) -> FloatArray:
-    """Minutes of each reading: ten a pass, a reading a minute."""
-    return np.asarray(start + (10.0 * np.arange(passes)[:, None] + np.arange(len(P))).ravel())
-
-
 def test_who_shares_passes(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     assert groups(tmp_path, two(rng)) == 1
@@ -127,15 +122,3 @@ def test_set_ups_decide_where_they_are_given(tmp_path: Path) -> None:
     assert groups(tmp_path, same) == 1
     assert groups(tmp_path, other) == 0
     assert groups(tmp_path, [replace(first, setup="A"), second]) == 0
-
-
-def test_times_must_overlap(tmp_path: Path) -> None:
-    rng = np.random.default_rng(6)
-    first, second = two(rng)
-    first = replace(first, time=clock(0))
-    assert groups(tmp_path, [first, replace(second, time=clock(2))]) == 1
-    assert groups(tmp_path, [first, replace(second, time=clock(200))]) == 0
-    # One of the five passes apart is enough.
-    late = clock(2)
-    late[-len(P) :] += 100
-    assert groups(tmp_path, [first, replace(second, time=late)]) == 0

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import FloatArray, estimate, model_of, part_of
-from numpy.typing import NDArray
+from model_examples import FloatArray, estimate, model_of
 
 from mtu_cli.language import parse
 from mtu_cli.model.machine_model import MachineModel
@@ -16,7 +14,6 @@ from mtu_cli.model.simulate import (
     PartsPlan,
     ReadingsPlan,
     SimulatedPoints,
-    growth,
     simulate_points,
     simulate_readings,
 )
@@ -48,16 +45,6 @@ def shaped(found: SimulatedPoints, plan: PartsPlan) -> FloatArray:
     return np.asarray(errors)
 
 
-def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> None:
-    few = simulate_readings(machine(), READ, 1)
-    many = simulate_readings(machine(), replace(READ, passes=8), 1)
-    for name in "at":
-        rows = [i for i, other in enumerate(few.component) if other == name]
-        first = [i for i, other in enumerate(many.component) if other == name][: len(rows)]
-        assert (many.error[first] == few.error[rows]).all()
-    assert (simulate_readings(machine(), READ, 2).error != few.error).all()
-
-
 def test_moments_of_readings() -> None:
     """The passes' lines have covariance D + s^2 (X'X)^-1, what is left s^2."""
     plan = ReadingsPlan(passes=4000, directions=(1,), positions=READ.positions)
@@ -77,17 +64,6 @@ def test_moments_of_readings() -> None:
     angle = found.error[~rows]
     assert len(angle) == 4000
     assert angle.var(ddof=1) == pytest.approx(4e-10, rel=4.5 * np.sqrt(2 / 4000))
-
-
-def test_readings_run_back_and_forth() -> None:
-    found = simulate_readings(machine(), READ, 1)
-    positions = found.position[:10]
-    assert list(positions) == [0, 25, 50, 75, 100, 100, 75, 50, 25, 0]
-    assert list(found.direction[:10]) == [1] * 5 + [-1] * 5
-    assert list(found.pass_number[:30:10]) == [1, 2, 3]
-    constant = np.array([name == "t" for name in found.component])
-    assert list(found.direction[constant]) == [0, 0, 0]
-    assert found.unit[0] == "mm"
 
 
 def test_moments_of_parts() -> None:
@@ -161,17 +137,6 @@ def test_effects_and_covariates_are_evaluated() -> None:
 OF_RING = ("e", "n", "w", "s", "far")
 ON_RING = np.array([[60.0, 20, 0], [10, 70, 0], [-40, 20, 0], [10, -30, 0], [200, 20, 0]])
 """Four on a circle of diameter 100 mm about (10, 20), and one that is not of it."""
-RING = """\
-features:
-  e: {x_mm: 60, y_mm: 20}
-  n: {x_mm: 10, y_mm: 70}
-  w: {x_mm: -40, y_mm: 20}
-  s: {x_mm: 10, y_mm: -30}
-  far: {x_mm: 200, y_mm: 20}
-circles:
-  - {id: ring, features: [e, n, w, s],
-     temperature: T_ring_degC, calibrated_mm: {20: 100.0, 30: 100.1}}
-"""
 
 
 def measured(temperatures: list[float] | None) -> SimulatedPoints:
@@ -187,16 +152,3 @@ def measured(temperatures: list[float] | None) -> SimulatedPoints:
         measured=np.tile(ON_RING[:, :2], (times, 1)),
         covariates=known,
     )
-
-
-def moved(folder: Path, points: SimulatedPoints, text: str = RING) -> NDArray[np.float64]:
-    found = growth(points, OF_RING, ON_RING, part_of(folder, text).part.circles)
-    return found.reshape(-1, len(OF_RING), 2)
-
-
-def test_points_move_away_from_the_centre_as_the_diameter_grows(tmp_path: Path) -> None:
-    """D is linear between calibrated temperatures and constant beyond: 0, 50 and 100 um more."""
-    found = moved(tmp_path, measured([20.0, 25.0, 30.0, 40.0, 10.0]))
-    outward = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1], [0, 0]])
-    for um, shift in zip([0, 25, 50, 50, 0], found, strict=True):
-        np.testing.assert_allclose(shift, 1e-3 * um * outward, rtol=0, atol=1e-12)

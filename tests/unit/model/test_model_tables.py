@@ -11,28 +11,16 @@ from support import read_components
 from table_trials import SIGMA, TARGETS, axis_machine, axis_readings, bend, table_coverage
 
 from mtu_cli.analyses.fit_components import fit_result
-from mtu_cli.files.machine import LoadedMachine, machine_from
-from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.reports.fit_components import document
-from mtu_cli.stats.kernels import left_open
 from mtu_cli.units import UM
 
 X = np.linspace(0.0, 400.0, TARGETS)
 AT = np.array([0.0, 20.0, 40.0, 333.0, 420.0])
 POINTS = np.column_stack([AT, np.zeros((len(AT), 2))])
 IDS = [f"{x:g}" for x in AT]
-
-
-def stated(folder: Path, component: str) -> LoadedMachine:
-    text = (
-        "schema: mtu/machine/1\nname: m\ncomponents: {dx_x: {of: x, unit: um, "
-        f"{component}}}}}\nequations: {{Ex: dx_x}}\n"
-    )
-    (folder / "m.yaml").write_text(text)
-    return machine_from(read_yaml(folder / "m.yaml", "machine"))
 
 
 @pytest.mark.parametrize("own", [0.0, 1.0])
@@ -72,24 +60,6 @@ def test_readings_and_their_report_predict_the_same(tmp_path: Path) -> None:
     assert left[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
     assert 0 < left[1] < left[4]
     assert [each[0] for each in first.outside] == ["420"]
-
-
-def test_a_stated_table(tmp_path: Path) -> None:
-    machine = stated(
-        tmp_path,
-        "shape: table, at_mm: [0, 40, 100], coefficients: [1, 3, 2], "
-        "covariance: [[0.04, 0, 0], [0, 0.09, 0], [0, 0, 0.04]], roughness_um2_per_mm3: 1e-5, "
-        "between_um2: 0.25, s_repeat: 0.5, dof: 20",
-    )
-    at = predict(build_model(machine, estimates_from_fit(machine, None)), IDS, POINTS)
-    knots = np.array([0.0, 40.0, 100.0])
-    assert at.mean[[0, 2]] == pytest.approx([1 * UM, 3 * UM])
-    # Variances of the values, and of a visit.
-    expected = np.array([0.04 + 0.25, 0.09 + 0.25]) * UM**2
-    assert at.variance().total[[0, 2]] == pytest.approx(expected)
-    off = 1e-5 * left_open(knots, AT[[1]])[0, 0] + 0.25
-    assert at.variance().coefficients[1] > off * UM**2
-    assert at.variance().coefficients[1] < (off + 0.09 + 0.04) * UM**2
 
 
 @pytest.mark.parametrize(("amplitude", "degrees"), [(0.0, {0, 1}), (40.0, {None})])

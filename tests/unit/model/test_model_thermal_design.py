@@ -228,24 +228,6 @@ def stated_machine(tmp_path: Path) -> LoadedMachine:
     return loaded(tmp_path, STATED)
 
 
-def test_a_report_wins_over_the_machine_file(tmp_path: Path, stated_machine: LoadedMachine) -> None:
-    found = thermal_from_report(stated_machine, report(tmp_path, pos_y=DRIFT))
-    assert set(found) == {"pos_y", "yaw_y"}
-    stated = thermal_from_machine_file(stated_machine)["yaw_y"]
-    assert found["yaw_y"].coefficients.tolist() == stated.coefficients.tolist()
-    drift = found["pos_y"]
-    assert drift.sensors == ("T_a_degC", "T_b_degC")
-    np.testing.assert_allclose(drift.coefficients, [[1.5e-3, 2e-3], [3e-3, 4e-3]], rtol=1e-15)
-    np.testing.assert_allclose(drift.covariance, np.array(DRIFT["covariance"]) * 1e-6, rtol=1e-15)
-    np.testing.assert_allclose(drift.leftover, [[0.25e-6, 0], [0, 1e-12]], rtol=1e-15)
-    assert (drift.coefficient_dof, drift.leftover_dof) == (np.inf, 12.5)
-    assert drift.time_constants.tolist() == [0, 40]
-    assert drift.sensor_u.tolist() == [0.01, 0.02]
-    assert drift.temperature_range is not None
-    assert drift.temperature_range.tolist() == [[19, 26], [20, 25]]
-    assert (drift.of, drift.position_range, drift.reference) == ("y", (0, 200), 20)
-
-
 def test_a_report_of_another_machine(tmp_path: Path, stated_machine: LoadedMachine) -> None:
     other = DRIFT | {"of": "x", "reference_temperature_degC": 20.5}
     with pytest.raises(InputError) as caught:

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from model_examples import FloatArray, estimate, model_of
 from scipy import stats
 
-from mtu_cli.model import settings
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials
 
@@ -117,19 +114,3 @@ def test_outputs_have_the_first_order_variance_where_D_is_negative() -> None:
 
 
 # What a study draws where the number of trials adapts.
-
-
-@pytest.mark.parametrize(
-    ("outputs", "most"), [(1, 10_000_000), (6, 10_000_000), (60, 1_000_000), (5000, 300_000)]
-)
-def test_many_outputs_take_fewer_trials_each(
-    outputs: int, most: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Sixty million values in all, as README says; not fewer than 300 000 trials."""
-    asked: list[int] = []
-    monkeypatch.setattr(
-        settings, "monte_carlo", lambda *_, max_trials, **__: asked.append(max_trials)
-    )
-    model = SimpleNamespace(names=[f"d{i}" for i in range(outputs)])
-    settings.Settings().run(model)
-    assert asked == [most]

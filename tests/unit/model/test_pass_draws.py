@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 from model_examples import FloatArray, estimate, model_of
 
-from mtu_cli.model.estimates import ComponentEstimate, JointPasses
+from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.simulate import (
     PartsPlan,
-    ReadingsPlan,
     pass_root,
     simulate_points,
-    simulate_readings,
 )
 
 AT = np.array([[0.0, 0, 0], [250, 0, 0], [500, 0, 0]])
@@ -66,39 +64,3 @@ def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
     units = np.diag([1e3, 1e6])
     other = covariance_drawn(scaled(one, units))
     np.testing.assert_allclose(other, units @ drawn @ units, rtol=1e-9)
-
-
-def together() -> tuple[MachineModel, FloatArray]:
-    """Two components read in the same passes, and the covariance of their three coefficients."""
-    K = 3
-    root = np.random.default_rng(5).normal(size=(K, K)) * [[1e-3], [2e-6], [3e-3]]
-    D = root @ root.T
-    a = estimate("a", "x", [0.0, 0.0], D=D[:2, :2])
-    b = estimate("b", None, [0.0], D=D[2:, 2:])
-    group = JointPasses(
-        components=("b", "a"),
-        widths=(1, 2),
-        covariance=np.zeros((K, K)),
-        pass_covariance=D[np.ix_([2, 0, 1], [2, 0, 1])],
-        pass_dof=4.0,
-        n_passes=None,
-    )
-    return model_of([(a, {"x": "1"}), (b, {"y": "1"})], joint=(group,)), D
-
-
-def test_passes_of_components_read_together_vary_together() -> None:
-    model, D = together()
-    at = np.array([0.0, 500.0])
-    found = simulate_readings(
-        model, ReadingsPlan(passes=MANY, directions=(1, -1), positions={"x": at}), 3
-    )
-    names = np.array(found.component)
-    forward = found.error[(names == "a") & (found.direction == 1)].reshape(MANY, 2)
-    back = found.error[(names == "a") & (found.direction == -1)].reshape(MANY, 2)[:, ::-1]
-    X = np.array([[1.0, 0, 0], [1.0, 500, 0], [0, 0, 1.0]])
-    alone = found.error[names == "b"]
-    assert agree(np.column_stack([forward, alone]), X @ D @ X.T)
-    # A component that is read once a pass is read on the way there.
-    wanted = X @ D @ X.T
-    wanted[:2, 2] = wanted[2, :2] = 0.0
-    assert agree(np.column_stack([back, alone]), wanted)

@@ -7,19 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from machine_trials import Drift, machine, read_machine
 from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
-from reading_examples import only
 
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
-from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.passes import fellows
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.reading_residuals import reading_layout, reading_tables
+from mtu_cli.model.reading_residuals import reading_layout
 
 P = np.linspace(0.0, 90.0, 4)
 RUNS = 5
@@ -82,21 +79,6 @@ def test_passes_that_each_run_one_way_are_paired(passes: str, pairs: str) -> Non
     assert told(passes) == pairs.split()
 
 
-@pytest.mark.parametrize("lost", range(1, 13))
-def test_one_pass_that_is_lost_parts_no_others(lost: int) -> None:
-    """In turns, and two and four blocks of all there before all back."""
-    number = np.delete(np.arange(1, 13), lost - 1)
-    place = number - 1
-    for step, way in (
-        (1, 1 - 2 * (place % 2)),
-        (6, np.where(place < 6, 1, -1)),
-        (3, 1 - 2 * (place // 3 % 2)),
-    ):
-        found = [(number[i], number[j]) for i, j in fellows(number, way)]
-        there = number[way > 0]
-        assert found == [(n, n + step) for n in there if n + step != lost]
-
-
 @pytest.mark.parametrize("one_way", [False, True], ids=["one number", "a number each"])
 def test_a_prediction_by_hand(tmp_path: Path, one_way: bool) -> None:
     """g'((1 + 1/P) S_m + S_h)g + s^2 (1 - M), S_m and S_h from the passes' lines by numpy."""
@@ -141,46 +123,6 @@ def test_a_prediction_by_hand(tmp_path: Path, one_way: bool) -> None:
     assert squares.of_mean[0] == pytest.approx(np.diag(S_m) / RUNS)
     assert np.abs(squares.of_mean[1:]).max() < 1e-12
     assert fit.joint[0].pass_dof == RUNS - 1
-
-
-def test_a_setup_of_its_own_makes_a_pass_no_part_of_a_run(tmp_path: Path) -> None:
-    known = machine(tmp_path)
-    given = read_machine(np.random.default_rng(6), Drift(10.0, there_and_back=True))
-    labels = np.array(["there", "back"], object)[(given.direction < 0).astype(int)]
-    for setups, dof in (({}, 4), ({"setup": labels}, 8)):
-        fit = fit_machine(known, replace(given, covariates=setups))
-        for name, item in fit.components.items():
-            assert item.estimate.pass_dof == (4 if name == "axy" else dof)
-            assert (item.estimate.half_differences is not None) == (dof == 4 and name != "axy")
-
-
-@pytest.mark.parametrize("shared", [3.0, 0.0])
-def test_further_readings_share_what_these_did(tmp_path: Path, shared: float) -> None:
-    """The table's factor: D within a direction, of the two of a run K where it is positive."""
-    known = loaded(tmp_path, MACHINE)
-    fit = fit_machine(known, readings(there_and_back(3, shared=shared)))
-    estimate = fit.components["a"].estimate
-    one = Estimates(components={"a": estimate})
-    table = only(reading_tables(known, one, readings(there_and_back(4)[:1])))
-    X = np.column_stack([np.ones(2 * len(P)), table.places[0, :, 0]])
-    way = table.covariates["dir_x"][0]
-    same = way[:, None] == way
-    R = table.of_part[0, :, 0]
-    found = R @ R.T
-    np.testing.assert_allclose(found[same], (X @ estimate.pass_covariance @ X.T)[same], rtol=1e-6)
-    lines = np.polyfit(P, there_and_back(3, shared=shared)[0].error.reshape(-1, len(P)).T, 1)[::-1]
-    there, back = lines[:, 0::2], lines[:, 1::2]
-    K = np.cov(there, back)[:2, 2:]
-    K = (K + K.T) / 2
-    # K at position 0 as the coefficients are, less what is negative of it in their uncertainties.
-    u = np.sqrt(np.diag(estimate.covariance))
-    size, vectors = np.linalg.eigh(K / np.outer(u, u))
-    assert (size.min() > 0) == bool(shared)
-    root = u[:, None] * vectors * np.sqrt(size.clip(0))
-    K = root @ root.T
-    np.testing.assert_allclose(
-        found[~same], (X @ K @ X.T)[~same], rtol=1e-6, atol=1e-9 * found.max()
-    )
 
 
 # The passes of readings: their sequence in time and who is a run, whatever files they stand in.

@@ -62,6 +62,9 @@ def test_a_component_is_what_is_predicted_with_it_alone(tmp_path: Path) -> None:
     assert found.covariance == pytest.approx(plain.covariance[0::2, 0::2])
     assert (stated(machine, "a").output, stated(machine, "s").output) == ("x", "y")
     assert stated(machine, "a").default_positions(machine) == pytest.approx(np.arange(0, 501, 50))
+    endless = loaded(tmp_path, MACHINE.replace("axes: {x: {travel_mm: [0, 500]}}", ""))
+    with pytest.raises(InputError, match="the travel of x"):
+        stated(endless, "a").default_positions(endless)
 
 
 @pytest.mark.parametrize(

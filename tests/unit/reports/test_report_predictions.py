@@ -21,11 +21,6 @@ POINT = [
     "var_y_um2", "U_x_um", "U_y_um", "dof_effective_x", "dof_effective_y", "interval95_x_um",
     "interval95_y_um", "independent",
 ]  # fmt: skip
-ANGLE = [
-    "id", "mean_arcsec", "u_arcsec", "U_arcsec", "interval95_arcsec", "trials", "converged",
-    "first_order", "validation", "independent",
-]  # fmt: skip
-ARCSEC = np.pi / 648000
 
 
 @pytest.fixture(scope="module")
@@ -77,17 +72,6 @@ def test_points_hold_the_contract_fields(paper: Example) -> None:
         apart = point["independent"]
         assert apart["u_y_um"] == pytest.approx(np.sqrt(apart["var_y_um2"]), rel=1e-12)
         assert point["z_mm"] is None
-
-
-def test_orthogonality_holds_the_contract_fields(paper: Example) -> None:
-    result = paper.angles()
-    (item,) = results(orthogonality.document(result))["orthogonality"]
-    assert set(ANGLE) <= set(item)
-    (angle,) = result.angles
-    assert item["mean_arcsec"] == pytest.approx(angle.run.mean[0] / ARCSEC, rel=1e-12)
-    assert item["U_arcsec"] == pytest.approx(2 * item["u_arcsec"], rel=1e-12)
-    assert item["independent"]["u_arcsec"] > 0
-    assert sum(item["first_order"]["shares"].values()) == pytest.approx(1, rel=1e-12)
 
 
 @pytest.mark.parametrize("planar", [True, False])

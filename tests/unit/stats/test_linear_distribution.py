@@ -110,15 +110,6 @@ def test_inexact_limits_of_other_shapes(kind: Kind) -> None:
     assert p == pytest.approx(np.array(exact), abs=1e-6)
 
 
-@pytest.mark.parametrize("beside", [1e-9, 1e-4, 1e-3])
-def test_corners_that_no_series_follows_are_not_known(beside: float) -> None:
-    """An arcsine with little beside it has an end that the series would round off."""
-    arcsine = (1.0, bounded("arcsine", 1 / 2))
-    assert sum_quantile([(1.0, curved("arcsine", 1 / 2, beside))]) is None
-    assert sum_quantile([arcsine, (beside, bounded("rectangular", 1 / 3))]) is None
-    assert sum_quantile([arcsine, (1.0, Distribution(kind="normal", u=0.02))]) is not None
-
-
 def test_a_mixture_against_simulation() -> None:
     m, found, rng, work = 1_000_000, known(*MIXED), np.random.default_rng(3), Workspace()
     total, out = np.zeros(m), np.empty(m)
@@ -135,3 +126,7 @@ def test_where_it_is_not_known() -> None:
     assert sum_quantile([heavy, (1.0, bounded("rectangular", 1 / 3))]) is None
     assert sum_quantile([(0.0, Distribution(kind="normal", u=1.0))]) is None
     assert sum_quantile([]) is None
+    # An arcsine with little beside it has an end that the series would round off.
+    arcsine = (1.0, bounded("arcsine", 1 / 2))
+    assert sum_quantile([arcsine, (1e-4, bounded("rectangular", 1 / 3))]) is None
+    assert sum_quantile([arcsine, (1.0, Distribution(kind="normal", u=0.02))]) is not None

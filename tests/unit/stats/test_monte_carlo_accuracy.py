@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import stats
-from scipy.special import ndtri, stdtrit
-from trial_models import Bent, Grown, Other, ScaledT, Smooth, Z
+from scipy.special import stdtrit
+from trial_models import Bent, Other, ScaledT, Smooth, Z
 
 from mtu_cli.findings import InputError
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
@@ -63,27 +61,6 @@ def test_values_that_are_not_finite_are_counted(bad: float, trials: int | None) 
     assert "good" not in str(raised.value)
 
 
-def resident_mib() -> float:
-    lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmRSS")) / 1024.0
-
-
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads /proc")
-def test_memory_does_not_grow_with_the_count() -> None:
-    model = Bent(0.01)
-    monte_carlo(model, seed=1, trials=300_000)
-    before, highest = resident_mib(), [0.0]
-
-    def watch(done: int, total: int | None) -> None:
-        if done % 97 == 0 or done == total:
-            highest[0] = max(highest[0], resident_mib())
-
-    result = monte_carlo(model, seed=1, trials=10_000_000, progress=watch)
-    assert result.trials == 10_000_000
-    # One array of all trials would be 76 MiB.
-    assert highest[0] - before < 20.0
-
-
 def test_clause8_passes_fails_and_abstains() -> None:
     sure = monte_carlo(Bent(0.0), seed=1, tolerance_fraction=0.2)
     assert clause8(3.0, 2.0, Z, sure).passed is True
@@ -118,15 +95,6 @@ def test_bent_normal(bend: float, control: bool) -> None:
         assert abs(error) <= 4 * getattr(result, f"se_{name}")[0] + 1e-8, name
 
 
-@pytest.mark.parametrize("probability", [0.5, 0.999])
-def test_other_probabilities(probability: float) -> None:
-    result = monte_carlo(Bent(control=False), seed=6, trials=1_100_000, probability=probability)
-    k = 2.0 * float(ndtri(0.5 + probability / 2.0))
-    assert result.blocks >= 10
-    assert result.low[0] == pytest.approx(3.0 - k, abs=4 * result.se_low[0])
-    assert result.high[0] == pytest.approx(3.0 + k, abs=4 * result.se_high[0])
-
-
 @pytest.mark.parametrize("dof", [1.0, 2.0])
 def test_without_a_standard_deviation_only_intervals(dof: float) -> None:
     result = monte_carlo(ScaledT(dof), seed=3)
@@ -140,7 +108,7 @@ def test_without_a_standard_deviation_only_intervals(dof: float) -> None:
     assert np.isfinite(few.high[0])
 
 
-def scatter_as_stated(model: Bent | Grown, results: list[MonteCarloResult], of_se: float) -> None:
+def scatter_as_stated(model: Bent, results: list[MonteCarloResult], of_se: float) -> None:
     """Mean squared error over mean se^2: chi-square of the seeds, less what se itself scatters."""
     seeds = len(results)
     for name, exact in model.exact.items():
@@ -152,10 +120,9 @@ def scatter_as_stated(model: Bent | Grown, results: list[MonteCarloResult], of_s
 
 
 @pytest.mark.parametrize("trials", [8_003, None])
-@pytest.mark.parametrize("model", [Smooth(0.05), Grown(0.5)])
-def test_few_trials_of_a_smooth_model(model: Smooth | Grown, trials: int | None) -> None:
+def test_few_trials_of_a_smooth_model(trials: int | None) -> None:
     """Unbiased, with the scatter stated, over 200 seeds; se^2 of ten blocks has 2/9 itself."""
-    seeds = 200
+    seeds, model = 200, Smooth(0.05)
     results = [
         monte_carlo(model, seed=s, trials=trials, tolerance_fraction=0.5, threads=1)
         for s in range(seeds)

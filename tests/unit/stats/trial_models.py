@@ -58,31 +58,6 @@ class Smooth(Bent):
     smooth = True
 
 
-class Grown:
-    """y = (exp(a z) - 1)/a with the first-order form z."""
-
-    names = ("y",)
-    linear_mean, linear_variance = np.zeros(1), np.ones(1)
-    smooth = True
-
-    def __init__(self, a: float) -> None:
-        self.a = a
-        square = np.exp(a * a)
-        self.exact = {
-            "mean": (np.sqrt(square) - 1) / a,
-            "u": np.sqrt((square - 1) * square) / a,
-            "low": np.expm1(-a * Z) / a,
-            "high": np.expm1(a * Z) / a,
-        }
-
-    def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        z = rng.standard_normal((1, m))
-        return Draws(values=np.expm1(self.a * z) / self.a, linear=z)
-
-    def linear_quantiles(self, probability: FloatArray) -> FloatArray:
-        return np.asarray(ndtri(probability)[np.newaxis])
-
-
 class Other:
     """Any formula, without a first-order form."""
 

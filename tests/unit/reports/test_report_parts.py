@@ -1,0 +1,330 @@
+"""What anova, compare and correct report of measured parts: names and units of the contract, nulls,
+verdicts, tables, and pictures in which all can be read.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from compare_trials import predicted
+from correct_examples import error_at, machine, ring_part, ring_places, ring_points, seen
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from measured_examples import part_file, points, study, with_measured
+
+from mtu_cli.analyses.anova import AnovaResult, analyse_variance
+from mtu_cli.analyses.compare import Compared, CompareResult, Pooled, compared, judged
+from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.files.points import Points
+from mtu_cli.model.measured import Label, MeasuredTables
+from mtu_cli.model.settings import Settings
+from mtu_cli.reports import anova as of_anova
+from mtu_cli.reports import compare as of_compare
+from mtu_cli.reports import correct as of_correct
+from mtu_cli.reports import part_figures
+from mtu_cli.reports.document import Document
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.tables import plain_text
+from mtu_cli.stats.anova import Cells
+
+CONTRACT = (
+    "operation", "feature", "axis", "parts", "n", "mean_error_um", "ms_between_um2",
+    "ms_within_um2", "df_between", "df_within", "F", "F_critical_95", "p", "var_part_um2",
+    "var_repeat_um2", "var_part_interval95_um2", "method", "s_pooled_um", "u_mean_um",
+    "u_future_um", "U_future_um", "unusual_parts",
+)  # fmt: skip
+ARCSEC = math.pi / 180 / 3600
+
+
+def recorded(document: Document) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(json.dumps(document.record(), allow_nan=False))
+    return found
+
+
+def shown(document: Document, *, detail: bool = False) -> str:
+    text = plain_text(document.shown(detail=detail))
+    assert max(map(len, text.splitlines())) <= 100
+    return text
+
+
+def names_beside(page: Figure) -> list[str]:
+    """Those of the rows of a listing, which can be drawn, and are within the page."""
+    assert figure_bytes(page, "png").startswith(b"\x89PNG")
+    panel = page.axes[0]
+    boxes = [text.get_window_extent() for text in (*panel.texts, *panel.get_yticklabels())]
+    assert all(page.bbox.x0 <= box.x0 < box.x1 <= page.bbox.x1 for box in boxes)
+    return [label.get_text() for label in panel.get_yticklabels()]
+
+
+# anova
+
+
+def analysed(found: Points) -> AnovaResult:
+    return analyse_variance(found, None, "reml", Settings())
+
+
+@pytest.fixture(scope="module")
+def planted(tmp_path_factory: pytest.TempPathFactory) -> AnovaResult:
+    """21 parts, the seventh 60 um off in y."""
+    found = study(21, 2, 4)
+    measured = found.measured.copy()
+    measured[found.part == 6, 1] += 0.06
+    part = part_file(tmp_path_factory.mktemp("part"))
+    return analyse_variance(with_measured(found, measured), part, "reml", Settings())
+
+
+def test_figures_of_anova(planted: AnovaResult) -> None:
+    results = recorded(of_anova.document(planted))
+    assert [len(results[k]) for k in ("features", "lengths", "orthogonality")] == [6, 2, 1]
+    assert all(set(CONTRACT) <= set(entry) for entry in results["features"])
+    first, one = results["features"][0], planted.features
+    assert first["mean_error_um"] == pytest.approx(one.one_way.mean[0] * 1e3)
+    assert first["var_part_um2"] == pytest.approx(one.components.part[0] * 1e6)
+    assert first["U_future_um"] == pytest.approx(2 * first["u_future_um"])
+    low, high = first["interval95_future_um"]
+    assert (low + high) / 2 == pytest.approx(first["mean_error_um"])
+    angle, angles = results["orthogonality"][0], planted.kinds[2]
+    assert angle["mean_error_arcsec"] == pytest.approx(angles.one_way.mean[0] / ARCSEC)
+    assert angle["var_part_arcsec2"] == pytest.approx(angles.components.part[0] / ARCSEC**2)
+    assert not any("_um" in name for name in angle)
+    (item,) = results["unusual_parts"]
+    assert (item["part"], item["where"]["axis"]) == ("P6", "y")
+    assert item["deviation_um"] == pytest.approx(60, rel=0.25)
+    units = [x["slope_um"] is not None for x in results["trends"]]
+    assert units == [True] * 8 + [False]
+
+
+def test_undefined_figures_of_anova_are_null_and_have_no_column() -> None:
+    document = of_anova.document(analysed(study(1, 1, 1)))
+    entry = recorded(document)["features"][0]
+    assert recorded(document)["unusual_parts"] is None
+    undefined = {
+        "F", "p", "ms_between_um2", "ms_within_um2", "var_part_um2", "u_mean_um", "u_future_um",
+        "var_part_interval95_um2", "s_pooled_um", "var_both_um2", "interval95_future_um",
+    }  # fmt: skip
+    assert {entry[name] for name in undefined} == {None}
+    text = shown(document, detail=True)
+    assert text.startswith("Too few parts or repeats")
+    header = text.partition("Features\n")[2].splitlines()[0]
+    assert header.split() == ["feature", "axis", "n", "mean", "df", "df"]
+
+
+@pytest.mark.parametrize(("scatter", "marked"), [(1.0, [True, False]), (0.0, [False, False])])
+def test_limits_below_zero_are_marked_as_no_bound(scatter: float, marked: list[bool]) -> None:
+    """Repeats to and fro about means that are alike; nothing that scatters is another matter."""
+    rows = [
+        (f"P{p}", "a", r, scatter * 0.001 * (-1) ** r, scatter * (0.001 * p + 0.0001 * r))
+        for p in range(6)
+        for r in (1, 2)
+    ]
+    header, listed = of_anova.document(analysed(points(rows))).rows()
+    column = list(header).index("var_part_limits_below_zero")
+    assert [row[column] for row in listed] == marked
+
+
+def test_tables_and_verdict_of_anova(planted: AnovaResult) -> None:
+    text = shown(of_anova.document(planted))
+    assert "F test: parts differ significantly in 6 of 6 features and axes." in text
+    assert "Outlying parts: P6." in text
+    titles = ("by operation and axis", "Outlying parts\n", "Lengths", "Right angles", "Features\n")
+    assert sorted(titles, key=text.index) == list(titles)
+    clean = shown(of_anova.document(analysed(study(21, 2, 4))), detail=True)
+    assert "No part is an outlier.\n" in clean
+    assert ("MS between" in clean, "MS between" in text) == (True, False)
+
+
+@pytest.mark.parametrize(("operations", "parts"), [(1, 1), (1, 60), (6, 6)])
+def test_nothing_is_written_over_or_outside(operations: int, parts: int) -> None:
+    rng = np.random.default_rng(2)
+    cases = [
+        (f"operation {operation}", (f"part {p}", name, r))
+        for operation in range(operations)
+        for p in range(parts)
+        for name in "abc"
+        for r in range(2)
+    ]
+    rows = [(*case, *(0.01 * rng.standard_normal(2))) for _, case in cases]
+    page = part_figures.anova(analysed(points(rows, [name for name, _ in cases])))
+    assert figure_bytes(page, "png").startswith(b"\x89PNG")
+    titles = {panel.get_title(loc="left") for panel in page.axes}
+    written = [
+        item
+        for panel in page.axes
+        for item in panel.get_children()
+        if isinstance(item, Text) and item.get_text() in titles
+    ]
+    assert len(written) == len(page.axes)
+    boxes = [item.get_window_extent() for item in [*written, *page.legends]]
+    for i, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[i + 1 :])
+        assert page.bbox.x0 <= box.x0
+        assert box.x1 <= page.bbox.x1
+        assert box.y1 <= page.bbox.y1
+
+
+# compare
+
+
+def made(labels: list[Label], seed: int) -> Compared:
+    """Five parts measured twice; errors of some 10 um, predicted u 5 um; no faults by decree."""
+    rng = np.random.default_rng(seed)
+    m, n = len(labels), len(labels) // 2
+    cells = Cells(
+        origin=np.zeros(m),
+        n=np.full((m, 5), 2.0),
+        mean=0.01 * rng.standard_normal((m, 1)) + 0.003 * rng.standard_normal((m, 5)),
+        within=np.full(m, 5e-6),
+    )
+    u2, mean = np.full(n, 0.005**2), 0.01 * rng.standard_normal(n)
+    known = predicted(mean, 0.2 * u2, 0.8 * u2, 0.64 * u2, (np.inf, np.inf))
+    tables = MeasuredTables(labels=tuple(labels), parts=tuple("12345"), cells=cells)
+    of = {name: (known, np.eye(n)) for name in ("drilled", "milled")}
+    return decreed(judged(compared(tables, of, 2.0), None)[0])
+
+
+def decreed(
+    found: Compared, *, under: tuple[int, ...] = (), biased: tuple[int, ...] = (), **more: Any
+) -> Compared:
+    """The same with these faults and no other."""
+    rows = range(len(found.labels))
+    answers = {
+        "biased": tuple(i in biased for i in rows),
+        "under_predicted": tuple(i in under for i in rows),
+        "over_predicted": tuple(False for _ in rows),
+    }
+    return replace(found, **{"pooled": {}} | answers | more)
+
+
+@pytest.fixture(scope="module")
+def two() -> CompareResult:
+    """24 features along two axes and two lengths, drilled and milled."""
+    ids, ways = [str(i + 1) for i in range(24)], ("drilled", "milled")
+    features = made([(o, name, axis) for o in ways for axis in "xy" for name in ids], 1)
+    lengths = made([(o, name, "") for o in ways for name in ("1-2", "2-3")], 2)
+    return CompareResult(
+        features=decreed(features, under=(0,)), lengths=lengths, datum="none",
+        coverage_factor=2.0, warnings=(),
+    )  # fmt: skip
+
+
+def test_figures_of_compare(two: CompareResult) -> None:
+    results = recorded(of_compare.document(two))
+    assert [len(results[kind]) for kind in ("features", "lengths")] == [96, 4]
+    first = results["features"][0]
+    assert (first["operation"], first["id"], first["axis"]) == ("drilled", "1", "x")
+    of, measured = first["predicted"], first["measured"]
+    assert of["mean_um"] == pytest.approx(1000 * two.features.predicted.mean[0])
+    assert of["U_um"] == pytest.approx(10)
+    assert (measured["parts"], measured["n"]) == (5, 10)
+    assert first["bias_um"] == pytest.approx(measured["mean_um"] - of["mean_um"])
+    width = 2 * (abs(measured["mean_um"]) + 2 * measured["u_um"])
+    assert first["range_width_um"]["measured"] == pytest.approx(width)
+    assert first["verdict"] == "under-predicted"
+    drilled, milled = results["summary"]["features"]
+    assert drilled["verdicts"]["under-predicted"] == 1
+    assert milled["verdicts"]["consistent"] == 48
+    ratios = [item["ratio_u"] for item in results["features"] if item["operation"] == "milled"]
+    assert milled["ratio_u"] == [min(ratios), max(ratios)]
+    # Undefined figures are null.
+    none = np.full(96, np.nan)
+    features = replace(two.features, ratio_u=none, E_n=none)
+    results = recorded(of_compare.document(replace(two, features=features, lengths=None)))
+    assert (results["features"][0]["ratio_u"], results["features"][0]["E_n"]) == (None, None)
+    assert results["summary"]["features"][0]["ratio_u"] is None
+    assert (results["lengths"], results["summary"]["lengths"]) == ([], None)
+
+
+def test_every_fault_is_stated_with_its_size(two: CompareResult) -> None:
+    """Both faults of an item, the graver one first; the pooled scatter where nothing else is."""
+    found = decreed(two.features, under=(0, 1), biased=(1, 2))
+    factor = sorted(found.ratio_scatter[:2])
+    off = sorted(1000 * np.abs(found.bias[1:3]))
+    ends = [f"{significant(a)} to {significant(b)}" for a, b in (factor, off)]
+    drilled, milled = map(of_compare.verdict_text, found.summaries)
+    assert drilled == (
+        f"drilled features: under-predicted (2 of 48: scatter {ends[0]} times predicted); "
+        f"biased (2 of 48: mean off by {ends[1]} um)"
+    )
+    assert milled == "milled features: consistent"
+    text = shown(of_compare.document(replace(two, features=found)))
+    assert "drilled 2 x  under-predicted, " in text
+    pooled = {"drilled": Pooled(items=48, ratio=1.5, p=0.003, verdict="under-predicted")}
+    (alone, _) = decreed(two.features, pooled=pooled).summaries
+    words = "drilled features: under-predicted (pooled scatter 1.5 times predicted, p 0.003)"
+    assert of_compare.verdict_text(alone) == words
+    single, _ = decreed(two.features, under=(3,), pooled=pooled).summaries
+    assert "pooled" not in of_compare.verdict_text(single)
+
+
+def test_the_picture_of_compare_shows_differences_and_verdicts(two: CompareResult) -> None:
+    page = part_figures.compare(two)
+    names = names_beside(page)
+    assert len(names) == 4 + 18
+    assert page.get_suptitle().endswith("(22 of 100)")
+    row = names.index("drilled 1 x")
+    assert [text.get_text() for text in page.axes[0].texts][row] == "under-predicted"
+
+
+# correct
+
+
+def corrected(folder: Path, parts: int = 2, more: str = "", **ring: str) -> CorrectResult:
+    """Rings of 180.0134 mm, a um larger than their calibration."""
+    true = np.tile(ring_places(diameter=180.0134), (parts, 1))
+    T = np.full(11 * parts, 21.0) + np.repeat(0.01 * np.arange(parts), 11)
+    names = [f"part {i}" for i in range(parts)]
+    found = ring_points(seen(true, error_at, T), names, None, {"T_scale_degC": T})
+    return correct(machine(folder), ring_part(folder, more, **ring), found, Settings())
+
+
+def test_errors_are_rounded_to_their_uncertainty(tmp_path: Path) -> None:
+    found = corrected(tmp_path)
+    text = shown(of_correct.document(found))
+    before, after = (f"{1000 * value:.2g}" for value in found.rms(["circle"]) or ())
+    start = f"Correction reduces the rms error of diameters from {before} to {after}"
+    assert text.startswith(start)
+    first = found.sizes[0]
+    (line,) = [item for item in text.splitlines() if item.startswith("ring  part 0 ")]
+    # u = 0.4 um: two digits of it are hundredths of a um.
+    assert 0.1 < 1000 * first.u_error < 0.99
+    assert f"{1000 * first.error[1]:.2f} ± {1000 * first.u_error:.2f}" in line
+    assert f"{first.size[1]:.5f} ± {first.u:.5f}" in line
+    exact = replace(found, sizes=(replace(first, reference=first.size[0], u=0.0),))
+    text = shown(of_correct.document(exact))
+    assert text.startswith("Correction increases the rms error of diameters from 0 to ")
+    circle = recorded(of_correct.document(exact))["circles"][0]
+    assert circle["reduction_percent"] is None
+
+
+def test_sizes_without_a_reference_are_shown_as_they_are(tmp_path: Path) -> None:
+    document = of_correct.document(corrected(tmp_path, calibrated_mm=""))
+    text = shown(document)
+    assert "180.01340 ± 0.000" in text
+    assert "calibrated" not in text.partition("error:")[0]
+    assert text.startswith("The largest correction is ")
+    ring = recorded(document)["circles"][0]
+    nothing = ("calibrated_mm", "reduction_percent", "U_calibrated_um", "interval95_um")
+    assert all(ring[name] is None for name in nothing)
+    assert ring["error_um"] == {"before": None, "after": None}
+    assert ring["diameter_mm"]["after"] == pytest.approx(180.0134)
+
+
+@pytest.mark.parametrize("kind", ["circle", "length", "points"])
+def test_pictures_of_correct(tmp_path: Path, kind: str) -> None:
+    """A row a part or point, of the first to the last of them."""
+    found = corrected(tmp_path, parts=50, more="lengths: [{from: r0, to: r5}]\n", U_um="1.0")
+    if kind != "circle":
+        found = replace(found, sizes=found.of_kind("length") if kind == "length" else ())
+    page = part_figures.correct(found)
+    start = {"circle": "ring part ", "length": "r0-r5 part ", "points": "r"}[kind]
+    names = names_beside(page)
+    assert len(names) == 40
+    assert all(name.startswith(start) for name in names)
+    assert page.get_suptitle().endswith(f"(40 of {1100 if kind == 'points' else 50})")
