@@ -86,7 +86,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     # Type 0 is written where nothing is said; a file does not show which it is.
     parameters["type"] = parameters.get("type") or "0"
     name = options.component[0]
-    result = analysis(
+    planned = result = analysis(
         errors, control, parameters, wanted, component=" + ".join(options.component),
         seed=settings.seed, trials=settings.trials,
     )  # fmt: skip
@@ -102,12 +102,12 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         if table:
             made[table] = result.text.encode()
         if table and not control.comment:
-            beside = table.with_name(f"{table.name}{BESIDE['to_file']}")
+            beside = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
             written = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
             notes = (control.says, frame.says, f"This table: {written}.")
             made[beside] = "".join(f"{note}\n" for note in notes).encode()
         if options.to_nc:
-            program = moves_program(result, feed, DWELL_S, axis.upper(), frame)
+            program = moves_program(planned, feed, DWELL_S, axis.upper(), frame)
             made[options.to_nc] = program.encode()
         return made
 

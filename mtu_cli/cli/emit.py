@@ -78,11 +78,15 @@ class Outcome:
 class Result:
     """What a command found; `warnings` are those of the input and of the result."""
 
-    command: str
     inputs: Inputs
     outcome: Outcome
     settings: Settings
     warnings: tuple[Finding, ...]
+
+    @property
+    def command(self) -> str:
+        """The command, as reports name it."""
+        return self.inputs.options.command
 
     def to_dict(self) -> dict[str, Any]:
         """`results` of the JSON report."""
@@ -116,7 +120,7 @@ def result_of(
     chosen = replace(inputs.settings, **settings)
     outcome = analyse(inputs, chosen)
     warnings = (*inputs.suspicions, *outcome.warnings)
-    return Result(inputs.options.command, inputs, outcome, outcome.settings or chosen, warnings)
+    return Result(inputs, outcome, outcome.settings or chosen, warnings)
 
 
 def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) -> None:
@@ -186,7 +190,7 @@ def show(tables: Iterable[object]) -> None:
 
 def warning_lines(warnings: Iterable[Finding]) -> list[str]:
     """Warnings and notes as lines for standard error, each once, of one code MOST_ALIKE at most."""
-    distinct = list({(each.code, each.message): each for each in warnings}.values())
+    distinct = {(each.code, each.message): each for each in warnings}.values()
     count, shown, lines = Counter(each.code for each in distinct), Counter[str](), []
     for each in distinct:
         shown[each.code] += 1
@@ -202,7 +206,7 @@ def asked_gates(options: Options) -> dict[str, float]:
     """The gates of --fail-if with their limits, 0 of a gate without one.
 
     Those of the command are as its help has them: ``drift``, ``nonconforming=0.01``.
-    Raises InputError with every gate that is unknown, stands twice, or lacks its limit.
+    Raises InputError with every gate that is unknown or lacks its limit.
     """
     known = (SUSPICIOUS, *options.gates)
     limited = {name.partition("=")[0]: "=" in name for name in known}
@@ -211,15 +215,13 @@ def asked_gates(options: Options) -> dict[str, float]:
     for text in (part.strip() for item in options.fail_if or () for part in item.split(",")):
         name, equals, limit = text.partition("=")
         share = number(limit) if equals else 0.0
-        place = {"path": f"--fail-if {name}", "value": text}
         if limited.get(name) != bool(equals):
             expected = " or ".join(known)
             problems.append(finding("unknown-name", what="gate", value=text, expected=expected))
         elif share is None or not 0 <= share < 1:
             expected = "a probability from 0 to below 1, such as 0.01 for 1 %"
+            place = {"path": f"--fail-if {name}", "value": text}
             problems.append(finding("out-of-range", **place, expected=expected))
-        elif equals and name in result:
-            problems.append(finding("appears-twice", what=place["path"], value=text))
         result[name] = share or 0.0
     if problems:
         raise InputError(problems)
@@ -271,15 +273,15 @@ def _page(result: Result) -> bytes:
     used = {name.replace("_", " "): getattr(result.settings, name) for name in stated}
     used |= {"trials": "adaptive"} if used.get("trials", 0) is None else {}
     subject, *others = inputs.names
-    command = options.command.replace("-", " ")
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
+    command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
     return report_bytes(
         options.report.suffix.lower(),
         figure,
         result.outcome.tables(bool(options.detail)),
         result.warnings,
         used | {f"{name} =": value for name, value in inputs.at.items()},
-        title=f"{TITLES.get(options.command) or command.capitalize()}: {subject}",
+        title=f"{command}: {subject}",
         subject=[*others, *synthetic],
         inputs=inputs.sources,
         date=options.date,
@@ -293,52 +295,49 @@ def written_files(options: Options) -> dict[str, Path]:
 
 
 def check_outputs(inputs: Inputs) -> None:
-    """Refuses files that cannot be made or would overwrite what the call, its study or the study
-    of this folder names, read or not, but for what the command is there to make. All at once,
-    before anything is calculated.
+    """Refuses files that cannot be made, or would overwrite measured data or what the call, its
+    study or the study of this folder names, read or not, but for what the command is there to
+    make. All at once, before anything is calculated.
     """
-    options = inputs.options
-    written = written_files(options)
-    files = {name: path for name, path in written.items() if path != STANDARD_OUTPUT}
-    files |= {f"beside {name}": files[name].with_name(f"{files[name].name}{ending}")
-              for name, ending in BESIDE.items() if name in files}  # fmt: skip
+    options, written = inputs.options, written_files(inputs.options)
     named = [(role, path) for role, path in inputs.named() if os.path.exists(path)]
     problems: list[Finding] = []
-    for name, target in files.items():
+    files = []
+    for name, path in written.items():
+        if path == STANDARD_OUTPUT:
+            if name not in ("out", "to_csv") and (name != "csv" or written.get("out") == path):
+                reason = f"{WRITTEN[name].named(name)[0]} cannot go to standard output"
+                problems.append(finding("output-form", reason=reason, expected="a file"))
+            continue
         makes = MADE.get(options.command, {}).get(name, ())
-        made = [role for role in makes if not options.values.get(role)]
-        if any(role not in made and same(target, path) for role, path in named):
-            place = {"file": given_path(target), "expected": "another name"}
-            problems.append(finding("not-overwritten", reason="it is an input", **place))
+        own = [role for role in makes if not options.values.get(role)]
+        for file in (path, *(path.with_name(path.name + x) for x in BESIDE.get(name, ()))):
+            files.append(file)
+            taken = any(role not in own and same(file, other) for role, other in named)
+            place = {"file": given_path(file), "expected": "another name"}
+            if why := "it is an input" if taken else _held(options.command, name, file):
+                problems.append(finding("not-overwritten", reason=why, **place))
+        ending, endings = path.suffix.lower(), WRITTEN[name].endings
+        if endings and ending not in endings and (path.is_file() or not os.path.exists(path)):
+            kind = ending or "a file without an ending"
+            reason = f"{WRITTEN[name].named(name)[0]} does not write {kind}"
+            place["expected"] = f"a name that ends in {' or '.join(endings)}"
+            problems.append(finding("output-form", reason=reason, **place))
     try:
-        check_targets(list(files.values()))
+        check_targets(files)
     except InputError as fault:
         problems += fault.findings
-    problems += _wrong_forms(options.command, written)
     first = {each.file or each.message: each for each in reversed(problems)}
     if problems:
         raise InputError(reversed(first.values()))
 
 
-def _wrong_forms(command: str, written: Mapping[str, Path]) -> Iterator[Finding]:
-    """Files that would be taken for what they are not; measured data is not overwritten."""
-    for name, path in written.items():
-        option, ending = WRITTEN[name].named(name)[0], path.suffix.lower()
-        endings, file = WRITTEN[name].endings, given_path(path)
-        if path == STANDARD_OUTPUT:
-            if name not in ("out", "to_csv") and (name != "csv" or written.get("out") == path):
-                reason = f"{option} cannot go to standard output"
-                yield finding("output-form", reason=reason, expected="a file")
-        elif endings and ending not in endings and (path.is_file() or not os.path.exists(path)):
-            reason = f"{option} does not write {ending or 'a file without an ending'}"
-            expected = f"a name that ends in {' or '.join(endings)}"
-            yield finding("output-form", reason=reason, file=file, expected=expected)
-        elif command == "simulate" and os.path.exists(path) and not begins_with(path, SYNTHETIC):
-            reason = f"it does not begin with '{SYNTHETIC}'"
-            yield finding("not-overwritten", reason=reason, file=file, expected="another name")
-        elif name == "csv" and path.is_file() and (held := measured_in(path)):
-            reason = f"it holds {held}"
-            yield finding("not-overwritten", reason=reason, file=file, expected="another name")
+def _held(command: str, name: str, file: Path) -> str | None:
+    """Why a file that is there holds what somebody has measured, or None."""
+    if command == "simulate" and os.path.exists(file) and not begins_with(file, SYNTHETIC):
+        return f"it does not begin with '{SYNTHETIC}'"
+    held = measured_in(file) if name == "csv" and file.is_file() else None
+    return held and f"it holds {held}"
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, direction_sign
 from mtu_cli.files.csv_table import cell_text
 from mtu_cli.files.source import given_path, resolved, same, shown_path
-from mtu_cli.files.study import STUDY_NAME, LoadedStudy, find_study, load_study
+from mtu_cli.files.study import STUDY_NAME, Instrument, LoadedStudy, find_study, load_study
 from mtu_cli.files.study import Settings as StudySettings
 from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.model.settings import Settings
@@ -83,10 +83,14 @@ class Inputs:
             return find_study(Path())
         return path / STUDY_NAME if path.is_dir() else path
 
+    def _paths(self, role: str) -> tuple[Path, ...]:
+        """What the call itself gives for a role."""
+        value = self.options.values.get(role) or ()
+        return tuple(value) if isinstance(value, (list, tuple)) else (value,)
+
     def given(self, role: str) -> tuple[Path, ...]:
         """The files of a role that the call itself names."""
-        value = self.options.values.get(role) or ()
-        paths = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+        paths = self._paths(role)
         return tuple(named_file(path)[1] for path in paths) if role in MEASURED else paths
 
     def ask_of(self, path: Path, role: str) -> Ask:
@@ -94,28 +98,22 @@ class Inputs:
         from mtu_cli.formats.base import Ask
         from mtu_cli.formats.instruments import KIND_OF
 
-        component, value = None, self.options.values.get(role) or ()
-        for each in value if isinstance(value, (list, tuple)) else (value,):
-            name, of = named_file(each)
-            component = name if of == path else component
-        study = self.__dict__.get("study")
-        stated = study.instruments.get(path) if study else None
+        study = self.study
+        stated = (study and study.instruments.get(path)) or Instrument(file="-")
+        names = {file: name for name, file in map(named_file, self._paths(role))}
         # Where neither says so, the component that the call is about.
         asked = self.options.values.get("component") or (None,)
-        component = component or (stated.component if stated else None) or asked[0]
+        component = names.get(path) or stated.component or asked[0]
         known = self.machine.machine.components if self.files("machine") and component else {}
         of_machine = known[component].unit if component in known else None
-        unit, profile = stated.unit if stated else None, None
-        if study and stated and stated.map:
-            profile = study.source.path.parent / stated.map
         return Ask(
             kind=KIND_OF[role],
             component=component,
-            unit=unit or of_machine,
-            whose_unit="the unit given" if unit else "the component's unit",
-            decimal=stated.decimal if stated else None,
-            directions=stated.directions if stated else None,
-            profile=profile,
+            unit=stated.unit or of_machine,
+            whose_unit="the unit given" if stated.unit else "the component's unit",
+            decimal=stated.decimal,
+            directions=stated.directions,
+            profile=study.source.path.parent / stated.map if study and stated.map else None,
         )
 
     def converter(self) -> Any:
@@ -159,10 +157,9 @@ class Inputs:
         ]
         return [path for path in paths if path]
 
-    def only(self, role: str, option: str) -> Path:
-        """The one file of a role that the command cannot do without."""
-        result = self.files(role)
-        if not result:
+    def _one(self, role: str, option: str) -> Path:
+        """The first file of a role that the command cannot do without."""
+        if not (result := self.files(role)):
             raise self.missing(f"{option} FILE", role)
         return result[0]
 
@@ -187,14 +184,14 @@ class Inputs:
         """The machine file."""
         from mtu_cli.files.machine import load_machine
 
-        return self.taken("machine", load_machine(self.only("machine", "-m")))
+        return self.taken("machine", load_machine(self._one("machine", "-m")))
 
     @cached_property
     def part(self) -> LoadedPart:
         """The part file."""
         from mtu_cli.files.part import load_part
 
-        return self.taken("part", load_part(self.only("part", "-p")))
+        return self.taken("part", load_part(self._one("part", "-p")))
 
     @property
     def part_if_any(self) -> LoadedPart | None:
@@ -249,7 +246,7 @@ class Inputs:
         """The measured points; nominals from the part file if there is one, else their own."""
         from mtu_cli.files.points import read_points
 
-        self.only("cmm", "--cmm")
+        self._one("cmm", "--cmm")
         places = self.part.part.places() if self.files("part") else None
         files = [(path, "cmm") for path in self.files("cmm")]
         return self.taken("points", read_points(files, places, self.converter()))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import unicodedata
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -156,7 +155,7 @@ SYNONYMS = {
     "cycle": "warm up, zyklus",
     "time": "timestamp, date, datetime, zeit",
     "time_min": "minutes, elapsed min",
-    "part": "workpiece, piece, serial, serial number, sn, teil, werkstuck",
+    "part": "workpiece, piece, serial, serial number, sn, teil, werkst\u00fcck",
     "feature": "hole, bore, point, element, characteristic, merkmal, bohrung",
     "operation": "process",
     "repeat": "repetition, replicate, run, trial, measurement, wiederholung",
@@ -224,25 +223,16 @@ def meant_by(name: str, others: Sequence[str], likeness: float) -> str | None:
     """The column among `others` that is probably meant as `name` of a contract: by a synonym, by
     its words in another order or case, or by letters that are alike.
     """
-    words = _all_words(name)
+    words = {_words(each) for each in (name, *SYNONYMS.get(name, name).split(", "))}
     if same := [other for other in others if _words(other) in words]:
         return same[0] if len(same) == 1 else None
-    letters = {_letters(other): other for other in others}
-    near = get_close_matches(_letters(name), letters, 1, likeness)
+    letters = {other[:200].casefold(): other for other in others}
+    near = get_close_matches(name, letters, 1, likeness)
     return letters[near[0]] if near else None
 
 
-def _letters(name: str) -> str:
-    return re.sub(r"[\W_]", "", name[:200]).casefold()
-
-
-def _all_words(name: str) -> set[frozenset[str]]:
-    return {_words(each) for each in (name, *SYNONYMS.get(name, name).split(", "))}
-
-
 def _words(name: str) -> frozenset[str]:
-    """The words of a name in lower case, without accents, units in brackets and plain numbers."""
-    plain = unicodedata.normalize("NFKD", name[:200].casefold())
-    plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
-    words = frozenset(re.findall(r"[a-z]+", re.sub(r"[\[(/].*$", "", plain)))
+    """The words of a name in lower case, without units in brackets and plain numbers."""
+    plain = re.sub(r"[\[(/].*$", "", name[:200].casefold())
+    words = frozenset(re.findall(r"[^\W\d_]+", plain))
     return words - SAYS_NOTHING or words

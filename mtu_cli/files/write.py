@@ -9,7 +9,6 @@ import shutil
 import stat
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -58,16 +57,6 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"JSON cannot hold a {type(value).__name__}")
 
 
-@dataclass(frozen=True, slots=True)
-class _Pending:
-    """A path, the file behind it, and those beside that with its new and its old content."""
-
-    path: Path
-    target: Path
-    temporary: Path
-    backup: Path
-
-
 @contextmanager
 def made_ready(contents: Mapping[Path, bytes]) -> Iterator[Callable[[], None]]:
     """All files, or none: temporary files beside the targets; what is given renames them.
@@ -79,57 +68,56 @@ def made_ready(contents: Mapping[Path, bytes]) -> Iterator[Callable[[], None]]:
     not be written; no target is changed then.
     """
     check_targets(list(contents))
-    files = []
-    for path in contents:
+    pending: dict[Path, tuple[Path, Path, Path]] = {}
+    for path in filter(_is_replaceable, contents):
         target, unique = resolved(path), secrets.token_hex(6)
-        beside = [target.with_name(f".{target.name[:100]}.{unique}.{x}") for x in ("tmp", "bak")]
-        files.append(_Pending(path, target, *beside))
-    replaced = [item for item in files if _is_replaceable(item.target)]
+        new, old = (target.with_name(f".{target.name[:100]}.{unique}.{x}") for x in ("tmp", "bak"))
+        pending[path] = target, new, old
     try:
-        for item in replaced:
-            with _naming(item.path):
-                _write_temporary(item, contents[item.path])
-        for item in files:
-            if item not in replaced:
-                with _naming(item.path):
-                    item.target.write_bytes(contents[item.path])
-        yield lambda: _put_in_place(replaced)
+        for path, (target, new, _) in pending.items():
+            with _naming(path):
+                _write_temporary(new, target, contents[path])
+        for path in (path for path in contents if path not in pending):
+            with _naming(path):
+                path.write_bytes(contents[path])
+        yield lambda: _put_in_place(pending)
     finally:
-        for path in (path for item in replaced for path in (item.temporary, item.backup)):
+        for path in (path for _, *both in pending.values() for path in both):
             with suppress(OSError):
                 path.unlink(missing_ok=True)
 
 
-def _write_temporary(item: _Pending, content: bytes) -> None:
+def _write_temporary(new: Path, target: Path, content: bytes) -> None:
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0)
-    with os.fdopen(os.open(item.temporary, flags, 0o666), "wb") as stream:
+    with os.fdopen(os.open(new, flags, 0o666), "wb") as stream:
         stream.write(content)
         stream.flush()
         os.fsync(stream.fileno())
-    if item.target.exists():
+    if target.exists():
         # A rename would also replace a file that is write-protected on purpose.
-        if not os.access(item.target, os.W_OK):
+        if not os.access(target, os.W_OK):
             raise PermissionError(13, "Permission denied")
-        item.temporary.chmod(stat.S_IMODE(item.target.stat().st_mode))
+        new.chmod(stat.S_IMODE(target.stat().st_mode))
 
 
-def _put_in_place(files: list[_Pending]) -> None:
+def _put_in_place(pending: Mapping[Path, tuple[Path, Path, Path]]) -> None:
+    """Each new file in the place of its target, whose old content is kept until all are there."""
     try:
-        for item in files:
-            with _naming(item.path):
-                if item.target.exists():
+        for path, (target, new, old) in pending.items():
+            with _naming(path):
+                if target.exists():
                     try:
-                        os.link(item.target, item.backup)
+                        os.link(target, old)
                     except OSError:
-                        shutil.copy2(item.target, item.backup)
-                os.replace(item.temporary, item.target)
+                        shutil.copy2(target, old)
+                os.replace(new, target)
     except BaseException:
-        for item in files:
+        for target, new, old in pending.values():
             with suppress(OSError):
-                if item.backup.exists():
-                    os.replace(item.backup, item.target)
-                elif not item.temporary.exists():
-                    item.target.unlink()
+                if old.exists():
+                    os.replace(old, target)
+                elif not new.exists():
+                    target.unlink()
         raise
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -48,7 +47,7 @@ class YamlDocument:
 
     source: Source
     data: Any
-    lines: Mapping[YamlPath, int] = field(default_factory=dict)
+    lines: dict[YamlPath, int] = field(default_factory=dict)
     content: bytes = b""
 
     def reached(self, path: YamlPath) -> tuple[YamlPath, Any]:
@@ -115,12 +114,12 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice, merge
     keys, more than one document, or too many levels or values.
     """
-    root = composed(text, source)
-    builder = _Builder(source.shown)
-    data = builder.value(root, (), root.start_mark.line + 1)
-    if builder.findings:
-        raise InputError(builder.findings)
-    return YamlDocument(source=source, data=data, lines=builder.lines)
+    root, found = composed(text, source), YamlDocument(source=source, data=None)
+    faults: list[Finding] = []
+    data = _value(root, (), root.start_mark.line + 1, found, faults, frozenset())
+    if faults:
+        raise InputError(faults)
+    return replace(found, data=data)
 
 
 def composed(text: str, source: Source) -> yaml.Node:
@@ -156,59 +155,52 @@ def _not_yaml(fault: yaml.MarkedYAMLError, shown: str) -> InputError:
     return error("not-readable", reason=f"no YAML: {problem}", file=shown, line=line)
 
 
-class _Builder:
-    """Values and lines of a tree of nodes; collects what the whole file has of faults."""
+def _value(
+    node: yaml.Node,
+    path: YamlPath,
+    line: int,
+    found: YamlDocument,
+    faults: list[Finding],
+    around: frozenset[int],
+) -> Any:
+    """The value of a node at a `path` and `line`; lines go to the document `found`, `faults` are
+    those of the whole file, and the nodes `around` it have it in them.
+    """
+    shown, lines = found.source.shown, found.lines
 
-    def __init__(self, shown: str) -> None:
-        self.shown = shown
-        self.lines: dict[YamlPath, int] = {}
-        self.findings: list[Finding] = []
-        self.open: set[int] = set()
-        self.nodes = 0
+    def fault(code: str, at: int, **facts: Any) -> None:
+        faults.append(finding(code, file=shown, line=at, **facts))
 
-    def value(self, node: yaml.Node, path: YamlPath, line: int) -> Any:
-        """The value of a node whose place is `line`."""
-        self.nodes += 1
-        if self.nodes > MAX_NODES:
-            # Aliases stand for lines far above: the entry that holds them is at fault.
-            at = self.lines.get(path[:1], line)
-            raise error("too-large", most=MAX_NODES, what="values", file=self.shown, line=at)
-        if len(path) > MAX_DEPTH:
-            raise error("too-large", most=MAX_DEPTH, what="levels", file=self.shown, line=line)
-        if node.tag:
-            tag = node.tag.replace("tag:yaml.org,2002:", "!!")
-            self.add("yaml-feature", line, what=f"the tag {tag!r}")
-        if id(node) in self.open:
-            self.add("yaml-feature", line, what="an alias inside its own anchor")
-            return None
-        self.lines[path] = line
-        if isinstance(node, yaml.ScalarNode):
-            return node.value if node.style else plain_scalar(node.value)
-        self.open.add(id(node))
-        result: Any
-        if isinstance(node, yaml.MappingNode):
-            entries = self.entries(node)
-            result = {key: self.value(item, (*path, key), at) for key, item, at in entries}
-        else:
-            items = enumerate(node.value)
-            result = [self.value(item, (*path, i), item.start_mark.line + 1) for i, item in items]
-        self.open.discard(id(node))
-        return result
-
-    def entries(self, node: yaml.MappingNode) -> Iterator[tuple[str, yaml.Node, int]]:
-        """Key, value and line of every entry whose key is a text."""
-        first: dict[str, int] = {}
-        for key, item in node.value:
-            line, name = key.start_mark.line + 1, str(key.value)
-            if not isinstance(key, yaml.ScalarNode) or key.tag or (name == "<<" and not key.style):
-                what = "a merge key (<<)" if name == "<<" else "a list, mapping or tag as a key"
-                self.add("yaml-feature", line, what=what, expected="plain keys")
-                continue
-            if name in first:
-                where, expected = f"the key {name!r}", f"it once: it is in line {first[name]} too"
-                self.add("appears-twice", line, what=where, expected=expected)
-            first.setdefault(name, line)
-            yield name, item, line
-
-    def add(self, code: str, line: int, **facts: Any) -> None:
-        self.findings.append(finding(code, file=self.shown, line=line, **facts))
+    if len(lines) > MAX_NODES:
+        # Aliases stand for lines far above: the entry that holds them is at fault.
+        at = lines.get(path[:1], line)
+        raise error("too-large", most=MAX_NODES, what="values", file=shown, line=at)
+    if len(path) > MAX_DEPTH:
+        raise error("too-large", most=MAX_DEPTH, what="levels", file=shown, line=line)
+    if node.tag:
+        tag = node.tag.replace("tag:yaml.org,2002:", "!!")
+        fault("yaml-feature", line, what=f"the tag {tag!r}")
+    if id(node) in around:
+        fault("yaml-feature", line, what="an alias inside its own anchor")
+        return None
+    lines[path] = line
+    if isinstance(node, yaml.ScalarNode):
+        return node.value if node.style else plain_scalar(node.value)
+    around, first = around | {id(node)}, dict[str, int]()
+    if isinstance(node, yaml.SequenceNode):
+        return [
+            _value(item, (*path, i), item.start_mark.line + 1, found, faults, around)
+            for i, item in enumerate(node.value)
+        ]
+    result = {}
+    for key, item in node.value:
+        at, name = key.start_mark.line + 1, str(key.value)
+        if not isinstance(key, yaml.ScalarNode) or key.tag or (name == "<<" and not key.style):
+            what = "a merge key (<<)" if name == "<<" else "a list, mapping or tag as a key"
+            fault("yaml-feature", at, what=what, expected="plain keys")
+            continue
+        if first.setdefault(name, at) != at or name in result:
+            where, expected = f"the key {name!r}", f"it once: it is in line {first[name]} too"
+            fault("appears-twice", at, what=where, expected=expected)
+        result[name] = _value(item, (*path, name), at, found, faults, around)
+    return result

@@ -41,7 +41,7 @@ def length_gradient(prediction: Prediction, pairs: IntArray, delta: FloatArray) 
     each = np.arange(len(pairs))
     gradient[each, pairs[:, 0]] -= unit
     gradient[each, pairs[:, 1]] += unit
-    return gradient.reshape(len(pairs), -1)
+    return gradient.reshape(len(pairs), len(prediction.mean))
 
 
 def _along(prediction: Prediction, delta: FloatArray) -> FloatArray:

@@ -51,10 +51,8 @@ def test_a_laser_run_is_fitted_as_it_came(folder: Path) -> None:
 
 def test_faults_name_the_line_of_the_instruments_file(folder: Path) -> None:
     found = mtu("fit-components", "-m", "m.yaml", "--laser", "dx_y=x.rtl", cwd=folder)
-    assert (
-        "x.rtl, rows 19 to 32, column 'component': unknown component: 'dx_y'"
-        in done(found, 2).stderr
-    )
+    told = done(found, 2).stderr
+    assert "x.rtl, rows 19 to 32, column 'component': unknown component: 'dx_y'" in told
     found = mtu("fit-components", "-m", "m.yaml", "--laser", "x.rtl", cwd=folder)
     assert "the component that the file reads is missing" in done(found, 2).stderr
     found = mtu("fit-components", "-m", "m.yaml", "--laser", "dx_x=p.csv", cwd=folder)

@@ -52,8 +52,7 @@ LASER, DRIFT = "--laser data/valdes-ring/laser.csv", "--drift data/valdes-ring/d
 COMPENSATE = f"compensate -m {RING}/machine.yaml {LASER} --component pos_x --trials 1000"
 READ = ("x.rtl", "wide.csv", "e.dat", "laser.txt")
 IMPORTED = {"readings": READ, "points": ("p_chr.txt", "c.dfq", "a.qif", "p.csv")}
-GRAPHS = {"bore-to-bore": "d", "ball-centre": "P1.x", "work-coordinates": "Q.x"}
-TRIALS = "--trials 2000"
+BALL, TRIALS = "configs/graphs/ball-centre.yaml", "--trials 2000"
 SETS = {
     name: "".join(f" --set {key}={value}" for key, value in parameters_of(name).items() if value)
     for name in CONTROLLERS
@@ -61,26 +60,21 @@ SETS = {
 PATTERNS: list[Pattern] = [
     Pattern(7, f"predict-points {KNOWN} {TRIALS}",
             ("--grid 3", "--grid 0", "--grid 2,2,2", "--covariance", *ASKED)),
-    Pattern(7, f"lengths {KNOWN} {TRIALS}",
+    Pattern(8, f"lengths {KNOWN} {TRIALS}",
             ("--fail-if nonconforming=0.01", "--fail-if nonconforming", *ASKED)),
     Pattern(6, f"orthogonality {KNOWN} {TRIALS}", ASKED),
     Pattern(8, f"compare {KNOWN} {CMM} {TRIALS}", ("--fail-if biased", *DATUM, *ASKED)),
-    Pattern(4, f"close-loop {KNOWN} {CMM}",
-            ("--fail-if found", "--alpha 2", "--exclude backlash", "--seed 3", *DATUM)),
-    Pattern(3, f"close-loop {KNOWN} {CMM} --effects effects/few.yaml --max-effects 1 -o out.json "
-            "--write-machine out.yaml"),
+    Pattern(6, f"close-loop {KNOWN} {CMM} --effects effects/few.yaml --max-effects 1 -o out.json "
+            "--write-machine out.yaml", ("--alpha 2", "--exclude backlash", "--seed 3", *DATUM)),
     Pattern(5, f"simulate {KNOWN} --parts 2 --passes 2 --write-lbb out.csv --write-cmm out-p.csv",
             ("--effect Ex:1e-3*dir_x", "--effect Ex:x/0", "--seed -1", "--repeats 3")),
     *(Pattern(4, f"budget configs/budgets/{name}.yaml {TRIALS}", (*COVERAGE, *SEEDS))
       for name in ("gum-h1-end-gauge", "gum-h2-impedance", "ring-gauge-diameter", "valdes-x275")),
-    *(pattern for name, of in GRAPHS.items() for graph in [f"configs/graphs/{name}.yaml"]
-      for pattern in (
-          Pattern(2, f"graph check {graph}"),
-          Pattern(2, f"graph simulate {graph} {TRIALS}", ("--of H1.x", *COVERAGE, *SEEDS)),
-          Pattern(1, f"graph sweep {graph} --vary axis_um=0.5:2.5:3 --of {of} {TRIALS}",
-                  ("--vary probe_um=1,2", "--vary repeats=1,1e3", "--vary a=b", *SEEDS)),
-          *(Pattern(1, f"graph draw {graph} --to out.{end}") for end in ("dot", "mmd", "pl")),
-      )),
+    *(Pattern(2, f"graph {what} configs/graphs/{name}.yaml", SEEDS if "trials" in what else ())
+      for name in ("bore-to-bore", "ball-centre", "work-coordinates")
+      for what in ("check", f"simulate {TRIALS}", "draw --to out.dot")),
+    Pattern(3, f"graph sweep {BALL} --vary axis_um=0.5:2.5:3 --of P1.x {TRIALS}",
+            ("--vary probe_um=1,2", "--vary repeats=1,1e3", "--vary a=b", *SEEDS)),
     # laser.txt states no unit.
     *(Pattern(1, f"iso230 --laser dx_x=instruments/{name}",
               ("--standard vdi3441", "--limit A=5", "--before instruments/wide.csv"))
@@ -88,26 +82,23 @@ PATTERNS: list[Pattern] = [
     *(Pattern(1, f"import instruments/{name} --as {kind} --component dx_x --unit um -o out.csv",
               ("--decimal ,", "--directions forward", "--component 1"))
       for kind, names in IMPORTED.items() for name in names),
-    *(Pattern(1, f"inspect instruments/{name} -o out.json")
-      for name in ("b.b5r", "d.rtx", "t.csv")),
+    Pattern(1, "inspect instruments/d.rtx -o out.json"),
     Pattern(3, "import maps/any.txt --as readings --map maps/any.yaml -o out.csv"),
     *(Pattern(1, f"compensate --for {name}{more} --read controls/{name}.tab")
       for name, more in SETS.items()),
-    *(Pattern(1, f"{COMPENSATE} --for {name}{SETS[name]} --current controls/{name}.tab "
-              "--to-file out.tab -o out.json") for name in ("linuxcnc", "beckhoff", "isg-csv")),
+    Pattern(3, f"{COMPENSATE} --for beckhoff{SETS['beckhoff']} --current controls/beckhoff.tab "
+            "--to-file out.tab -o out.json"),
     Pattern(3, f"{COMPENSATE} --for table --verify data/valdes-ring/laser.csv",
             ("--direction forward", "--reverse-axis")),
-    Pattern(8, "fit-components flat", ("--fail-if drift", *COVERAGE)),
-    Pattern(5, f"fit-components -m {RING}/machine.yaml {LASER}", COVERAGE),
+    Pattern(9, "fit-components flat", ("--fail-if drift", *COVERAGE)),
+    Pattern(4, f"fit-components -m {RING}/machine.yaml {LASER}", COVERAGE),
     Pattern(3, f"iso230 {LASER}",
             ("--limit A=5", "--limit x", "--standard vdi3441", "--fail-if nonconforming")),
-    Pattern(4, "lengths flat", (*COVERAGE, *SEEDS)),
-    Pattern(3, f"compare flat {TRIALS}", (*DATUM, *SEEDS)),
+    Pattern(5, f"compare flat {TRIALS}", (*DATUM, *SEEDS)),
     Pattern(8, f"anova {PART} {CMM}",
             ("--method anova", "--method x", "--fail-if unusual", *DATUM)),
     Pattern(5, "anova --cmm data/undeclared/nominals.csv", ("--method paper",)),
-    Pattern(5, f"thermal-fit -m {RING}/machine.yaml {DRIFT} --model ridge", ("--model x",)),
-    Pattern(2, f"thermal-fit {DRIFT} --model stepwise"),
+    Pattern(6, f"thermal-fit -m {RING}/machine.yaml {DRIFT} --model ridge", ("--model x",)),
     Pattern(6, f"correct {RINGS} --cmm data/valdes-ring/ring.csv", ASKED),
 ]  # fmt: skip
 

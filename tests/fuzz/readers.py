@@ -27,8 +27,8 @@ from mtu_cli.files.effects import load_effects
 from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import load_part
-from mtu_cli.files.points import Points, read_points
-from mtu_cli.files.readings import Components, Readings, read_readings
+from mtu_cli.files.points import read_points
+from mtu_cli.files.readings import read_readings
 from mtu_cli.files.reports_read import read_report
 from mtu_cli.files.source import check_text
 from mtu_cli.files.study import load_study
@@ -124,10 +124,6 @@ def _extended(machine: LoadedMachine) -> None:
     assert after.equations == before.equations, "the equations were changed"
 
 
-def _part(path: Path, sample: Sample, rng: Random) -> object:
-    return load_part(path).part.places()
-
-
 def _effects(path: Path, sample: Sample, rng: Random) -> object:
     if sample.path.stem == "few":
         # As close-loop reads it; the built-in families would take their own names.
@@ -136,20 +132,12 @@ def _effects(path: Path, sample: Sample, rng: Random) -> object:
 
 
 def _readings(path: Path, sample: Sample, rng: Random) -> object:
-    components = _components(sample, rng)
-    found = read_readings([(path, "lbb")], components, for_fit=rng.random() < 0.7)
-    _check_readings(found)
-    return found
-
-
-def _components(sample: Sample, rng: Random) -> Components | None:
-    """Those of the sample's machine, or none: drift may be read without a machine."""
-    if sample.context is None or rng.random() < 0.2:
-        return None
-    return _known_machine(sample.context).machine.components
-
-
-def _check_readings(found: Readings) -> None:
+    role, components = "drift" if sample.kind == "drift" else "lbb", None
+    # Drift may be read without a machine.
+    if sample.context is not None and rng.random() < 0.8:
+        components = _known_machine(sample.context).machine.components
+    for_fit = role == "lbb" and rng.random() < 0.7
+    found = read_readings([(path, role)], components, for_fit=for_fit)
     assert len(found), "no readings"
     assert np.isfinite(found.error).all(), "an error that is no number"
     assert (found.code >= 0).all(), "a reading of no component"
@@ -158,11 +146,6 @@ def _check_readings(found: Readings) -> None:
         assert len(values) == len(found), "a covariate of another length"
         if values.dtype.kind == "f":
             assert not np.isinf(values).any(), "an infinite covariate"
-
-
-def _drift(path: Path, sample: Sample, rng: Random) -> object:
-    found = read_readings([(path, "drift")], _components(sample, rng), for_fit=False)
-    _check_readings(found)
     return found
 
 
@@ -171,17 +154,13 @@ def _points(path: Path, sample: Sample, rng: Random) -> object:
     if sample.context is not None and rng.random() < 0.9:
         places = _known_part(sample.context).part.places()
     found = read_points([(path, "cmm")], places)
-    _check_points(found)
-    return found
-
-
-def _check_points(found: Points) -> None:
     assert len(found), "no points"
     assert np.isfinite(found.measured[:, :2]).all(), "a place that is no number"
     assert np.isfinite(found.nominal[:, :2]).all(), "a nominal place that is no number"
     assert not np.isinf(found.measured).any(), "an infinite place"
     known = np.isnan(found.direction) | (np.abs(found.direction) == 1)
     assert known.all(), "a direction that is none"
+    return found
 
 
 def _instrument(path: Path, sample: Sample, rng: Random) -> object:
@@ -219,8 +198,9 @@ def _plainly(read: Callable[[Path], object]) -> Reader:
 
 
 READERS: dict[Kind, Reader] = {
-    "readings": _readings, "drift": _drift, "points": _points, "machine": _machine, "part": _part,
-    "study": _plainly(load_study), "effects": _effects, "budget": _plainly(load_budget),
-    "graph": _plainly(load_graph), "components": _plainly(read_report),
-    "thermal": _plainly(read_report), "instrument": _instrument, "control": _control, "map": _map,
+    "readings": _readings, "drift": _readings, "points": _points, "machine": _machine,
+    "part": _plainly(lambda path: load_part(path).part.places()), "study": _plainly(load_study),
+    "effects": _effects, "budget": _plainly(load_budget), "graph": _plainly(load_graph),
+    "components": _plainly(read_report), "thermal": _plainly(read_report),
+    "instrument": _instrument, "control": _control, "map": _map,
 }  # fmt: skip

@@ -114,17 +114,6 @@ def read(path: Path) -> Readings:
     return read_readings([(path, "lbb")], COMPONENTS, for_fit=False)
 
 
-def in_rows(found: Readings, order: Sequence[int] | None = None) -> list[tuple[object, ...]]:
-    """The readings as tuples; what is not given, or has no meaning, is None."""
-    columns = (
-        np.array(found.components)[found.code], found.position_mm, found.pass_number,
-        found.direction, found.error, found.dimension,
-        *(found.covariates[name] for name in sorted(found.covariates)),
-    )  # fmt: skip
-    plain = [tuple(None if v != v else v for v in item) for item in zip(*columns, strict=True)]
-    return plain if order is None else [plain[i] for i in order]
-
-
 @tried(60)
 @given(rows=tables, layout=layouts)
 def test_what_was_written_is_read(tmp_path: Path, rows: Rows, layout: Layout) -> None:
@@ -141,35 +130,6 @@ def test_what_was_written_is_read(tmp_path: Path, rows: Rows, layout: Layout) ->
         np.testing.assert_equal(found.covariates["load"][i], float(load or "nan"))
         assert found.row[i] == line
         line += 1 + note.count("\n")
-
-
-@tried(40)
-@given(rows=tables, data=st.data())
-def test_the_order_of_rows_and_columns_does_not_matter(
-    tmp_path: Path, rows: Rows, data: st.DataObject
-) -> None:
-    order = data.draw(st.permutations(range(len(rows))))
-    columns = data.draw(st.permutations(range(len(HEADER))))
-    plain = read(saved(tmp_path, HEADER, rows))
-    header = [HEADER[j] for j in columns]
-    mixed = [tuple(rows[i][j] for j in columns) for i in order]
-    assert in_rows(read(saved(tmp_path, header, mixed))) == in_rows(plain, order)
-
-
-@tried(40)
-@given(rows=tables, data=st.data())
-def test_the_unit_of_a_reading_does_not_matter(
-    tmp_path: Path, rows: Rows, data: st.DataObject
-) -> None:
-    """Each reading in a unit of its own: the same lengths and angles."""
-    other: Rows = []
-    for item in rows:
-        unit = data.draw(st.sampled_from(LENGTHS if item[0] == "px" else ANGLES))
-        value = float(item[4]) * UNITS[item[5]].to_internal / UNITS[unit].to_internal
-        other.append((*item[:4], repr(value), unit, *item[6:]))
-    one = read(saved(tmp_path, HEADER, rows)).error
-    two = read(saved(tmp_path, HEADER, other)).error
-    assert two == pytest.approx(one, rel=1e-14, abs=1e-300)
 
 
 PLACES = {"1": (0.0, 0.0, None), "2": (50.0, 0.0, None), "B 3": (0.0, 50.0, 7.5)}

@@ -5,12 +5,10 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import re
 import statistics
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,8 +91,6 @@ def main() -> int:
                     # It does not depend on the threads.
                     heading("Accuracy", [scatter(worker) for worker in started[1:]])
                 accurate[threads] = timed(started, needed, rounds)
-            if drawing:
-                print(unbiased(accurate[threads][OURS.name], equal[threads], drawing))
         memory = {}
         for tool in [BARE, OURS, *drawing]:
             with workers([tool], inputs, None, warm=False) as (worker,):
@@ -102,7 +98,6 @@ def main() -> int:
         heading("Equal trials", monte_carlo(equal[1], equal[None], memory))
         heading("Equal accuracy", monte_carlo(accurate[1], accurate[None], {}))
         heading("First order", first_order([OURS, *present], inputs, rounds))
-    heading("A process that does GUM H.1", end_gauge(rounds))
     goal = f"equal accuracy (u to {OF_U:.1%} and ends to {OF_ENDS:.0%} of u)"
     met = [
         judged("equal trials", equal, WANTED_TRIALS),
@@ -199,22 +194,6 @@ def timed(
     return found
 
 
-def unbiased(ours: Series, equal: dict[str, Series], drawing: Sequence[Tool]) -> str:
-    """Ours against all trials of the others together: no accuracy by leaving something out."""
-    taken = [equal[tool.name] for tool in drawing]
-    trials = sum(series.trials * len(series.found) for series in taken)
-    off = []
-    for i, se in enumerate(plain_errors(trials)):
-        theirs = sum(s.trials * sum(found[i] for found in s.found) for s in taken) / trials
-        mine = statistics.mean(found[i] for found in ours.found)
-        off.append((mine - theirs) / ours.found[0][0] / se)
-    said = f"mtu minus all {trials:.2g} trials of the others: u, low, high "
-    said += ", ".join(f"{x:+.1f}" for x in off) + " of their standard errors"
-    if max(map(abs, off)) > SIGMAS:
-        raise DisagreementError(said)
-    return said
-
-
 def monte_carlo(
     one: dict[str, Series], free: dict[str, Series], memory: dict[str, str]
 ) -> list[str]:
@@ -265,89 +244,6 @@ def judged(kind: str, both: dict[int | None, dict[str, Series]], wanted: float) 
             f"{ratios[fastest]:.2f} x mtu; {wanted:g} x {'met' if met else 'missed'}"
         )
     return met
-
-
-BUDGET = Path(__file__).resolve().parents[3] / "configs" / "budgets" / "gum-h1-end-gauge.yaml"
-PRINTED = (50000838.0, 32.0, 93.0)
-"""l, u and U99 in nm, JCGM 100:2008, H.1.6; U99 there at 16 degrees of freedom, not 16.8."""
-SUM = """
-d3 = 3 ** 0.5
-ls = number(50000623, 25, 18)
-d = number(215, 5.8, 24) + number(0, 3.9, 5) + number(0, 6.7, 8)
-dalpha = number(0, 1e-6 / d3, 50)
-theta = number(-0.1, 0.2) + number(0, 0.5 / 2 ** 0.5)
-alphas = number(11.5e-6, 2e-6 / d3)
-dtheta = number(0, 0.05 / d3, 2)
-l = ls + d - ls * (dalpha * theta + alphas * dtheta)
-"""
-METROLOPY = f"""
-from metrolopy import gummy
-number = lambda x, u, dof=float("inf"): gummy(x, u=u, dof=dof)
-{SUM}
-l.p = 0.99
-print(float(l.x), float(l.u), float(l.U))
-"""
-GTC = f"""
-from GTC import ureal as number
-from GTC.reporting import k_factor
-{SUM}
-print(l.x, l.u, k_factor(l.df, 99) * l.u)
-"""
-SUNCAL = """
-from suncal import Model
-d3 = 3 ** 0.5
-model = Model("l = ls + d - ls*(dalpha*theta + alphas*dtheta)")
-model.var("ls").measure(50000623).typeb(std=25, df=18)
-model.var("d").measure(215).typeb(std=5.8, df=24).typeb(std=3.9, df=5).typeb(std=6.7, df=8)
-model.var("dalpha").measure(0).typeb(std=1e-6 / d3, df=50)
-model.var("theta").measure(-0.1).typeb(std=0.2).typeb(std=0.5 / 2 ** 0.5)
-model.var("alphas").measure(11.5e-6).typeb(std=2e-6 / d3)
-model.var("dtheta").measure(0).typeb(std=0.05 / d3, df=2)
-found = model.calculate_gum()
-print(found.expected["l"], found.uncertainty["l"], found.expand("l", conf=0.99))
-"""
-
-
-def end_gauge(rounds: int) -> list[str]:
-    """Whole processes: `mtu budget`, every package, and an interpreter that imports numpy.
-
-    The others do the first order alone; `mtu budget` does the second and Monte Carlo too.
-    Raises DisagreementError where one does not find what is printed.
-    """
-    present = {tool.package for tool in PEERS if tool.installed}
-    commands = {
-        "import numpy": [sys.executable, "-c", "import numpy"],
-        OURS.package: [str(Path(sys.executable).parent / "mtu"), "budget", str(BUDGET)],
-    }
-    for package, script in {"metrolopy": METROLOPY, "GTC": GTC, "suncal": SUNCAL}.items():
-        if package in present:
-            commands[package] = [sys.executable, "-W", "ignore", "-c", script]
-    seconds: dict[str, list[float]] = {name: [] for name in commands}
-    for number in range(rounds + 1):
-        for name, command in commands.items():
-            start = time.perf_counter()
-            done = subprocess.run(
-                command, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-            )
-            seconds[name].append(time.perf_counter() - start)
-            if number == 0 and name != "import numpy":
-                check_printed(name, done.stdout)
-    rows = [["", "/ import numpy", "/ mtu", "s"]]
-    for name, own in seconds.items():
-        bases = (seconds["import numpy"], seconds[OURS.package])
-        over = [statistics.median(a / b for a, b in zip(own, x, strict=True)) for x in bases]
-        rows.append([name, f"{over[0]:.2f}", f"{over[1]:.2f}", f"{statistics.median(own):.2f}"])
-    return in_columns(rows)
-
-
-def check_printed(package: str, output: str) -> None:
-    numbers: Sequence[str] = output.split()[-3:]
-    if package == OURS.package:
-        line = re.search(r"first order +(\S+) +(\S+) +\S+ +\S+ +\S+ +(\S+)", output)
-        numbers = line.groups() if line else ()
-    near = zip(numbers, PRINTED, (0.5, 0.5, 1.6), strict=False)
-    if len(numbers) != 3 or not all(abs(float(a) - b) <= allowed for a, b, allowed in near):
-        raise DisagreementError(f"{package}: GUM H.1 as {' '.join(numbers)}, printed is {PRINTED}")
 
 
 if __name__ == "__main__":
