@@ -39,10 +39,10 @@ from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.slope import slope
 from mtu_cli.language.tree import filled_text, filled_tree
 from mtu_cli.language.unit_algebra import NO_LENGTH, Algebra
-from mtu_cli.model.machine_model import AXES, LARGEST
+from mtu_cli.model.machine_model import AXES, LARGEST, TIME
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UNITS, parameter_units_of
+from mtu_cli.units import PARAMETER_UNITS, UNITS, internal, parameter_units_of
 
 BUILT_IN = Path(__file__).with_name("effects.yaml")
 Binding = Mapping[str, str]
@@ -138,6 +138,7 @@ class TableData:
         counts = [name for name in ("sequence",) if name in columns]
         counts += [name for name in plain if _counts(values[name])]
         others = tuple(name for name in plain if name not in counts)
+        counts += [name for name in (TIME,) if name in columns and table.component is not None]
         # A range of printed values is rounded: 26.05 - 26.
         steady = dict.fromkeys(hot, STEADY_K + 1e-9)
         return cls(
@@ -377,6 +378,11 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         own_unit = re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
         for axis in axes if "{each}" in raw else ("",):
             units[str(meant(raw, {**binding, "each": axis}))] = own_unit
+    levers = {axis: linear_form(tree, units).coefficients for axis, tree in equations.items()}
+    if binding.get("c") == TIME:
+        for name, unit in units.items():
+            own_levers = [own[name] for own in levers.values() if name in own]
+            units[name] = _per_minute(name, unit, own_levers, template.searched)
     grid = None
     if search is not None:
         along = search.of and _column(search.of, binding, data)
@@ -394,7 +400,7 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         data=data,
         parameters=units,
         equations=equations,
-        levers={axis: linear_form(tree, units).coefficients for axis, tree in equations.items()},
+        levers=levers,
         used=tuple(used),
         covariate=next(iter([*goes_with, *used]), None),
         grid=grid,
@@ -414,6 +420,24 @@ def _column(raw: str, binding: Binding, data: TableData) -> str:
     if table.component is not None and name == f"dir_{table.axes[0]}":
         return next((own for own in table.covariates if own.startswith("dir_")), name)
     return name
+
+
+def _per_minute(parameter: str, unit: str, levers: Sequence[Node], searched: str | None) -> str:
+    """The unit of a parameter where the time stands for {c}, a plain count: um/min for um.
+
+    Raises NoMember where there is no such unit, or a count is added to {c}.
+    """
+    held = {name for lever in levers for name in names(lever)}
+    algebra = Algebra(units={name: internal(minute=name == TIME) for name in held - {searched}})
+    timed = [algebra.of(filled_tree(lever, {str(searched): 1.0})).minute == 1 for lever in levers]
+    if algebra.faults:
+        raise NoMember(f"{TIME} in place of {{c}}: {algebra.faults[0].text}")
+    if not all(timed):
+        return unit
+    per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
+    if not per or PARAMETER_UNITS[unit].per is not None:
+        raise NoMember(f"{unit} of {parameter} has no unit per minute")
+    return per[0]
 
 
 # Candidates.

@@ -206,6 +206,17 @@ def test_what_can_be_tested_in_part_says_what_cannot() -> None:
 # Readings.
 
 
+def test_units_of_readings() -> None:
+    own = readings_table()
+    for name, units in (("trend-x", ("um", "um/min")), ("scale-trend-x", ("um/m", "um/m/min"))):
+        found = {form.covariate: (*form.parameters.values(),) for form in forms_of(own, name)}
+        assert found == {"sequence": units[:1], "time_min": units[1:]}
+    bare = readings_table(name="axy", component="axy", unit="arcsec")
+    assert forms_of(bare, "offset-axy")[0].texts() == {"Eaxy": "shift"}
+    assert forms_of(bare, "trend-axy")[1].parameters == {"slope": "arcsec/min"}
+    assert "scale-axy" not in found_on(bare)
+
+
 # Choice, users' own families, the package.
 
 
