@@ -15,6 +15,7 @@ from effect_tables import FloatArray, grid_places, readings_table, shop_covariat
 
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import load_machine
+from mtu_cli.model.effect_grids import grid_of
 from mtu_cli.model.effect_library import (
     BUILT_IN,
     BoundTemplate,
@@ -22,7 +23,6 @@ from mtu_cli.model.effect_library import (
     TableData,
     candidates_of,
     effect_library,
-    grid_of,
 )
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model, design
