@@ -33,11 +33,9 @@ class Step(NamedTuple):
     models: bool = False
     at: bool = False
     gate: str = ""
-    report: str = "json"
 
 
 STEPS = {
-    "readings": Step("import", "runs", report="csv"),
     "components": Step("fit-components", "lbb laser", "plot=components.png"),
     "thermal": Step("thermal-fit", "drift", "plot=thermal.png"),
     "iso230": Step("iso230", "lbb laser", "csv=iso230.csv plot=iso230.png"),
@@ -82,10 +80,8 @@ class Study:
         files = [self.folder / "mtu.yaml", *sorted({x for each in paths.values() for x in each})]
         odd = any(ODD.search(str(path)) or not path.is_file() for path in files)
         self.files = None if odd else files
-        # Runs of an instrument: the study states what they leave open.
-        runs = any(len(each) > 1 for role in ("lbb", "laser") for each in entries.get(role, ()))
         machine, part = (contents(paths[x][0]) if x in paths else {} for x in ("machine", "part"))
-        keys = {*entries} | ({"runs"} if runs else set())
+        keys = {*entries}
         known = keys & {"lbb", "laser", "components"} or "'coefficients'" in repr(machine)
         if known or machine is None or "drift" not in keys:
             keys |= {key for key in ASKED if part is None or part.get(key)}
@@ -106,8 +102,6 @@ class Study:
     def call(self, step: str, out: str, at: str) -> str:
         """The words after `mtu` of a step that writes to the folder `out`, for a shell."""
         known = STEPS[step]
-        if step == "readings":
-            return f"import {shlex.quote(str(self.folder))} --as readings -o {out}/readings.csv"
         models = "".join(f" -c {out}/{name}.json" for name in self.models(step))
         files = (each.split("=") for each in known.files.split())
         more = "".join(f" --{option} {out}/{name}" for option, name in files)
@@ -160,7 +154,7 @@ def for_make(given: dict[str, str]) -> list[str]:
     for study in studies:
         to = f"{out}/{study.name}"
         files = " ".join(map(str, study.files or ["$(NOT_THERE)"]))
-        ends = {step: done if STEPS[step].gate else STEPS[step].report for step in study.steps}
+        ends = {step: done if STEPS[step].gate else "json" for step in study.steps}
         targets = {step: f"{to}/{step}.{end}" for step, end in ends.items()}
         lines += [f".PHONY: study/{study.name}", f"steps: study/{study.name}",
                   f"study/{study.name}: {' '.join(targets.values())}"]  # fmt: skip

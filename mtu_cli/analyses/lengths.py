@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,21 +19,19 @@ from mtu_cli.model.settings import (
     convergence_warnings,
     validation_warnings,
 )
-from mtu_cli.model.trials import Conformance, PointTrials, conformance_of, joint_conformance
+from mtu_cli.model.trials import (
+    Conformance,
+    JointConformance,
+    PointTrials,
+    conformance_of,
+    joint_conformance,
+)
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.units import UM
-
-
-class JointConformance(NamedTuple):
-    """Probability that all `lengths` with a tolerance of one part conform; its standard error."""
-
-    lengths: tuple[str, ...]
-    probability: float
-    se: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,8 +112,6 @@ def predict_lengths(
         conformance_of(x.tolerance, UM, *row) for x, row in zip(entries, rows, strict=True)
     ]
     validation = tuple(settings.validate(*row, run, i) for i, row in enumerate(rows))
-    joint = joint_conformance(trials, conformance, settings)
-    toleranced = tuple(x.id for x, each in zip(entries, conformance, strict=True) if each)
     without = []
     for axis, along in zip(AXES, np.abs(delta).T > 1e-9, strict=True):
         if axis not in model.axes and along.any():
@@ -141,7 +136,7 @@ def predict_lengths(
         validation=validation,
         outside=tuple(not prediction.beyond.keys().isdisjoint(pair) for pair in ends),
         coverage_factor=settings.coverage_factor,
-        joint_conformance=None if joint is None else JointConformance(toleranced, *joint),
+        joint_conformance=joint_conformance(trials, conformance, settings),
         run=run,
         warnings=(
             *noted,

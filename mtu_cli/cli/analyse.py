@@ -178,15 +178,13 @@ def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
 
     met: list[str] = []
     judged = False
-    for kind in (each for each in (result.features, result.lengths) if each is not None):
-        verdicts = kind.biased if gate == "biased" else kind.under_predicted
+    for kind in filter(None, (result.features, result.lengths)):
+        answers = kind.biased if gate == "biased" else kind.under_predicted
         few = kind.one_way.parts < FEWEST_PARTS
-        for label, verdict, biased, alone in zip(
-            kind.labels, verdicts, kind.biased, few, strict=True
-        ):
-            answers = (verdict, biased) if alone else (verdict,)
-            judged |= any(answer is not None for answer in answers)
-            met += [" ".join(filter(None, label))] if any(answers) else []
+        for label, *either, alone in zip(kind.labels, answers, kind.biased, few, strict=True):
+            own = either[: 1 + bool(alone)]
+            judged |= any(answer is not None for answer in own)
+            met += [" ".join(filter(None, label))] if any(own) else []
     if not judged:
         expected = (
             "two or more parts, in which features or lengths of the part were measured, "

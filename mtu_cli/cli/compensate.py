@@ -86,7 +86,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     # Type 0 is written where nothing is said; a file does not show which it is.
     parameters["type"] = parameters.get("type") or "0"
     name = options.component[0]
-    result = analysis(
+    planned = result = analysis(
         errors, control, parameters, wanted, component=" + ".join(options.component),
         seed=settings.seed, trials=settings.trials,
     )  # fmt: skip
@@ -107,7 +107,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             notes = (control.says, frame.says, f"This table: {written}.")
             made[beside] = "".join(f"{note}\n" for note in notes).encode()
         if options.to_nc:
-            program = moves_program(result, feed, DWELL_S, axis.upper(), frame)
+            program = moves_program(planned, feed, DWELL_S, axis.upper(), frame)
             made[options.to_nc] = program.encode()
         return made
 

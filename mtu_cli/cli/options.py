@@ -318,8 +318,7 @@ OPTIONS: dict[str, Option] = {
 """By the name of the parameter; behind a colon which of several of that name it is."""
 BESIDE = {"to_file": (".txt",)}
 """Endings of files that may be written beside that of an option."""
-ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "before",
-         "budget", "file", "map", "current", "read", "verify")  # fmt: skip
+ROLES = tuple(dict.fromkeys(key.partition(":")[0] for key in FILES if key != "study"))
 """Options that name files to read."""
 MADE: dict[str, dict[str, tuple[str, ...]]] = {
     "simulate": {

@@ -47,7 +47,6 @@ from mtu_cli.model.simulate import (
     simulate_readings,
 )
 from mtu_cli.model.simulate_drift import (
-    Climate,
     DriftPlan,
     as_read,
     sensors_for,
@@ -186,7 +185,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         drifts, test = _drift_test(inputs, model)
         sensors = sensors_for(drifts, test, seed)
         rooms = np.resize(options.cmm_room, plan.parts)
-        true = settled(test.climate, sensors, rooms, options.cmm_wobble_degc, seed)
+        true = settled(test, sensors, rooms, options.cmm_wobble_degc, seed)
         columns = dict(zip(sensors.names, true.T, strict=True))
         columns |= {name: columns[of] for name, of in sensors.twins}
         given = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
@@ -194,7 +193,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     result = simulate_points(model, ids, points, plan, seed)
     if options.cmm_room:
         # The sensors read with a noise of each point's own.
-        read = as_read(test.climate, sensors, result.covariates, seed, part=1)
+        read = as_read(test, sensors, result.covariates, seed, part=1)
         result = replace(result, covariates=result.covariates | read)
     # Points of calibrated circles lie on the diameter that they have at their temperature.
     grown = result.measured + growth(result, ids, points, inputs.part.part.circles)
@@ -250,7 +249,8 @@ def _drift_test(
             raise error("wrong-count", found=f"{len(values)} values", **place)
     units = {name: UNITS[machine.components[name].unit].to_internal for name in asked}
     plan = DriftPlan(
-        climate=_climate(options, machine.reference_temperature_degC),
+        reference=machine.reference_temperature_degC,
+        **_climate(options),
         cycles=options.cycles,
         minutes=options.cycle_minutes,
         interval=options.interval_min,
@@ -264,7 +264,7 @@ def _drift_test(
     return drifts, plan
 
 
-def _climate(options: Options, reference: float) -> Climate:
+def _climate(options: Options) -> dict[str, Any]:
     """The room and what its sensors make of it."""
 
     def span(name: str, unit: str) -> tuple[float, float]:
@@ -274,17 +274,16 @@ def _climate(options: Options, reference: float) -> Climate:
         return low, high
 
     low, high = span("room", "degC")
-    return Climate(
-        reference=reference,
-        low=low,
-        high=high,
-        room_lag=options.room_lag_min,
-        room_wobble=options.room_wobble_degc,
-        sensor_lag=span("sensor_lag_min", "min"),
-        sensor_spread=options.sensor_spread,
-        sensor_wobble=options.sensor_wobble_degc,
-        sensor_noise=options.sensor_noise_degc,
-    )
+    return {
+        "low": low,
+        "high": high,
+        "room_lag": options.room_lag_min,
+        "room_wobble": options.room_wobble_degc,
+        "sensor_lag": span("sensor_lag_min", "min"),
+        "sensor_spread": options.sensor_spread,
+        "sensor_wobble": options.sensor_wobble_degc,
+        "sensor_noise": options.sensor_noise_degc,
+    }
 
 
 def _drift_positions(inputs: Inputs, drifts: Sequence[ThermalEstimate]) -> dict[str, FloatArray]:

@@ -147,19 +147,25 @@ def read_table(
     if file.lines is not None:
         shown = np.array(file.lines, np.int64)[rows - file.header_row - 1]
     table = Table(files=(file,), rows=shown, file_index=np.zeros(len(rows), np.int64))
-    parts: dict[str, list[Part]] = {name: [] for name in file.header}
+    numbers = {name: np.empty(len(rows)) for name in kinds}
+    cells: dict[str, list[Cells]] = {name: [] for name in kinds}
+    first = 0
     for frame in _frames(file, kinds, records):
+        part = slice(first, first := first + len(frame))
         for name, column in kinds.items():
-            parts[name].append(_part(frame[name], column))
+            if column.numeric and frame[name].dtype.kind in "iuf":
+                numbers[name][part] = frame[name]
+            else:
+                cells[name].append((part, *_labelled(frame[name], column)))
     lines = cache(lambda: file.content.decode().split("\n"))
 
     def cell(i: int, name: str) -> str:
         """A cell as the file has it: its float may be another number."""
-        cells = records[i] if records else lines()[rows[i] - 1].split(file.separator)
-        return cells[file.header.index(name)].strip()
+        row = records[i] if records else lines()[rows[i] - 1].split(file.separator)
+        return row[file.header.index(name)].strip()
 
     for name, column in kinds.items():
-        _add_column(table, name, column, parts.pop(name), cell, faults)
+        _add_column(table, name, column, numbers.pop(name), cells.pop(name), cell, faults)
     file.content = b""
     return table
 
@@ -237,8 +243,8 @@ def _decimal(content: bytes, body: int) -> Decimal:
 # Rows and columns.
 
 
-Part = Floats | tuple[Ints, list[str]]
-"""Numbers of a chunk of a column, or its stripped cells `labels[codes[i]]`, the last one empty."""
+Cells = tuple[slice, Ints, list[str]]
+"""Cells of a part of a column, stripped: `labels[codes[i]]`, the last of them empty."""
 
 
 def _sound_rows(file: File) -> Ints | None:
@@ -321,11 +327,9 @@ def _frames(
         yield from reader
 
 
-def _part(values: pd.Series[Any], column: Column) -> Part:
+def _labelled(values: pd.Series[Any], column: Column) -> tuple[Ints, list[str]]:
     import pandas as pd
 
-    if column.numeric and values.dtype.kind in "iuf":
-        return values.to_numpy(np.float64)
     codes, labels = pd.factorize(values.astype(object))
     cells = [str(label).strip() for label in labels]
     if column.known is not None:
@@ -338,27 +342,23 @@ def _add_column(
     table: Table,
     name: str,
     column: Column,
-    parts: list[Part],
+    numbers: Floats,
+    parts: list[Cells],
     cell: Callable[[int, str], str],
     faults: CellFaults,
 ) -> None:
-    """The column of its parts; a free one holds numbers where every cell is one, else texts."""
+    """A column of `numbers` (n,) but for some `parts`; a free one holds numbers where every cell
+    is one, else texts.
+    """
     (file,) = table.files
-    labelled = [part for part in parts if isinstance(part, tuple)]
-    if column.kind == "text" or (
-        column.kind == "free"
-        and any(x and number(x, file.decimal) is None for _, labels in labelled for x in labels)
-    ):
-        table.texts[name] = stacked(labelled)
-        if column.kind == "free":
+    labels = (label for *_, labels in parts for label in labels if label)
+    free = column.kind == "free" and any(number(label, file.decimal) is None for label in labels)
+    if free or column.kind == "text":
+        table.texts[name] = stacked([(codes, labels) for _, codes, labels in parts])
+        if free:
             return
-    arrays = [np.zeros(0)]
-    for part in parts:
-        if isinstance(part, tuple):
-            part = np.array([_value(file, column, label) for label in part[1]])[part[0]]
-        arrays.append(part)
-    parts.clear()
-    numbers = np.concatenate(arrays)
+    for part, codes, texts in parts:
+        numbers[part] = np.array([_value(file, column, text) for text in texts])[codes]
     odd = _excluded(numbers, column)
     if odd.any():
         fault = cache(partial(_fault, name, column, file.decimal))

@@ -81,7 +81,9 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
             return
         forms.update(_linear_forms(machine, machine.equations, {}, ("equations",), faults))
         for index, effect in present(machine.effects):
-            path, own = ("effects", index, "equations"), _units(effect)
+            own = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
+            own |= {name: UNITS[item.unit] for name, item in effect.components.items()}
+            path = ("effects", index, "equations")
             effect_forms.append(_linear_forms(machine, effect.equations, own, path, faults))
             _check_effect(effect, index, faults)
 
@@ -114,7 +116,7 @@ def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
         elif item.coefficients is not None and not idle and name in loaded.used:
             yield warning("no-uncertainty", *path, names=[name], coefficients_of=name)
     for index, effect in enumerate(loaded.machine.effects):
-        used = _used(effect)
+        used = {name for text in effect.equations.values() for name in names(parse(text))}
         for name in [name for name in effect.parameters if name not in used]:
             yield warning(
                 "unused", "effects", index, "parameters", name, what="parameter", name=name
@@ -264,16 +266,6 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
     if effect.covariance is not None:
         size = len(effect.parameters)
         check_covariance(effect.covariance, size, (*path, "covariance"), faults)
-
-
-def _units(effect: Effect) -> dict[str, Unit]:
-    """The units of an effect's parameters and components."""
-    units = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
-    return units | {name: UNITS[item.unit] for name, item in effect.components.items()}
-
-
-def _used(effect: Effect) -> set[str]:
-    return {name for text in effect.equations.values() for name in names(parse(text))}
 
 
 def _linear_forms(

@@ -140,12 +140,16 @@ def no_shared_axis(model: MachineModel, points: Points, measured: Sequence[int])
 
 def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
     """Of axes with an equation along which no point was measured: nothing is judged there."""
-    measured = np.isfinite(points.measured)
-    lost = [name for k, name in enumerate(AXES) if name in predicted and not measured[:, k].any()]
-    facts = {name: f"the E{name} of the machine is not judged" for name in lost}
+    lost = np.asarray(np.isnan(points.measured).all(axis=0))
     return [
-        finding("axis-not-measured", what="the points", axis=name, consequence=consequence)
-        for name, consequence in facts.items()
+        finding(
+            "axis-not-measured",
+            what="the points",
+            axis=name,
+            consequence=f"the E{name} of the machine is not judged",
+        )
+        for k, name in enumerate(AXES)
+        if lost[k] and name in predicted
     ]
 
 
@@ -193,14 +197,10 @@ def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
 
 def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
     """Lengths with a nominal difference along z that was not measured at all their ends."""
-    z = {
-        name: part.part.places()[name][2] for name in points.features if name in part.part.places()
-    }
-    lost = [
-        e.id
-        for e in part.part.lengths
-        if None not in (z.get(e.from_), z.get(e.to)) and z[e.from_] != z[e.to]
-    ]
+    places = part.part.places()
+    z = {name: places[name][2] for name in points.features if name in places}
+    ends = ((e.id, z.get(e.from_), z.get(e.to)) for e in part.part.lengths)
+    lost = [id for id, a, b in ends if None not in (a, b) and a != b]
     if not lost or 2 in length_axes(points, part):
         return []
     what, free = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"

@@ -16,17 +16,26 @@ from mtu_cli.stats.streams import stream
 
 WOBBLE_MEMORY_MIN = 15.0
 """Correlation time of draughts and of the air conditioning's swings."""
-_CLIMATE_STREAM = 4
+_CLIMATE_STREAM, _DRIFT_STREAM = 4, 6
+_REACHED = 1e-6
+"""Of the rise: drifts that the sensors' shares miss by more are undefined."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Climate:
-    """The room and what its sensors make of it; temperatures in degC, times in min. The room goes
-    from `low` to `high` and back with the lag `room_lag`; on top of it `room_wobble` for all and
-    `sensor_wobble` for each sensor, standard deviations of Ornstein-Uhlenbeck processes. Sensors
-    follow with lags spread over `sensor_lag` (lowest, highest; evenly in the logarithm), with
-    shares of the room's rise of 1 +- `sensor_spread`, and read with the standard deviation
-    `sensor_noise`.
+class DriftPlan:
+    """A drift test: temperatures in degC, times in min.
+
+    The room goes from `low` to `high` and back with the lag `room_lag`; on top of it `room_wobble`
+    for all and `sensor_wobble` for each sensor, standard deviations of Ornstein-Uhlenbeck
+    processes. Sensors follow with lags spread over `sensor_lag` (lowest, highest; evenly in the
+    logarithm), with shares of the room's rise of 1 +- `sensor_spread`, and read with the standard
+    deviation `sensor_noise`.
+
+    `cycles` warm-ups and cool-downs in turn, read every `interval` for `minutes`, then `soak`
+    without readings; each component at its `positions` (mm, by name; nan where it has no axis).
+    `noise` is a reading's standard deviation by dimension of the unit, mm and rad. `settled` (mm or
+    rad, by component) are the drifts at the positions once the room has settled at `high`; those of
+    other components are kept within `limits`, by dimension.
     """
 
     reference: float
@@ -38,6 +47,20 @@ class Climate:
     sensor_spread: float
     sensor_wobble: float
     sensor_noise: float
+    cycles: int
+    minutes: float
+    interval: float
+    soak: float
+    positions: Mapping[str, FloatArray]
+    noise: Mapping[int, float]
+    settled: Mapping[str, FloatArray]
+    limits: Mapping[int, float]
+    twins: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def moments(self) -> int:
+        """Readings of one place in one cycle."""
+        return int(np.floor(self.minutes / self.interval * (1 + 1e-12))) + 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,13 +76,11 @@ class Sensors:
     twins: tuple[tuple[str, str], ...] = ()
 
 
-def followed(
-    climate: Climate, sensors: Sensors, targets: FloatArray, step: float, seed: int
-) -> FloatArray:
-    """Noise-free temperatures (n, s) every `step` min while the room is driven to `targets` (n,);
+def followed(plan: DriftPlan, sensors: Sensors, targets: FloatArray, seed: int) -> FloatArray:
+    """Noise-free temperatures (n, s) every interval while the room is driven to `targets` (n,);
     room and sensors start settled at the reference.
     """
-    n, reference = len(targets), climate.reference
+    n, reference, step = len(targets), plan.reference, plan.interval
     times = np.arange(n, dtype=np.float64) * step
     q = np.exp(-step / WOBBLE_MEMORY_MIN)
 
@@ -74,17 +95,17 @@ def followed(
             values.append(q * values[-1] + kick)
         return np.array(values)
 
-    driven = lagged(np.concatenate([[reference], targets[1:]]), climate.room_lag)
-    room = driven + wobble(climate.room_wobble, 1)
+    driven = lagged(np.concatenate([[reference], targets[1:]]), plan.room_lag)
+    room = driven + wobble(plan.room_wobble, 1)
     air = [
-        reference + share * (room - reference) + wobble(climate.sensor_wobble, 2, s)
+        reference + share * (room - reference) + wobble(plan.sensor_wobble, 2, s)
         for s, share in enumerate(sensors.shares)
     ]
     return np.column_stack([lagged(T, lag) for T, lag in zip(air, sensors.lags, strict=True)])
 
 
 def settled(
-    climate: Climate, sensors: Sensors, rooms: FloatArray, wobble: float, seed: int
+    plan: DriftPlan, sensors: Sensors, rooms: FloatArray, wobble: float, seed: int
 ) -> FloatArray:
     """Noise-free temperatures (r, s) with the room settled at each of `rooms`, degC, each with
     draughts of its own of standard deviation `wobble`.
@@ -92,52 +113,21 @@ def settled(
     draughts = np.empty((len(rooms), len(sensors.names)))
     for r, s in np.ndindex(draughts.shape):
         draughts[r, s] = stream(seed, _CLIMATE_STREAM, 3, r, s).standard_normal()
-    rise = sensors.shares * (rooms[:, None] - climate.reference)
-    return climate.reference + rise + wobble * draughts
+    rise = sensors.shares * (rooms[:, None] - plan.reference)
+    return plan.reference + rise + wobble * draughts
 
 
 def as_read(
-    climate: Climate, sensors: Sensors, true: Mapping[str, FloatArray], seed: int, part: int = 0
+    plan: DriftPlan, sensors: Sensors, true: Mapping[str, FloatArray], seed: int, part: int = 0
 ) -> dict[str, FloatArray]:
     """What the sensors read: the true temperatures, twins included, each with its own noise."""
     places = {name: name for name in sensors.names} | dict(sensors.twins)
     return {
         name: true[place]
-        + climate.sensor_noise
+        + plan.sensor_noise
         * stream(seed, _CLIMATE_STREAM, 5, part, c).standard_normal(len(true[place]))
         for c, (name, place) in enumerate(places.items())
     }
-
-
-_DRIFT_STREAM = 6
-_REACHED = 1e-6
-"""Of the rise: drifts that the sensors' shares miss by more are undefined."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriftPlan:
-    """A drift test: `cycles` warm-ups and cool-downs in turn, times in min, read every `interval`
-    for `minutes`, then `soak` without readings; each component at its `positions` (mm, by name; nan
-    where it has no axis). `noise` is a reading's standard deviation by dimension of the unit, mm
-    and rad. `settled` (mm or rad, by component) are the drifts at the positions once the room has
-    settled at `high`; those of other components are kept within `limits`, by dimension.
-    """
-
-    climate: Climate
-    cycles: int
-    minutes: float
-    interval: float
-    soak: float
-    positions: Mapping[str, FloatArray]
-    noise: Mapping[int, float]
-    settled: Mapping[str, FloatArray]
-    limits: Mapping[int, float]
-    twins: tuple[tuple[str, str], ...] = ()
-
-    @property
-    def moments(self) -> int:
-        """Readings of one place in one cycle."""
-        return int(np.floor(self.minutes / self.interval * (1 + 1e-12))) + 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,12 +157,11 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     Raises InputError where the sensors cannot give the drifts that are asked for.
     """
     names = tuple(sorted({sensor for drift in drifts for sensor in drift.sensors}))
-    climate = plan.climate
     draws = np.array([stream(seed, _CLIMATE_STREAM, 0, s).random(2) for s in range(len(names))])
-    low, high = climate.sensor_lag
+    low, high = plan.sensor_lag
     lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
-    drawn = shares = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
-    rise = climate.high - climate.reference
+    drawn = shares = 1.0 + plan.sensor_spread * (2.0 * draws[:, 1] - 1.0)
+    rise = plan.high - plan.reference
     targets = []
     for drift in drifts:
         scale, positions = drift.unit.to_internal, plan.positions[drift.component]
@@ -212,11 +201,11 @@ def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
     sensors = sensors_for(drifts, plan, seed)
     period = plan.moments + round(plan.soak / plan.interval)
     cool = np.repeat(np.arange(plan.cycles) % 2, period)
-    targets = np.where(cool, plan.climate.low, plan.climate.high)
-    true = followed(plan.climate, sensors, targets, plan.interval, seed)
+    targets = np.where(cool, plan.low, plan.high)
+    true = followed(plan, sensors, targets, seed)
     count = len(true)
     times = np.arange(count, dtype=np.float64) * plan.interval
-    read = as_read(plan.climate, sensors, dict(zip(sensors.names, true.T, strict=True)), seed)
+    read = as_read(plan, sensors, dict(zip(sensors.names, true.T, strict=True)), seed)
     kept = (np.arange(count) % period < plan.moments).nonzero()[0].reshape(plan.cycles, -1)
     rows: list[tuple[str, str, float]] = []
     errors: list[FloatArray] = []

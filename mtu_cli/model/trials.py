@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,13 +167,21 @@ def _counted(
     return p, np.sqrt(cautious * (1 - cautious) / n)
 
 
+class JointConformance(NamedTuple):
+    """Probability that all `lengths` with a tolerance of one part conform; its standard error."""
+
+    lengths: tuple[str, ...]
+    probability: float
+    se: float
+
+
 def joint_conformance(
     model: PointTrials, items: Sequence[Conformance | None], settings: Settings
-) -> tuple[float, float] | None:
-    """Probability that one part conforms in all its toleranced lengths, and its standard error: not
-    the product of theirs, as the lengths of a part are correlated, nor more than the least of them.
+) -> JointConformance | None:
+    """That one part conforms in all its toleranced lengths; None of fewer than two. Not the product
+    of their probabilities, as the lengths of a part are correlated, nor more than the least.
     """
-    known = [item.probability for item in items if item is not None]
+    known = {name: x for name, x in zip(model.names, items, strict=True) if x is not None}
     if len(known) < 2:
         return None
     low = np.array([[-np.inf if x is None else x.tolerance.low * UM] for x in items])
@@ -184,7 +192,8 @@ def joint_conformance(
         return np.all((low <= values) & (values <= high), axis=0, keepdims=True)
 
     p, se = _counted(("all_within",), all_within, settings)
-    return min(float(p[0]), *known), float(se[0])
+    least = min(float(p[0]), *(x.probability for x in known.values()))
+    return JointConformance(tuple(known), least, float(se[0]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.analyses.circular import MEANING, CircularResult, about_circle
-from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, INK, ORANGE, blank, legend, styled, title
@@ -88,12 +87,19 @@ def stated_document(stated: Mapping[str, Mapping[str, Any]], digits: int = 2) ->
         for file, known in stated.items()
         for name, each in known["features"].items()
     ]
+    planes = [*dict.fromkeys(known.get("test_plane") for known in stated.values())]
+    item = SimpleNamespace(rows=rows, plane=planes[0] if len(planes) == 1 else None)
+    fields = declare(
+        """
+        plane | | plane that all files state, first axis to second; null: none, or several
+        instrument[] | rows | *stated
+        """,
+        stated=STATED,
+    )
     footer = "a, b: first and second axis of the plane; signs as the instrument has them"
-    planes = listed(known.get("test_plane", "plane not stated") for known in stated.values())
-    verdict = f"{len(rows)} features stated by the instrument ({planes}); no traces."
-    fields = declare("instrument[] | . | *stated", stated=STATED)
+    verdict = f"{len(rows)} features stated by the instrument ({item.plane or 'plane not stated'})."
     tables = [Table("Stated by the instrument", STATED, rows, footer)]
-    return Document("Circular test", (fields, rows), tables, None, verdict, digits)
+    return Document("Circular test", (fields, item), tables, None, verdict, digits)
 
 
 def document(result: CircularResult, digits: int = 2) -> Document:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from made_tables import made_readings, remembering
 from numpy.typing import NDArray
@@ -162,27 +163,17 @@ def write(path: Path, rows: int) -> None:
     gradients = rng.normal(0, 3, (4, 16))
     lags = rng.uniform(20, 90, 16)
     each = rows // 40
-    with path.open("w") as file:
-        file.write("component,position_mm,cycle,time_min,error,unit," + ",".join(SENSORS) + "\n")
-        for p, position in enumerate((0, 100, 200, 300)):
-            for cycle in range(10):
-                minutes = np.arange(each) * (200 / each)
-                rise = (
-                    6 * (1 + 0.1 * rng.standard_normal(16)) * (1 - np.exp(-minutes[:, None] / lags))
-                )
-                rise += np.sin(minutes[:, None] / rng.uniform(5, 30, 16))
-                read = 20 + rise + 0.015 * rng.standard_normal((each, 16))
-                error = rise @ gradients[p] + 0.25 * rng.standard_normal(each)
-                start = 1000.0 * (10 * p + cycle)
-                for first in range(0, each, 10_000):
-                    own = slice(first, first + 10_000)
-                    lines = np.column_stack([minutes[own] + start, error[own], read[own]]).tolist()
-                    file.writelines(
-                        f"pos,{position},{cycle},{t:.5f},{e:.3f},um,"
-                        + ",".join(f"{value:.3f}" for value in values)
-                        + "\n"
-                        for t, e, *values in lines
-                    )
+    minutes = np.arange(each)[:, None] * (200 / each)
+    for number, (p, cycle) in enumerate(np.ndindex(4, 10)):
+        rise = 6 * (1 + 0.1 * rng.standard_normal(16)) * (1 - np.exp(-minutes / lags))
+        rise += np.sin(minutes / rng.uniform(5, 30, 16))
+        error = rise @ gradients[p] + 0.25 * rng.standard_normal(each)
+        read = 20 + rise + 0.015 * rng.standard_normal((each, 16))
+        frame = pd.DataFrame(read.round(3), columns=SENSORS)
+        time = (minutes[:, 0] + 1000.0 * number).round(5)
+        frame = frame.assign(component="pos", position_mm=100 * p, cycle=cycle, time_min=time,
+                             error=error.round(3), unit="um")  # fmt: skip
+        frame.to_csv(path, mode="a" if number else "w", header=not number, index=False)
 
 
 @pytest.mark.parametrize("model", ["ridge", "stepwise"])

@@ -132,7 +132,9 @@ def test_what_a_ballbar_states_is_shown(tmp_path: Path) -> None:
     """Features in the instrument's own unit and sign."""
     stated = tmp_path / "ball.b5r"
     stated.write_text(B5R, "utf-8")
-    rows = {row["feature"]: row for row in report("circular", stated)["results"]["instrument"]}
+    results = report("circular", stated)["results"]
+    assert results["plane"] == "XY"
+    rows = {row["feature"]: row for row in results["instrument"]}
     assert (rows["AF_CIRCULARITY"]["value"], rows["AF_CIRCULARITY"]["unit"]) == (8.4, "um")
     assert "2 features stated by the instrument (XY)" in done(mtu("circular", stated)).stdout
     refusals = {

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from machine_trials import POINTS, Drift, machine, read_machine
-from model_examples import permuted, run_command
-from support import leaves
+from model_examples import permuted
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
@@ -84,50 +82,3 @@ def test_directions_may_change_their_names(tmp_path: Path, seed: int) -> None:
     assert isinstance(back, Shift)
     assert back.value == pytest.approx(-forward.value, rel=1e-9)
     assert back.p == pytest.approx(forward.p, rel=1e-7)
-
-
-@pytest.mark.parametrize("unit", ["mm", "nm"])
-def test_the_unit_of_readings_does_not_matter(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit: str
-) -> None:
-    """The same readings in um and in another unit: the same reports but for rounding."""
-    rng = np.random.default_rng(9)
-    (tmp_path / "machine.yaml").write_text(
-        "schema: mtu/machine/1\nname: m\ncomponents: {a: {of: x, unit: um}, b: {of: y, unit: um}}\n"
-        "equations: {Ex: a, Ey: b}\n"
-    )
-    (tmp_path / "part.yaml").write_text(
-        "schema: mtu/part/1\nname: p\n"
-        "features: {a: {x_mm: 5, y_mm: 0}, b: {x_mm: 90, y_mm: 60}}\nlengths: [{from: a, to: b}]\n"
-    )
-    factor = {"um": 1.0, "mm": 1e-3, "nm": 1e3}
-    lines = {name: ["component,position_mm,pass,direction,error,unit"] for name in ("um", unit)}
-    for component in "ab":
-        for number in range(1, 5):
-            for direction in ("forward", "reverse"):
-                level = rng.normal()
-                for p in np.linspace(0, 100, 6):
-                    value = 3 + 0.02 * p + level + rng.normal()
-                    for name, rows in lines.items():
-                        text = f"{value * factor[name]!r}".replace("np.float64(", "").rstrip(")")
-                        rows.append(f"{component},{p:g},{number},{direction},{text},{name}")
-    found = []
-    for rows in lines.values():
-        (tmp_path / "lbb.csv").write_text("\n".join(rows) + "\n")
-        one: dict[str, Any] = {}
-        for command in ("fit-components", "lengths"):
-            words = [command, "-m", "machine.yaml", "--lbb", "lbb.csv"]
-            words += ["-p", "part.yaml", "--trials", "20000"] if command == "lengths" else []
-            code, report, text = run_command(monkeypatch, tmp_path, *words)
-            assert code == 0, text
-            one |= leaves(report["results"], command)
-        found.append(one)
-    assert list(found[0]) == list(found[1])
-    for path, value in found[0].items():
-        if "d_low" in path or "d_high" in path:
-            continue
-        other = found[1][path]
-        if isinstance(value, float):
-            assert other == pytest.approx(value, rel=1e-7, abs=1e-10), path
-        else:
-            assert other == value, path

@@ -133,7 +133,7 @@ def _component(
         n=len(y),
         cycles=design.cycles,
         groups=tuple(group for group in design.groups if len(group) > 1),
-        r2_fit=float("nan") if design.still else 1 - after / before,
+        r2_fit=1 - after / before if before > 0 and not design.still else float("nan"),
         rms_before=float(np.sqrt(before)),
         rms_after=float(np.sqrt(after)),
         held_out=held_out(design, method),

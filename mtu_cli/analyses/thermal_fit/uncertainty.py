@@ -98,11 +98,8 @@ def _held_out_products(found: Fitted) -> tuple[float, float] | None:
     if len(design.blocks) < 2:
         return None
     for block, others in folds(design.blocks):
-        fitted, rows, held = (
-            Fitted(design, others, found.spec),
-            design.rows(others),
-            design.rows(block),
-        )
+        fitted = Fitted(design, others, found.spec)
+        rows, held = design.rows(others), design.rows(block)
         total[0] += fitted.mean_products(block)[1] * sum(item.n for item in held.values())
         for position in held.keys() & rows.keys():
             own = held[position].factor
@@ -280,7 +277,9 @@ def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, i
     in_columns = np.equal.outer(whose, whose) * np.outer(through, through)
     powers = design.powers(found.spec.degree)
     blocks, squares = [], np.zeros((g, g))
-    runs = [(p, c, r) for (p, c), r in sorted(design.runs.items()) if r.stop - r.start > 1]
+    runs = [(p, c, rows) for (p, c), rows in sorted(design.runs.items())]
+    # A single reading has no rise of its own; where all are such, they share levels of positions.
+    runs = [run for run in runs if run[2].stop - run[2].start > 1] or runs
     chosen = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MOST_BLOCKS)).round())
     for p, c, rows in (runs[int(i)] for i in chosen):
         power, n = powers[p], rows.stop - rows.start
@@ -332,7 +331,7 @@ def _inseparable(
     R = movement / np.maximum(np.outer(scale, scale), 1e-300)
     L = levers * scale[:, None]
     own = full.combinations(L)
-    half = own.u * np.array([coverage_factor(0.95, dof) for dof in own.dof])
+    half = own.u * np.array([coverage_factor(0.95, max(dof, 1.0)) for dof in own.dof])
     sets = [[j] for j in range(len(L))]
     while pairs := [(a, b) for i, a in enumerate(sets) for b in sets[i + 1 :]]:
         along = np.zeros((len(pairs), len(L)))
@@ -340,7 +339,8 @@ def _inseparable(
             row[[*a, *b]] = R[a[0], [*a, *b]]
         u = full.combinations(along @ L).u
         least = np.array([min(own.u[a].min(), own.u[b].min()) for a, b in pairs])
-        ratio = np.where(np.isfinite(u), np.where(np.isfinite(u), u, 0.0) / least, np.inf)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.nan_to_num(u / least, nan=np.inf, posinf=np.inf)
         if not ratio.min() <= BETTER_KNOWN:
             break
         a, b = pairs[int(np.argmin(ratio))]
@@ -348,7 +348,7 @@ def _inseparable(
     for members in sets:
         lead, v = max(members, key=lambda j: float(scale[j])), np.zeros(len(L))
         members.sort(key=lambda j: j != lead)
-        v[members] = R[lead, members] * scale[members] / scale[lead]
+        v[members] = R[lead, members] * scale[members] / (scale[lead] or 1.0)
         common = abs(float(full.combinations((v @ levers)[None]).value[0])) * scale[lead]
         if len(members) > 1 and not half[members].max() <= TOLD_APART * common:
             yield members, v

@@ -216,3 +216,18 @@ def test_columns_that_are_no_sensors_or_not_in_every_file() -> None:
     gap = {"T_09_degC": np.where(found.cycle == 1, np.nan, 20.0)}
     with pytest.raises(InputError, match=r"T_09_degC.*the column in every file, or in none"):
         fitted(replace(found, covariates=found.covariates | gap))
+
+
+@pytest.mark.parametrize("zeroed", ["auto", "cycle"])
+def test_a_single_reading_in_every_cycle(zeroed: str) -> None:
+    """Says what it can: with an offset each there is nothing to fit."""
+    rng = np.random.default_rng(21)
+    found = made_readings(
+        rng.normal(size=6) * UM, ("p",), position=np.resize(PLACES[:2], 6), cycle=np.arange(6),
+        role="drift", covariates={"T_01_degC": 20 + rng.normal(size=6)},
+    )  # fmt: skip
+    if zeroed == "auto":
+        assert one(found).n == 6
+    else:
+        with pytest.raises(InputError, match="too little data"):
+            one(found, zeroed=zeroed)

@@ -79,6 +79,19 @@ def test_what_a_fault_says(content: str, words: str, tmp_path: Path) -> None:
     assert words in found
 
 
+def test_a_fault_of_a_whole_column_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "m.csv").write_text("name,value\n" + "a,x\n" * 3000 + "a,y\n")
+    found = CellFaults()
+    read_table(tmp_path / "m.csv", "lbb", SPEC, found)
+    with pytest.raises(InputError) as caught:
+        found.raise_if_any()
+    assert len(caught.value.findings) == 3001
+    assert str(caught.value).splitlines() == [
+        "m.csv, rows 2 to 3001, column 'value': not a number: 'x'; expected a number",
+        "m.csv, row 3002, column 'value': not a number: 'y'; expected a number",
+    ]
+
+
 def test_very_many_bad_cells_are_counted(tmp_path: Path) -> None:
     many = LISTED_FAULTS + 5000
     (tmp_path / "m.csv").write_text("name,value\n" + "".join(f"a,x{i}\n" for i in range(many)))

@@ -14,7 +14,7 @@ from support import read_components
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix
-from mtu_cli.model.effect_parameters import effect_warnings
+from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
@@ -188,3 +188,41 @@ def test_a_component_of_an_effect_counts_as_one_of_the_machine(tmp_path: Path) -
     own = predict(stated(tmp_path, plain), NAMED, PLACES)
     assert declared.mean == pytest.approx(own.mean, rel=1e-12)
     assert declared.covariance == pytest.approx(own.covariance, rel=1e-9)
+
+
+def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    own = predicted(machine, estimates_from_fit(machine, None))
+    estimates = reported(tmp_path, machine, together(values=(0, 5, 1)))
+    found = predicted(machine, estimates)
+    assert (own.mean - found.mean)[0::2] == pytest.approx(2e-3 * DIRECTION, rel=1e-9)
+    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
+    assert warning.code == "not-used"
+    assert "values of machine.yaml not used (backlash-x.lost_motion): those of" in warning.message
+
+
+def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    assert all_together(loaded(tmp_path, MACHINE), None) is None
+    found = all_together(machine, None, ("backlash-x.lost_motion",), np.array([[7e-6]]))
+    assert found is not None
+    assert list(found.names) == NAMES
+    own = np.array([[7, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]])
+    assert found.covariance == pytest.approx(own * np.outer(F, F), rel=1e-12)
+    assert found.values == pytest.approx(np.array([2, 5, 1]) * F, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("found", "told"),
+    [
+        ("{class: [turn, scale-z]}", "scale-z"),
+        ("{class: [a, b, turn, c, d, e, f]}", "a, b, c, d, e, f"),
+        ("{class: [turn]}", None),
+        # What stands there is free.
+        ("{class: [turn, 3, {a: b}]}", None),
+    ],
+)
+def test_one_of_a_class_is_told_of(found: str, told: str | None, tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS + f"    found: {found}\n")
+    known = [(item.code, ", ".join(item.facts["others"])) for item in searched_warnings(machine)]
+    assert known == ([] if told is None else [("not-separable", told)])

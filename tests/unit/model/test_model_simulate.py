@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import FloatArray, estimate, model_of
+from model_examples import FloatArray, estimate, model_of, part_of, stated
+from numpy.typing import NDArray
 
+from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.simulate import (
     PartsPlan,
     ReadingsPlan,
     SimulatedPoints,
+    growth,
     simulate_points,
     simulate_readings,
 )
@@ -152,3 +156,100 @@ def measured(temperatures: list[float] | None) -> SimulatedPoints:
         measured=np.tile(ON_RING[:, :2], (times, 1)),
         covariates=known,
     )
+
+
+LARGE = "out of range: '1e+202'; expected at most 1e+06 mm in size"
+
+
+VALUE = "the equation has no finite value at"
+
+
+@pytest.mark.parametrize(
+    ("what", "equation", "words"),
+    [
+        (
+            "effects",
+            "dir_q",
+            "--effect Ex: unknown name at column 1: 'dir_q'; did you mean 'dir_x' or 'dir_y'?",
+        ),
+        ("effects", "1/(2-sequence)", f"{VALUE} sequence = 2 in part 2 at feature 'a'"),
+        ("effects", "1e200*x", f"--effect Ex in part 1 at feature 'b': {LARGE}"),
+        (
+            "scatter",
+            "-0.01",
+            "--scatter Ex in part 1 at feature 'a': out of range: '-0.01'; expected",
+        ),
+        ("covariates", "1/y", f"--covariate x: {VALUE} y = 0 in part 1 at feature 'a'"),
+    ],
+)
+def test_equations_without_a_value(what: str, equation: str, words: str) -> None:
+    """The option, the part and the feature are told, and what the equation was given there."""
+    given = (("x", parse(equation)),)
+    plan = {
+        "effects": replace(QUIET, effects=given),
+        "scatter": replace(QUIET, scatter=given),
+        "covariates": replace(QUIET, covariates=given),
+    }[what]
+    with pytest.raises(InputError) as error:
+        simulate(plan, model=quiet())
+    assert words in str(error.value)
+    assert len(error.value.findings) == 1
+
+
+DECLARED = """
+components: {a: {of: x, unit: um, coefficients: [1.0, 0.1]}}
+equations: {Ex: a*T_spindle_degC/20, Ey: 0}
+effects:
+  - {name: e, parameters: {h: {value: 4, u: 1, unit: um}}, equations: {Ex: h*dir_x}}
+"""
+
+
+def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
+    """Its parameters are nothing an instrument reads; its covariates must be given."""
+    model = stated(tmp_path, DECLARED)
+    assert set(simulate_readings(model, READ, 1).component) == {"a"}
+    with pytest.raises(InputError, match="a value of T_spindle_degC for the machine 'm'") as error:
+        simulate(QUIET, model=model)
+    assert "--covariate 'T_spindle_degC: EQUATION'" in str(error.value)
+    plan = replace(QUIET, covariates=(("T_spindle_degC", parse("30")),))
+    found = simulate(plan, model=model)
+    Ex = found.measured[:, 0] - np.tile(POINTS[:, 0], 4)
+    a = (1 + 0.1 * np.tile(POINTS[:, 0], 4)) * 1e-3
+    assert Ex == pytest.approx(1.5 * a + 4e-3 * found.covariates["dir_x"], abs=1e-13)
+    row = POINTS[[0, 0]] + [[0, 0, 0], [0, 5, 0]]
+    with pytest.raises(InputError, match="a value of dir_x for the machine 'm'"):
+        simulate_points(model, ["a", "b"], row, plan, 1)
+
+
+RING = """\
+features:
+  e: {x_mm: 60, y_mm: 20}
+  n: {x_mm: 10, y_mm: 70}
+  w: {x_mm: -40, y_mm: 20}
+  s: {x_mm: 10, y_mm: -30}
+  far: {x_mm: 200, y_mm: 20}
+circles:
+  - {id: ring, features: [e, n, w, s],
+     temperature: T_ring_degC, calibrated_mm: {20: 100.0, 30: 100.1}}
+"""
+
+
+def moved(folder: Path, points: SimulatedPoints, text: str = RING) -> NDArray[np.float64]:
+    found = growth(points, OF_RING, ON_RING, part_of(folder, text).part.circles)
+    return found.reshape(-1, len(OF_RING), 2)
+
+
+def test_points_move_away_from_the_centre_as_the_diameter_grows(tmp_path: Path) -> None:
+    """D is linear between calibrated temperatures and constant beyond: 0, 50 and 100 um more."""
+    found = moved(tmp_path, measured([20.0, 25.0, 30.0, 40.0, 10.0]))
+    outward = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1], [0, 0]])
+    for um, shift in zip([0, 25, 50, 50, 0], found, strict=True):
+        np.testing.assert_allclose(shift, 1e-3 * um * outward, rtol=0, atol=1e-12)
+
+
+def test_a_circle_that_its_points_do_not_determine(tmp_path: Path) -> None:
+    circles = part_of(tmp_path, RING).part.circles
+    line = measured([30.0])
+    flat = ON_RING * [1.0, 0.0, 1.0]
+    with pytest.raises(InputError, match="goes through the nominal points"):
+        growth(line, OF_RING, flat, circles)

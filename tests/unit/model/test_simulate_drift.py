@@ -11,7 +11,6 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.simulate_drift import (
     WOBBLE_MEMORY_MIN,
-    Climate,
     DriftPlan,
     Sensors,
     SimulatedDrift,
@@ -23,9 +22,11 @@ from mtu_cli.model.simulate_drift import (
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.units import UNITS
 
-STILL = Climate(
+STILL = DriftPlan(
     reference=20.0, low=20.0, high=26.0, room_lag=30.0, room_wobble=0.0, sensor_lag=(5.0, 25.0),
-    sensor_spread=0.05, sensor_wobble=0.0, sensor_noise=0.0,
+    sensor_spread=0.05, sensor_wobble=0.0, sensor_noise=0.0, cycles=3, minutes=30.0, interval=2.0,
+    soak=10.0, positions={"p": np.array([0.0, 200.0])}, noise={1: 0.0, 0: 0.0}, settled={},
+    limits={1: 1.0, 0: 1.0},
 )  # fmt: skip
 NOISY = replace(STILL, room_wobble=0.5, sensor_wobble=0.8, sensor_noise=0.015)
 A, B = "T_a_degC", "T_b_degC"
@@ -49,15 +50,6 @@ def drift(name: str = "p", tau: float = 0.0, leftover: float = 0.0) -> ThermalEs
     )
 
 
-def plan(climate: Climate = NOISY, **changes: object) -> DriftPlan:
-    made = DriftPlan(
-        climate=climate, cycles=3, minutes=30.0, interval=2.0, soak=10.0,
-        positions={"p": np.array([0.0, 200.0])}, noise={1: 0.0, 0: 0.0}, settled={},
-        limits={1: 1.0, 0: 1.0},
-    )  # fmt: skip
-    return replace(made, **changes)  # type: ignore[arg-type]  # names of the plan's own fields
-
-
 def rises(found: SimulatedDrift, rows: np.ndarray) -> list[np.ndarray]:
     return [found.temperatures[name][rows] - 20 for name in (A, B)]
 
@@ -65,7 +57,7 @@ def rises(found: SimulatedDrift, rows: np.ndarray) -> list[np.ndarray]:
 @pytest.mark.parametrize("tau", [0.0, 40.0])
 def test_noise_free_readings_are_the_drift_of_the_temperatures_in_the_file(tau: float) -> None:
     """Of a sensor with a time constant, of the lagged temperature."""
-    found = simulate_drift([drift(tau=tau)], plan(replace(NOISY, sensor_noise=0.0), cycles=1), 1)
+    found = simulate_drift([drift(tau=tau)], replace(NOISY, sensor_noise=0.0, cycles=1), 1)
     for position in (0.0, 200.0):
         rows = found.position == position
         a, b = rises(found, rows)
@@ -78,7 +70,7 @@ def test_noise_free_readings_are_the_drift_of_the_temperatures_in_the_file(tau: 
 
 
 def test_cycles_are_apart_by_soaking_and_warm_and_cool_in_turn() -> None:
-    found = simulate_drift([drift()], plan(STILL, minutes=300.0, soak=60.0), 1)
+    found = simulate_drift([drift()], replace(STILL, minutes=300.0, soak=60.0), 1)
     share = found.sensors.shares[0]
     for cycle, start, end in ((1, 0, 26.0), (2, 362, 20.0), (3, 724, 26.0)):
         rows = (found.cycle == cycle) & (found.position == 0)
@@ -89,9 +81,9 @@ def test_cycles_are_apart_by_soaking_and_warm_and_cool_in_turn() -> None:
 
 def test_moments_of_noise_and_leftover_and_twins() -> None:
     """Twins see the same, read apart, and change nothing else."""
-    many = plan(replace(NOISY, sensor_noise=0.02), cycles=400, minutes=8.0, noise={1: 1e-3, 0: 0},
+    many = replace(NOISY, sensor_noise=0.02, cycles=400, minutes=8.0, noise={1: 1e-3, 0: 0},
                 twins=(("T_c_degC", A),))  # fmt: skip
-    exact = replace(many, climate=replace(many.climate, sensor_noise=0.0), twins=())
+    exact = replace(many, sensor_noise=0.0, twins=())
     clean = simulate_drift([drift()], replace(exact, noise={1: 0.0, 0: 0.0}), 3)
     found = simulate_drift([drift(leftover=4e-3)], many, 3)
     assert list(found.temperatures) == [A, B, "T_c_degC"]
@@ -108,9 +100,9 @@ def test_moments_of_noise_and_leftover_and_twins() -> None:
 
 
 def test_draughts_have_the_declared_spread_and_memory() -> None:
-    climate = replace(STILL, sensor_wobble=0.8, high=20.0)
+    climate = replace(STILL, sensor_wobble=0.8, high=20.0, interval=5.0)
     sensors = Sensors(names=(A,), lags=np.zeros(1), shares=np.ones(1))
-    air = followed(climate, sensors, np.full(60_001, 20.0), 5.0, 4)[1000:, 0] - 20
+    air = followed(climate, sensors, np.full(60_001, 20.0), 4)[1000:, 0] - 20
     q = np.exp(-5 / WOBBLE_MEMORY_MIN)
     independent = len(air) * (1 - q**2) / (1 + q**2)
     assert air.var() == pytest.approx(0.64, rel=4.5 * np.sqrt(2 / independent))
@@ -119,15 +111,15 @@ def test_draughts_have_the_declared_spread_and_memory() -> None:
 
 
 def test_shares_move_as_little_as_the_settled_drifts_ask_for() -> None:
-    drawn = sensors_for([drift()], plan(), 1).shares
+    drawn = sensors_for([drift()], NOISY, 1).shares
     assert np.abs(drawn - 1).max() <= 0.05
-    asked = plan(settled={"p": np.array([12e-3, 18e-3])})
+    asked = replace(NOISY, settled={"p": np.array([12e-3, 18e-3])})
     shares = sensors_for([drift()], asked, 1).shares
     # 6 K: 30 a - 12 b at 0 mm and 30 a at 200 mm.
     assert shares == pytest.approx([0.6, 0.5], abs=1e-9)
     # One place, two sensors: the change is along the gradients, which no smaller one can do; so it
     # is where a limit is exceeded.
-    one = plan(positions={"p": np.array([0.0])})
+    one = replace(NOISY, positions={"p": np.array([0.0])})
     six = {"p": np.array([6e-3])}
     for given in (replace(one, settled=six), replace(one, limits={1: 6e-3, 0: 1.0})):
         shares = sensors_for([drift()], given, 1).shares
@@ -137,7 +129,9 @@ def test_shares_move_as_little_as_the_settled_drifts_ask_for() -> None:
 
 def test_a_limit_gives_way_to_what_is_asked_for_and_rooms_settle() -> None:
     both = {name: np.array([0.0]) for name in "pq"}
-    asked = plan(positions=both, settled={"p": np.array([6e-3])}, limits={1: 1e-3, 0: 1.0})
+    asked = replace(
+        NOISY, positions=both, settled={"p": np.array([6e-3])}, limits={1: 1e-3, 0: 1.0}
+    )
     sensors = sensors_for([drift(), drift("q")], asked, 1)
     assert (sensors.shares == sensors_for([drift()], asked, 1).shares).all()
     rooms = np.array([20.0, 24.0])
@@ -146,8 +140,8 @@ def test_a_limit_gives_way_to_what_is_asked_for_and_rooms_settle() -> None:
 
 
 def test_drifts_that_the_sensors_cannot_give() -> None:
-    impossible = plan(
-        positions={"p": np.array([0.0, 0.0])}, settled={"p": np.array([12e-3, 18e-3])}
+    impossible = replace(
+        NOISY, positions={"p": np.array([0.0, 0.0])}, settled={"p": np.array([12e-3, 18e-3])}
     )
     with pytest.raises(InputError) as told:
         sensors_for([drift()], impossible, 1)

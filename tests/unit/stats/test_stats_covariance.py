@@ -83,3 +83,26 @@ def test_bounded_by_what_scatters() -> None:
         assert np.linalg.eigvalsh(whole / np.outer(s, s)).min() > -1e-9
     np.testing.assert_allclose(bounded(0.3 * S, S), 0.3 * S, rtol=1e-9)
     assert not bounded(K, np.zeros((3, 3))).any()
+
+
+def test_a_metric_that_rounding_made_singular() -> None:
+    """As that of the powers of a high degree: Cholesky's factor breaks off."""
+    s = np.array([1.0, 1e-8, 1e5])
+    metric = (np.full((3, 3), 1.0 + 1e-9) - 1e-9 * np.eye(3)) * np.outer(s, s)
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(metric)
+    found = positive_part(5.0 * metric, metric, 2.0)
+    np.testing.assert_allclose(found, 3.0 * metric, rtol=1e-6)
+
+
+@pytest.mark.parametrize("r", [-7.0, -1.001, 1.001, 3.0])
+def test_of_two_the_correlation_is_one_at_most(r: float) -> None:
+    C = np.array([[1.0, r], [r, 1.0]]) * np.outer(SCALES, SCALES)
+    full = np.array([[1.0, np.sign(r)], [np.sign(r), 1.0]]) * np.outer(SCALES, SCALES)
+    np.testing.assert_allclose(as_covariance(C), full, rtol=1e-12)
+
+
+def test_what_has_no_variance_has_no_covariance() -> None:
+    C = np.array([[0.0, 1e-20, 0.0], [0.0, 4.0, 1.0], [0.0, 1.0, 1.0]])
+    expected = np.array([[0.0, 0.0, 0.0], [0.0, 4.0, 1.0], [0.0, 1.0, 1.0]])
+    np.testing.assert_array_equal(as_covariance(C), expected)
