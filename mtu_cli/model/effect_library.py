@@ -26,7 +26,6 @@ from mtu_cli.files.effects import (
     EffectLibrary,
     Family,
     LoadedFamily,
-    Search,
     Template,
     filled,
     load_effects,
@@ -39,10 +38,11 @@ from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.slope import slope
 from mtu_cli.language.tree import filled_text, filled_tree
 from mtu_cli.language.unit_algebra import NO_LENGTH, Algebra
-from mtu_cli.model.machine_model import AXES, LARGEST
+from mtu_cli.model.effect_grids import grid_of
+from mtu_cli.model.machine_model import AXES, LARGEST, TIME
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UNITS, parameter_units_of
+from mtu_cli.units import PARAMETER_UNITS, UNITS, internal, parameter_units_of
 
 BUILT_IN = Path(__file__).with_name("effects.yaml")
 Binding = Mapping[str, str]
@@ -138,6 +138,7 @@ class TableData:
         counts = [name for name in ("sequence",) if name in columns]
         counts += [name for name in plain if _counts(values[name])]
         others = tuple(name for name in plain if name not in counts)
+        counts += [name for name in (TIME,) if name in columns and table.component is not None]
         # A range of printed values is rounded: 26.05 - 26.
         steady = dict.fromkeys(hot, STEADY_K + 1e-9)
         return cls(
@@ -377,6 +378,11 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         own_unit = re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
         for axis in axes if "{each}" in raw else ("",):
             units[str(meant(raw, {**binding, "each": axis}))] = own_unit
+    levers = {axis: linear_form(tree, units).coefficients for axis, tree in equations.items()}
+    if binding.get("c") == TIME:
+        for name, unit in units.items():
+            own_levers = [own[name] for own in levers.values() if name in own]
+            units[name] = _per_minute(name, unit, own_levers, template.searched)
     grid = None
     if search is not None:
         along = search.of and _column(search.of, binding, data)
@@ -394,7 +400,7 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         data=data,
         parameters=units,
         equations=equations,
-        levers={axis: linear_form(tree, units).coefficients for axis, tree in equations.items()},
+        levers=levers,
         used=tuple(used),
         covariate=next(iter([*goes_with, *used]), None),
         grid=grid,
@@ -414,6 +420,24 @@ def _column(raw: str, binding: Binding, data: TableData) -> str:
     if table.component is not None and name == f"dir_{table.axes[0]}":
         return next((own for own in table.covariates if own.startswith("dir_")), name)
     return name
+
+
+def _per_minute(parameter: str, unit: str, levers: Sequence[Node], searched: str | None) -> str:
+    """The unit of a parameter where the time stands for {c}, a plain count: um/min for um.
+
+    Raises NoMember where there is no such unit, or a count is added to {c}.
+    """
+    held = {name for lever in levers for name in names(lever)}
+    algebra = Algebra(units={name: internal(minute=name == TIME) for name in held - {searched}})
+    timed = [algebra.of(filled_tree(lever, {str(searched): 1.0})).minute == 1 for lever in levers]
+    if algebra.faults:
+        raise NoMember(f"{TIME} in place of {{c}}: {algebra.faults[0].text}")
+    if not all(timed):
+        return unit
+    per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
+    if not per or PARAMETER_UNITS[unit].per is not None:
+        raise NoMember(f"{unit} of {parameter} has no unit per minute")
+    return per[0]
 
 
 # Candidates.
@@ -514,89 +538,3 @@ def _form(
         raise NoMember(CONSTANT)
     chosen = None if own.over is None else tuple(choices(data.table, own.over))
     return replace(effect, margins=tuple(margins), chosen=chosen)
-
-
-# Grids of what is searched.
-
-DEFAULT_COUNT = 40
-MARGIN = 2
-"""Values on either side of a grid between values."""
-MOST_FREQUENCIES = 2000
-"""Frequencies where no number is asked for: as many as the places demand, up to here."""
-PER_SPAN = 4.0
-"""Frequencies a span: halfway between two of them the phase is off by an eighth of a period at
-each end of the data at most."""
-LARGEST_COLUMNS = 2_000_000
-"""Numbers that the columns of one parameter may take."""
-FEWEST_VALUES = 24
-FEWEST_FOR_WAVES = 6
-"""Different values from which on more is known than a wave's size, phase and period and a line
-take."""
-MANY_PLACES = 30
-"""Different values from which on waves are well separable, and those that lie unevenly show
-periods shorter than their steps."""
-ALIKE = 0.9
-"""Of all values' phases together: from which on a frequency looks like a constant at them."""
-FINEST = 0.25
-"""1/mm: the highest frequency that is looked at for that, half of the shortest pitch's."""
-ONE_VALUE = 1e-9
-"""Share of the span up to which two values are one."""
-
-
-def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
-    """The searched values (G,); empty where the data gives none.
-
-    `values` are those of the position or column searched along, `size` the entries of one
-    column. A frequency grid runs from the longest to the shortest value, so that of two that
-    the data cannot separate the longer one stands first.
-    """
-    distinct = np.zeros(0) if values is None else np.unique(values)
-    most = max(FEWEST_VALUES, LARGEST_COLUMNS // size)
-    if search.grid == "between":
-        middles = (distinct[1:] + distinct[:-1]) / 2.0
-        inside = middles[MARGIN - 1 : len(middles) - MARGIN + 1]
-        count = min(search.count or len(inside), most)
-        every = math.ceil(len(inside) / count) if count else 1
-        return inside[(every - 1) // 2 :: every]
-    waves = search.grid == "frequency"
-    if waves and len(distinct) < FEWEST_FOR_WAVES:
-        return np.zeros(0)
-    # What the bounds of a search may be given in.
-    known = dict[str, float]()
-    if len(distinct) > 1:
-        low, high, steps = float(distinct[0]), float(distinct[-1]), np.diff(distinct)
-        step = float(np.median(steps[steps > ONE_VALUE * (high - low)]))
-        known = {"low": low, "high": high, "span": high - low}
-        known |= {"spacing": _spacing(distinct, step)}
-    trees = [[parse(text) for text in texts] for texts in (search.from_, search.to)]
-    if not all(names(tree).keys() <= {*known} for own in trees for tree in own):
-        return np.zeros(0)
-    low, high = (
-        float(choice(evaluate(tree, known) for tree in own))
-        for choice, own in zip((max, min), trees, strict=True)
-    )
-    if not (-math.inf if search.grid == "linear" else 0.0) < low < high < math.inf:
-        return np.zeros(0)
-    count = min(search.count or (MOST_FREQUENCIES if waves else DEFAULT_COUNT), most)
-    if not waves:
-        return (np.linspace if search.grid == "linear" else np.geomspace)(low, high, count)
-    ends = 1.0 / high, 1.0 / low
-    needed = math.ceil((ends[1] - ends[0]) * PER_SPAN * known["span"]) + 1
-    return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
-
-
-def _spacing(distinct: FloatArray, step: float) -> float:
-    """The period at which a wave is a constant on the values (D,): their step where it is even, or
-    they are few; of many uneven ones a shorter one, as far as it is looked for.
-
-    Frequencies are separable up to the first f at which |sum exp(2 pi i f x)|/D is near 1, the
-    height of an alias in the spectral window (Lomb, Astrophys. Space Sci. 39 (1976) 447).
-    """
-    first = 0.5 / step
-    if len(distinct) < MANY_PLACES or first >= FINEST:
-        return step
-    count = math.ceil((FINEST - first) * 2 * PER_SPAN * float(np.ptp(distinct))) + 1
-    frequencies = np.linspace(first, FINEST, min(count, 2 * MOST_FREQUENCIES))
-    window = np.abs(np.exp(2j * np.pi * np.outer(frequencies, distinct)).mean(axis=1))
-    alike = frequencies[window >= ALIKE]
-    return min(step, 1.0 / float(alike[0]) if len(alike) else 1.0 / FINEST)

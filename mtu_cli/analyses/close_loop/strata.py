@@ -155,13 +155,16 @@ def strata_of(
     for a, own in enumerate(lines):
         begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), own])
         k = begin.shape[1]
-        basis, R = np.linalg.qr(begin, mode="complete")
-        # A factorisation is free in the signs of its columns.
-        basis[:, :k] *= np.sign(np.diag(R))
-        signs = np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
-        apart = np.diag(signs) - basis
-        skeleton = np.linalg.pinv(apart[:k, :k]) @ apart[:k]
-        reflections.append(None if roughness is not None else (signs, apart[:, :k], skeleton))
+        # As reflections I - V T V' (Schreiber & Van Loan 1989); the signs of columns are free.
+        raw, scales = np.linalg.qr(begin, mode="raw")
+        V, T, signs = np.tril(raw.T, -1) + np.eye(H, k), np.zeros((k, k)), np.ones(H)
+        for j, scale in enumerate(scales):
+            T[:j, j] = -scale * T[:j, :j] @ (V[:, :j].T @ V[:, j])
+            T[j, j] = scale
+        signs[:k] = np.sign(np.diag(raw.T))
+        W = T @ V.T * signs
+        basis = np.diag(signs) - V @ W
+        reflections.append(None if roughness is not None else (signs, V, W))
         if roughness is not None and k < H:
             values, turn = np.linalg.eigh(basis[:, k:].T @ roughness @ basis[:, k:])
             basis[:, k:] = basis[:, k:] @ turn[:, ::-1]

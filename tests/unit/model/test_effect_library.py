@@ -15,6 +15,7 @@ from effect_tables import FloatArray, grid_places, readings_table, shop_covariat
 
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import load_machine
+from mtu_cli.model.effect_grids import grid_of
 from mtu_cli.model.effect_library import (
     BUILT_IN,
     BoundTemplate,
@@ -22,7 +23,6 @@ from mtu_cli.model.effect_library import (
     TableData,
     candidates_of,
     effect_library,
-    grid_of,
 )
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model, design
@@ -204,6 +204,17 @@ def test_what_can_be_tested_in_part_says_what_cannot() -> None:
 
 
 # Readings.
+
+
+def test_units_of_readings() -> None:
+    own = readings_table()
+    for name, units in (("trend-x", ("um", "um/min")), ("scale-trend-x", ("um/m", "um/m/min"))):
+        found = {form.covariate: (*form.parameters.values(),) for form in forms_of(own, name)}
+        assert found == {"sequence": units[:1], "time_min": units[1:]}
+    bare = readings_table(name="axy", component="axy", unit="arcsec")
+    assert forms_of(bare, "offset-axy")[0].texts() == {"Eaxy": "shift"}
+    assert forms_of(bare, "trend-axy")[1].parameters == {"slope": "arcsec/min"}
+    assert "scale-axy" not in found_on(bare)
 
 
 # Choice, users' own families, the package.
