@@ -17,7 +17,7 @@ from mtu_cli.findings import Finding, error, finding
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
 from mtu_cli.model.stated_errors import StatedErrors
 from mtu_cli.stats.covariance import covariance_root
-from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pass_tests import FTest, f_test
 from mtu_cli.stats.streams import stream
@@ -491,7 +491,7 @@ def _verdict(k: float, u: float, dof: float) -> Verified:
     """What the 95 % interval of k holds of 0, 1 and 2, and p of the nearest, two-sided."""
     from scipy.special import ndtr, stdtr
 
-    half = coverage_factor(0.95, dof) * u
+    half = coverage_factor(PROBABILITY, dof) * u
     inside = [name for slope, name in VERDICTS.items() if abs(k - slope) <= half]
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
     t = -min(abs(k - slope) for slope in VERDICTS) / u

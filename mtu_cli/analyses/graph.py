@@ -13,8 +13,13 @@ from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS
 from mtu_cli.findings import Finding, counted, error, finding, listed
 from mtu_cli.model.graph.net import MeasurementGraph, Output
 from mtu_cli.model.graph.propagation import STILL, GraphTrials
-from mtu_cli.model.settings import PROBABILITY, Settings, validation_warnings
-from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
+from mtu_cli.model.settings import Settings, validation_warnings
+from mtu_cli.stats.coverage import (
+    PROBABILITY,
+    coverage_factor,
+    few_blocks_factor,
+    numerical_tolerance,
+)
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.validation import Validation, validated
 from mtu_cli.units import UM

@@ -14,15 +14,10 @@ from mtu_cli.model.features import NO_U, dof_warnings, feature_points, predictio
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.measurands import AngleTrials, check_square
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.settings import (
-    PROBABILITY,
-    Settings,
-    convergence_warnings,
-    validation_warnings,
-)
+from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
 from mtu_cli.model.trials import Conformance, conformance_of
 from mtu_cli.model.variance import Shares
-from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.stats.validation import Validation

@@ -8,12 +8,11 @@ from typing import Literal
 
 from mtu_cli.findings import Finding, finding
 from mtu_cli.stats.blocks import TrialModel
-from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.monte_carlo import MonteCarloResult, Progress, monte_carlo
 from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
 
 Correlation = Literal["shared", "independent"]
-PROBABILITY = 0.95
 
 DEFAULT_SEED = 20040126
 MOST_TRIALS, ENOUGH_TRIALS = 10_000_000, 300_000

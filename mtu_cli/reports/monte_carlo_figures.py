@@ -12,7 +12,7 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.numbers import significant, with_u
-from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC
 
@@ -48,7 +48,7 @@ class Trials(NamedTuple):
     first: tuple[float, float, float]
     title: str
     label: str
-    probability: float = 0.95
+    probability: float = PROBABILITY
 
 
 def histogram(panel: Axes, item: Trials) -> None:

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from mtu_cli.stats.coverage import PROBABILITY
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import hidden
 
@@ -176,7 +177,7 @@ def paper(table: OneWay) -> Components:
     return Components(part=table.ms_between, repeat=table.ms_within, part_estimate=table.ms_between)
 
 
-def part_interval(cells: Cells, table: OneWay, probability: float = 0.95) -> FloatArray:
+def part_interval(cells: Cells, table: OneWay, probability: float = PROBABILITY) -> FloatArray:
     """Interval (tables, 2) for s_part^2: modified large-sample limits, unequal repeats.
 
     Burdick & Graybill, Confidence Intervals on Variance Components (1992), 3.2 and 4.2: with the

@@ -8,6 +8,9 @@ import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray
 
+PROBABILITY = 0.95
+"""Of every interval that is not asked for otherwise."""
+
 
 def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> float:
     """Effective degrees of freedom of a sum of independent variances.
@@ -65,7 +68,11 @@ def t_quantiles(probability: FloatArray, dof: FloatArray) -> FloatArray:
 
 
 def fieller(
-    a: float, b: float, covariance: FloatArray, dof: float = math.inf, probability: float = 0.95
+    a: float,
+    b: float,
+    covariance: FloatArray,
+    dof: float = math.inf,
+    probability: float = PROBABILITY,
 ) -> tuple[float, float, tuple[float, float] | None]:
     """a/b of two estimates with their `covariance` (2, 2): its value, u (JCGM 100:2008, 5.2.2) and
     interval, None where b may be 0 and it is unbounded (Fieller, J. R. Stat. Soc. B 16 (1954) 175).
@@ -94,7 +101,7 @@ def few_blocks_factor(blocks: int) -> float:
     """
     if blocks == 1:
         return 1.0
-    return coverage_factor(0.95, blocks - 1.0) / coverage_factor(0.95)
+    return coverage_factor(PROBABILITY, blocks - 1.0) / coverage_factor(PROBABILITY)
 
 
 def numerical_tolerance(u: float, digits: int = 2) -> float:

@@ -19,7 +19,12 @@ from mtu_cli.stats.blocks import (
     TrialModel,
     block_generator,
 )
-from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
+from mtu_cli.stats.coverage import (
+    PROBABILITY,
+    coverage_factor,
+    few_blocks_factor,
+    numerical_tolerance,
+)
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pooling import Estimates, Pool, single_block_estimates
 from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
@@ -60,7 +65,7 @@ def monte_carlo(
     *,
     seed: int,
     trials: int | None = None,
-    probability: float = 0.95,
+    probability: float = PROBABILITY,
     digits: int = 2,
     tolerance_fraction: float = 1.0,
     threads: int | None = None,

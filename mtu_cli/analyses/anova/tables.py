@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from mtu_cli.model.measured import Label, MeasuredTables
-from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval
+from mtu_cli.stats.coverage import PROBABILITY
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml

@@ -13,8 +13,9 @@ from mtu_cli.analyses.budget.inputs import InputQuantity, Inputs, inputs_of
 from mtu_cli.analyses.budget.propagation import BudgetTrials, FirstOrder, first_order
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.model.settings import MOST_TRIALS, PROBABILITY, Settings, validation_warnings
+from mtu_cli.model.settings import MOST_TRIALS, Settings, validation_warnings
 from mtu_cli.stats.covariance import correlation_of
+from mtu_cli.stats.coverage import PROBABILITY
 from mtu_cli.stats.coverage import coverage_factor as quantile_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult

@@ -33,7 +33,8 @@ from mtu_cli.model.effect_ranges import guess_warnings
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import no_shared_axis, roundings
-from mtu_cli.model.settings import PROBABILITY, Settings
+from mtu_cli.model.settings import Settings
+from mtu_cli.stats.coverage import PROBABILITY
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 

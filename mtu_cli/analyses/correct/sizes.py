@@ -16,9 +16,8 @@ from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest
 from mtu_cli.model.covariates import numbers_of, point_columns
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
-from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.model.visits import IntArray, only_features, operations_of, visits_of
-from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 

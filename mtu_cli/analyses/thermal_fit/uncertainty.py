@@ -31,7 +31,7 @@ from mtu_cli.analyses.thermal_fit.result import Gradient
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.covariance import covariance_root, positive_part
-from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.stats.serial import Block, SerialFit
@@ -125,7 +125,7 @@ def _coefficient_scale(found: Fitted, held: tuple[float, float] | None) -> tuple
         return within
     beyond = (max(held[0], 0.0) - max(lag, 0.0)) / held[1]
     between = max(len(cycles) - 1.0, 1.0)
-    limit = within[0] * float(fdtri(between, within[1], 0.95))
+    limit = within[0] * float(fdtri(between, within[1], PROBABILITY))
     return within if beyond <= limit else (beyond, between)
 
 
@@ -243,7 +243,7 @@ def gradients(found: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list
         value = float(weights @ model[p])
         u, interval = float(np.hypot(own.u[0], value - own.value[0])), None
         if np.isfinite(u):
-            U = coverage_factor(0.95, float(own.dof[0])) * u
+            U = coverage_factor(PROBABILITY, float(own.dof[0])) * u
             interval = value - U, value + U
         by = "cycles" if own.clustered[0] else "model"
         return Gradient(design.positions[p], sensors, value, u if interval else None, interval, by)
@@ -331,7 +331,7 @@ def _inseparable(
     R = movement / np.maximum(np.outer(scale, scale), 1e-300)
     L = levers * scale[:, None]
     own = full.combinations(L)
-    half = own.u * np.array([coverage_factor(0.95, max(dof, 1.0)) for dof in own.dof])
+    half = own.u * np.array([coverage_factor(PROBABILITY, max(dof, 1.0)) for dof in own.dof])
     sets = [[j] for j in range(len(L))]
     while pairs := [(a, b) for i, a in enumerate(sets) for b in sets[i + 1 :]]:
         along = np.zeros((len(pairs), len(L)))

@@ -61,8 +61,8 @@ _predicted = cache(predicted)
 
 def least() -> int:
     """The fewest trials with which the core uses its control variate."""
-    from mtu_cli.model.settings import PROBABILITY
     from mtu_cli.stats.blocks import LEAST_BLOCKS, least_block
+    from mtu_cli.stats.coverage import PROBABILITY
 
     return LEAST_BLOCKS * least_block(PROBABILITY, smooth=True)
 
@@ -70,7 +70,7 @@ def least() -> int:
 def mtu_draw(_: Any, trials: int | None, seed: int, threads: int | None) -> tuple[float, ...]:
     """Also the standard errors of the three that it states; `trials` None lets the count adapt."""
     from mtu_cli.analyses.orthogonality import angle_trials
-    from mtu_cli.model.settings import PROBABILITY
+    from mtu_cli.stats.coverage import PROBABILITY
     from mtu_cli.stats.monte_carlo import monte_carlo
     from mtu_cli.stats.validation import CONVERGED_TO
 
