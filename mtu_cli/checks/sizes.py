@@ -12,9 +12,11 @@ from numpy.polynomial import polynomial
 from mtu_cli.checks import Data, DocumentData, Floats, Odd, PointsData, ReadingsData, Rows, check
 from mtu_cli.checks.plausible import (
     BEYOND,
+    CONSTANT_TRAVELS,
     NARROW,
     POSITIONS,
     TOLERANCE_UM,
+    TRAVEL_MM,
     kind_of,
     largest,
 )
@@ -99,7 +101,7 @@ def _positions(data: Data) -> Iterator[Position]:
 
 @check("implausible-size", of=("part", "machine"))
 def sizes(data: DocumentData) -> Iterator[Odd]:
-    """Tolerances and coefficients whose unit is hardly the one stated."""
+    """Tolerances, travels, constants and coefficients whose unit is hardly the one stated."""
     of_part = hasattr(data.loaded, "part")
     for path, what, meant in _of_part(data.loaded) if of_part else _of_machine(data.loaded):
         yield Odd(NONE, {"what": what, "meant": meant}, path=path)
@@ -117,6 +119,15 @@ def _of_part(loaded: Any) -> Iterator[tuple[Any, str, str]]:
 
 def _of_machine(loaded: Any) -> Iterator[tuple[Any, str, str]]:
     machine = loaded.machine
+    travels = {axis: abs(high - low) for axis, (low, high) in machine.travels.items()}
+    for axis, travel in travels.items():
+        if travel < TRAVEL_MM:
+            yield ("axes", axis, "travel_mm"), f"a travel of {travel:g} mm", "metres"
+    most = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
+    for name, constant in machine.constants.items():
+        value = float(getattr(constant, "value", constant))
+        if abs(value) > most:
+            yield ("constants", name), f"a constant of {value:g} mm", "um"
     for name, component in machine.components.items():
         low, high = machine.travels.get(component.of, (0.0, 0.0))
         position, unit = np.linspace(low, high, 9), UNITS[component.unit]

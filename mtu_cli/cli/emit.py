@@ -222,6 +222,8 @@ def asked_gates(options: Options) -> dict[str, float]:
             expected = "a probability from 0 to below 1, such as 0.01 for 1 %"
             place = {"path": f"--fail-if {name}", "value": text}
             problems.append(finding("out-of-range", **place, expected=expected))
+        elif equals and name in result:
+            problems.append(finding("appears-twice", what=f"--fail-if {name}", value=text))
         result[name] = share or 0.0
     if problems:
         raise InputError(problems)
@@ -327,7 +329,7 @@ def check_outputs(inputs: Inputs) -> None:
         check_targets(files)
     except InputError as fault:
         problems += fault.findings
-    first = {each.file or each.message: each for each in reversed(problems)}
+    first = {each.message: each for each in reversed(problems)}
     if problems:
         raise InputError(reversed(first.values()))
 

@@ -105,7 +105,11 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         found = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=found, expected="one, or one of each axis")
     files = options.file if isinstance(options.file, list | tuple) else [options.file]
-    if any(path.is_file() and begins_with(path, "<") for path in files):
+    stated = [path.is_file() and begins_with(path, "<") for path in files]
+    if any(stated):
+        if not all(stated):
+            names = "traces and a ballbar's stated features"
+            raise error("exclusive", names=names, expected="a call for each")
         return _ballbar(inputs, settings, files)
     radius = [] if options.radius is None else [options.radius]
     traces = read_traces(files, direction=ways, feed=feeds, radius=radius, plane=planes)

@@ -325,18 +325,18 @@ def _check_together(budget: Budget, faults: Faults) -> None:
             what = "the name" if first == second else "the correlation"
             faults.add(path, "appears-twice", what=what, value=f"{first}, {second}")
         pairs.add(pair)
-    correlated, seen = set().union(*pairs), set[str]()
+    seen: set[str] = set()
     for index, group in present(budget.simultaneous):
         counts = {}
+        if any(pair <= set(group) for pair in pairs):
+            ways, expected = "correlations and simultaneous", "one: readings have a correlation"
+            faults.add(("simultaneous", index), "exclusive", names=ways, expected=expected)
         for at, name in enumerate(group):
             path = ("simultaneous", index, at)
             if name not in known:
                 faults.unknown(path, name, known)
             elif name in seen:
                 faults.add(path, "appears-twice", what="the input", value=name)
-            elif name in correlated:
-                ways, expected = "correlations and simultaneous", "one: readings have a correlation"
-                faults.add(path, "exclusive", value=name, names=ways, expected=expected)
             elif name in inputs and (readings := inputs[name].readings) is None:
                 faults.add(path, "incomplete", what=f"`{name}`", other="`readings`")
             elif name in inputs and readings:
@@ -354,7 +354,8 @@ def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
     texts, stated = budget.equations or {}, budget.units or {}
     if budget.equation is not None:
         quantity = budget.quantity or Quantity()
-        name = quantity.name or ("Y" if "y" in known else "y")
+        free = next((own for own in ("y", "Y", "result") if own not in known), "y_1")
+        name = quantity.name or free
         texts, stated = {name: budget.equation}, {name: quantity.unit or ""}
     units = {name: item.unit or "" for name, item in budget.inputs.items()}
     outputs = {name: stated.get(name) or "" for name in texts}

@@ -1,8 +1,8 @@
 """The one YAML reader: plain data, and the line of every value.
 
 Every key of a mapping is text as it is written, so that a feature may be called ``007`` or ``no``.
-What nobody can read in one way alone (a key that appears twice, a tag, a merge key) is an error,
-and so is what would grow without bounds.
+What nobody can read in one way alone (a key that appears twice, a tag, a merge key, a decimal comma
+in a list) is an error, and so is what would grow without bounds.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     """YAML text as plain data with lines.
 
     Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice, merge
-    keys, more than one document, or too many levels or values.
+    keys, decimal commas in a list, more than one document, or too many levels or values.
     """
     root, found = composed(text, source), YamlDocument(source=source, data=None)
     faults: list[Finding] = []
@@ -188,10 +188,19 @@ def _value(
         return node.value if node.style else plain_scalar(node.value)
     around, first = around | {id(node)}, dict[str, int]()
     if isinstance(node, yaml.SequenceNode):
-        return [
+        items = [
             _value(item, (*path, i), item.start_mark.line + 1, found, faults, around)
             for i, item in enumerate(node.value)
         ]
+        # [50,21, 50,24] is four numbers to YAML and two to some of its users: a list of numbers
+        # has blanks behind all of its commas, or behind none.
+        pairs = zip(node.value, node.value[1:], strict=False)
+        gaps = {b.start_mark.index - a.end_mark.index > 1 for a, b in pairs}
+        if node.flow_style and len(gaps) > 1 and all(type(own) in (int, float) for own in items):
+            expected = "decimal points, and a blank behind each comma between two numbers"
+            place = {"path": path_text(path), "expected": expected}
+            fault("yaml-feature", line, what="a comma within a number", **place)
+        return items
     result = {}
     for key, item in node.value:
         at, name = key.start_mark.line + 1, str(key.value)

@@ -17,6 +17,8 @@ from mtu_cli.model.simulate import (
     PartsPlan,
     ReadingsPlan,
     SimulatedPoints,
+    covariate_equations,
+    errors_by_axis,
     growth,
     simulate_points,
     simulate_readings,
@@ -49,6 +51,16 @@ def shaped(found: SimulatedPoints, plan: PartsPlan) -> FloatArray:
     return np.asarray(errors)
 
 
+def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> None:
+    few = simulate_readings(machine(), READ, 1)
+    many = simulate_readings(machine(), replace(READ, passes=8), 1)
+    for name in "at":
+        rows = [i for i, other in enumerate(few.component) if other == name]
+        first = [i for i, other in enumerate(many.component) if other == name][: len(rows)]
+        assert (many.error[first] == few.error[rows]).all()
+    assert (simulate_readings(machine(), READ, 2).error != few.error).all()
+
+
 def test_moments_of_readings() -> None:
     """The passes' lines have covariance D + s^2 (X'X)^-1, what is left s^2."""
     plan = ReadingsPlan(passes=4000, directions=(1,), positions=READ.positions)
@@ -68,6 +80,17 @@ def test_moments_of_readings() -> None:
     angle = found.error[~rows]
     assert len(angle) == 4000
     assert angle.var(ddof=1) == pytest.approx(4e-10, rel=4.5 * np.sqrt(2 / 4000))
+
+
+def test_readings_run_back_and_forth() -> None:
+    found = simulate_readings(machine(), READ, 1)
+    positions = found.position[:10]
+    assert list(positions) == [0, 25, 50, 75, 100, 100, 75, 50, 25, 0]
+    assert list(found.direction[:10]) == [1] * 5 + [-1] * 5
+    assert list(found.pass_number[:30:10]) == [1, 2, 3]
+    constant = np.array([name == "t" for name in found.component])
+    assert list(found.direction[constant]) == [0, 0, 0]
+    assert found.unit[0] == "mm"
 
 
 def test_moments_of_parts() -> None:
@@ -132,35 +155,7 @@ def test_effects_and_covariates_are_evaluated() -> None:
     assert found.feature == tuple(IDS * 4)
 
 
-# Equations of `simulate`, whose numbers may have units that are not written.
-
-
-# Where features of a calibrated ring stand at the temperature of the part.
-
-
-OF_RING = ("e", "n", "w", "s", "far")
-ON_RING = np.array([[60.0, 20, 0], [10, 70, 0], [-40, 20, 0], [10, -30, 0], [200, 20, 0]])
-"""Four on a circle of diameter 100 mm about (10, 20), and one that is not of it."""
-
-
-def measured(temperatures: list[float] | None) -> SimulatedPoints:
-    """All features, once at each temperature."""
-    times = len(temperatures or [0.0])
-    known = {} if temperatures is None else {"T_ring_degC": np.repeat(temperatures, len(OF_RING))}
-    return SimulatedPoints(
-        axes=("x", "y"),
-        operation=None,
-        part=("1",) * times * len(OF_RING),
-        feature=OF_RING * times,
-        repeat=np.ones(times * len(OF_RING), np.int64),
-        measured=np.tile(ON_RING[:, :2], (times, 1)),
-        covariates=known,
-    )
-
-
 LARGE = "out of range: '1e+202'; expected at most 1e+06 mm in size"
-
-
 VALUE = "the equation has no finite value at"
 
 
@@ -221,6 +216,29 @@ def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
         simulate_points(model, ["a", "b"], row, plan, 1)
 
 
+# Equations of `simulate`, whose numbers may have units that are not written.
+
+
+def test_names_are_those_of_errors_and_of_columns_that_are_free() -> None:
+    ((axis, _),) = errors_by_axis("--effect", ["Ex: 0.004*dir_x"], "xy")
+    assert axis == "x"
+    assert [name for name, _ in covariate_equations("--covariate", ["load: 1", "wear: 2"])] == [
+        "load",
+        "wear",
+    ]
+    with pytest.raises(InputError, match="unknown equation: 'Ez'"):
+        errors_by_axis("--effect", ["Ez: 0.004"], "xy")
+    for texts in (["part: 1"], ["load: 1", "load: 2"], ["load 1"]):
+        with pytest.raises(InputError, match=r"another name|NAME: EQUATION"):
+            covariate_equations("--covariate", texts)
+
+
+# Where features of a calibrated ring stand at the temperature of the part.
+
+
+OF_RING = ("e", "n", "w", "s", "far")
+ON_RING = np.array([[60.0, 20, 0], [10, 70, 0], [-40, 20, 0], [10, -30, 0], [200, 20, 0]])
+"""Four on a circle of diameter 100 mm about (10, 20), and one that is not of it."""
 RING = """\
 features:
   e: {x_mm: 60, y_mm: 20}
@@ -234,6 +252,21 @@ circles:
 """
 
 
+def measured(temperatures: list[float] | None) -> SimulatedPoints:
+    """All features, once at each temperature."""
+    times = len(temperatures or [0.0])
+    known = {} if temperatures is None else {"T_ring_degC": np.repeat(temperatures, len(OF_RING))}
+    return SimulatedPoints(
+        axes=("x", "y"),
+        operation=None,
+        part=("1",) * times * len(OF_RING),
+        feature=OF_RING * times,
+        repeat=np.ones(times * len(OF_RING), np.int64),
+        measured=np.tile(ON_RING[:, :2], (times, 1)),
+        covariates=known,
+    )
+
+
 def moved(folder: Path, points: SimulatedPoints, text: str = RING) -> NDArray[np.float64]:
     found = growth(points, OF_RING, ON_RING, part_of(folder, text).part.circles)
     return found.reshape(-1, len(OF_RING), 2)
@@ -245,6 +278,12 @@ def test_points_move_away_from_the_centre_as_the_diameter_grows(tmp_path: Path) 
     outward = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1], [0, 0]])
     for um, shift in zip([0, 25, 50, 50, 0], found, strict=True):
         np.testing.assert_allclose(shift, 1e-3 * um * outward, rtol=0, atol=1e-12)
+
+
+def test_a_circle_whose_temperature_is_not_known_stays_nominal(tmp_path: Path) -> None:
+    assert not moved(tmp_path, measured(None)).any()
+    plain = RING.replace("temperature: T_ring_degC, calibrated_mm: {20: 100.0, 30: 100.1}", "")
+    assert not moved(tmp_path, measured([30.0]), plain).any()
 
 
 def test_a_circle_that_its_points_do_not_determine(tmp_path: Path) -> None:

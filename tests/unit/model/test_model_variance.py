@@ -6,6 +6,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 import pytest
+from compare_trials import fitted
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from model_examples import estimate, model_of
@@ -154,6 +155,26 @@ def test_against_the_slow_sum(seed: int, components: int, points: int, joint: bo
         np.testing.assert_array_equal(getattr(own, name), getattr(multiplied, name))
 
 
+def test_a_group_of_which_the_equations_use_some() -> None:
+    rng = np.random.default_rng(4)
+    S, T = spread(rng, 5), spread(rng, 5)
+    own = [estimate("a", "x", [1.0, 2.0]), estimate("b", None, [1.0]), estimate("c", "y", [1, 2])]
+    group = JointPasses(
+        components=("a", "b", "c"),
+        widths=(2, 1, 2),
+        covariance=S,
+        pass_covariance=T,
+        pass_dof=5,
+        n_passes=None,
+    )
+    model = model_of([(own[2], {"x": "1"}), (own[0], {"x": "3"})], axes=("x",), joint=(group,))
+    x, y = 4.0, -7.0
+    g = np.array([3.0, 3 * x, 0.0, 1.0, y])
+    found = predict(model, ["p"], np.array([[x, y, 0.0]])).variance(np.eye(1))
+    assert found.total == pytest.approx([g @ (S + T) @ g])
+    assert found.by_block.shape == (1, 1)
+
+
 @STEADY
 @given(seeds, st.booleans())
 def test_mean_squares_add_up_to_what_they_stand_behind(seed: int, joint: bool) -> None:
@@ -170,3 +191,17 @@ def test_mean_squares_add_up_to_what_they_stand_behind(seed: int, joint: bool) -
     spread = (whole**2 / squares.dof[:, None]).sum(axis=0)
     least = np.where(whole == 0, np.inf, squares.dof[:, None]).min(axis=0)
     assert variance.dof == pytest.approx(np.maximum(variance.total**2 / spread, least))
+
+
+def test_what_passes_tell_has_their_degrees_of_freedom() -> None:
+    """Two runs there and back, fitted: the coefficients have one degree of freedom (so has the axis
+    angle, read once a pass), whatever size the moment estimate of D came out at.
+    """
+    prediction = predict(fitted(2, 3), ["a"], np.array([[75.0, 75.0, 127.0]]))
+    squares = prediction.variance(np.eye(2)).squares
+    behind_mean = squares.dof[(squares.of_mean > 1e-6 * squares.of_mean.sum(axis=0)).any(axis=1)]
+    assert set(behind_mean) == {1.0}
+    few = squares.dof <= 1
+    assert (squares.of_part[few].sum(axis=0) > 0).all()
+    # Repeatability alone is left for the others.
+    assert squares.dof[~few].min() > 30

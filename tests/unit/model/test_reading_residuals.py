@@ -15,7 +15,7 @@ from thermal_machines import drift
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.fit import fit_machine, without_effects
+from mtu_cli.model.fit import effects_on_readings, fit_machine, without_effects
 from mtu_cli.units import ARCSEC, UM
 
 Floats = NDArray[np.float64]
@@ -103,6 +103,20 @@ def test_a_component_without_an_axis(tmp_path: Path) -> None:
     assert np.abs(table.common).ravel().tolist() == pytest.approx([5e-7])
 
 
+def test_readings_without_passes_are_repeats(tmp_path: Path) -> None:
+    segment = replace(run(3), passes=None, direction=None, time=None)
+    found = readings([segment])
+    table = only(tables_of(machine(tmp_path), None, found))
+    assert table.parts == ("0",)
+    assert table.features == ("-20", "0", "15.5", "40")
+    assert table.repeats.tolist() == [[6] * 4]
+    X = np.column_stack([np.ones(24), found.position_mm])
+    left = found.error - X @ np.linalg.lstsq(X, found.error, rcond=None)[0]
+    assert table.errors[0, 1, 0] == pytest.approx(left[found.position_mm == 0].mean(), abs=1e-15)
+    assert table.covariates["sequence"].tolist() == [[1.0]]
+    assert "dir_x" not in table.covariates
+
+
 def test_files_number_their_passes_on_their_own(tmp_path: Path) -> None:
     """In order of time where the files share a clock, else file by file."""
     late, early = run(2), run(2, role="laser", seed=4)
@@ -132,6 +146,48 @@ def test_targets_are_recorded_as_reached(tmp_path: Path) -> None:
     line = np.linspace(0, 1, 30_001)
     dense = readings([Segment(name="px", position=line, error=1e-3 * np.sin(line))])
     assert only(tables_of(machine(tmp_path), None, dense)).errors.shape == (1, 30_001, 1)
+
+
+def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
+    """Numbered one there, one back, they are the same table as there and back in one pass."""
+    together = readings([run(4)])
+    apart = replace(
+        together, pass_number=2 * together.pass_number - (together.direction > 0).astype(int)
+    )
+    (one,), _ = tables_of(machine(tmp_path), None, together)
+    (pairs,), _ = tables_of(machine(tmp_path), None, apart)
+    assert pairs.parts == ("1/2", "3/4", "5/6", "7/8")
+    assert pairs.features == one.features
+    np.testing.assert_array_equal(pairs.errors, one.errors)
+    np.testing.assert_array_equal(pairs.covariates["sequence"], one.covariates["sequence"])
+
+
+def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:
+    """As for rows of points, component by component: 2 of 40 readings, none of them the only one
+    of its pass or target; the table is that of the others.
+    """
+    found = readings([run(5)])
+    load = np.linspace(0.0, 9.0, 40)
+    whole = replace(found, covariates={"load": load})
+    load = load.copy()
+    load[[3, 17]] = np.nan
+    gaps = replace(found, covariates={"load": load})
+    (table,), warned = tables_of(machine(tmp_path), None, gaps)
+    (told,) = warned
+    file = whole.sources[0].shown
+    assert told.code == "missing-values"
+    first = f"2 of 40 rows of px left out, the first {file}, row {found.row[3]}"
+    assert (told.facts["names"], told.facts["consequence"]) == (["load"], first)
+    assert "load" in table.covariates
+    assert (table.repeats == 0).sum() == 2
+    (before,), _ = tables_of(machine(tmp_path), None, whole)
+    assert before.parts == table.parts
+    X = np.column_stack([np.ones(40), found.position_mm])
+    kept = np.isfinite(load)
+    line = np.linalg.lstsq(X[kept], found.error[kept], rcond=None)[0]
+    expected = (found.error - X @ line)[in_table_order(found)].reshape(before.errors.shape)
+    there = table.repeats > 0
+    np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
 
 
 def with_temperature(found: Readings, values: Floats | None = None) -> Readings:
@@ -164,6 +220,20 @@ def test_known_drift_goes_where_its_temperatures_are(tmp_path: Path) -> None:
     rest = found.error - UM * (1.5 + 0.01 * found.position_mm) * rise
     rest -= X @ np.linalg.lstsq(X, rest, rcond=None)[0]
     np.testing.assert_allclose(alone.errors.ravel(), rest[order], atol=1e-14)
+
+
+def test_lags_follow_the_readings_times(tmp_path: Path) -> None:
+    slow = drift("px", "x", ("T_a_degC",), np.array([[1.5]]), time_constants=(7.0,))
+    estimates = Estimates(components={"px": estimate("px", "x", [0, 0])}, thermal={"px": slow})
+    found = with_temperature(readings([run(3)]))
+    table = only(tables_of(machine(tmp_path), estimates, found))
+    # A ramp of 0.2 degC a minute from rest: T - 20 - g tau (1 - exp(-t/tau)).
+    t = found.time_min
+    rise = 0.2 * t - 0.2 * 7 * (1 - np.exp(-t / 7))
+    order = in_table_order(found)
+    np.testing.assert_allclose(
+        table.errors.ravel(), (found.error - 1.5 * UM * rise)[order], atol=1e-14
+    )
 
 
 # Readings less what declared effects say of them, against the effect's equation by hand.
@@ -215,3 +285,44 @@ def test_what_was_found_in_a_component_goes_from_its_readings_alone(tmp_path: Pa
     found = fit.components["px"].estimate.coefficients
     assert np.asarray(found)[1] == pytest.approx(line[1], rel=0.05)
     assert fit.warnings == ()
+
+
+def test_readings_that_lack_the_column_are_left_and_told(tmp_path: Path) -> None:
+    given = replace(warm_runs(), covariates={})
+    left, warned = without_effects(declared(tmp_path, "px"), given)
+    np.testing.assert_array_equal(left.error, given.error)
+    (told,) = warned
+    assert told.code == "not-used"
+    assert (told.facts["effect"], told.facts["component"]) == ("thermal-growth-x", "px")
+    assert fit_machine(declared(tmp_path, "px"), given).warnings == (told,)
+
+
+BENT = """
+components:
+  dx: {of: x, unit: um, coefficients: [0, 0]}
+  ez: {of: x, unit: arcsec, coefficients: [0, 0]}
+equations: {Ex: dx + y*ez}
+effects:
+- name: backlash-x
+  parameters: {lost: {value: 4, unit: um}}
+  equations: {Ex: lost*dir_x}
+  found: {component: dx}
+- name: bend-x
+  parameters: {growth: {value: 2, unit: arcsec/m}}
+  equations: {Ex: y*growth*(x - 100)}
+  found: {component: ez}
+- name: of-points
+  parameters: {shift: {value: 9, unit: um}}
+  equations: {Ex: shift}
+"""
+
+
+def test_an_effect_is_divided_by_the_lever_arm_of_its_component(tmp_path: Path) -> None:
+    own, x, direction = loaded(tmp_path, BENT), np.array([0.0, 100, 300]), np.array([1.0, -1, 1])
+    places = np.column_stack([x, np.full((3, 2), np.nan)])
+    total, warned = effects_on_readings(own, "dx", places, {"dir_x": direction})
+    np.testing.assert_allclose(total, 4e-3 * direction, rtol=1e-12)
+    assert not warned
+    total, _ = effects_on_readings(own, "ez", places, {})
+    # y, which the readings do not tell, falls out.
+    np.testing.assert_allclose(total, 2 * np.pi / 648_000 / 1000 * (x - 100), rtol=1e-12)

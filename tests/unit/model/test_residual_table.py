@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residuals import ResidualTable, residual_table
+from mtu_cli.model.visits import freedoms, projector
 
 ROTATION: Datum = "offset,rotation"
 FREE: list[Datum] = ["offset", ROTATION]
@@ -60,6 +62,52 @@ def test_covariates_of_points(tmp_path: Path, machine: str) -> None:
     table, _ = residual_table(model, points, {})
     check_against_loop(model, points, table)
     check_factors(model, points, table)
+
+
+def test_factors_are_the_covariances_of_predictions(tmp_path: Path) -> None:
+    """Nothing in which parts differ moves a coefficient: one design for all."""
+    for machine in (MACHINE, UNCERTAIN):
+        plain = stated(tmp_path, machine.replace(" + 0.002*dir_x", ""))
+        table, _ = residual_table(plain, measured(3, 4, 2, keep=0.5), {})
+        assert len(table.common) == len(table.of_part) == 1
+        check_factors(plain, measured(3, 4, 2, keep=0.5), table)
+
+
+def test_operations_are_columns_of_their_own(tmp_path: Path) -> None:
+    model = stated(tmp_path, MACHINE)
+    points = with_operations(measured(3, 4, 2), ["drilled", "milled"])
+    table, _ = residual_table(model, points, {})
+    assert table.features == ("drilled h0", "drilled h2", "milled h1", "milled h3")
+    assert table.operations == ("drilled", "milled")
+    assert table.operation.tolist() == [0, 0, 1, 1]
+    check_against_loop(model, points, table)
+    # The same features in both operations, and one row of an operation that nobody told.
+    both = replace(points, operation=points.repeat - 1)
+    table, _ = residual_table(model, both, {})
+    assert table.errors.shape == (3, 8, 2)
+    assert (table.repeats == 1).all()
+    check_against_loop(model, both, table)
+    untold = replace(both, operation=np.where(both.operation == 1, -1, 0), operations=("drilled",))
+    table, _ = residual_table(model, untold, {})
+    assert table.features[3:6] == ("drilled h3", "h0", "h1")
+    alone = replace(points, operations=("drilled",), operation=np.zeros(len(points), np.int64))
+    assert residual_table(model, alone, {})[0].features == ("h0", "h1", "h2", "h3")
+
+
+def test_parts_stand_in_order_of_manufacture(tmp_path: Path) -> None:
+    model = stated(tmp_path, MACHINE)
+    points = measured(4, 2, 1)
+    made = replace(points, sequence=np.array([30, 10, 20, 10])[points.part])
+    table, _ = residual_table(model, made, {})
+    early = next(points.parts[p] for p in points.part if p in (1, 3))
+    assert table.parts == (early, "P3" if early == "P1" else "P1", "P2", "P0")
+    assert table.covariates["sequence"].ravel().tolist() == [10, 10, 20, 30]
+    check_against_loop(model, made, table)
+    some = replace(points, features=("unused", *points.features), feature=points.feature + 1,
+                   parts=("none", *points.parts), part=points.part + 1)  # fmt: skip
+    table, _ = residual_table(model, some, {})
+    assert table.parts == points.parts
+    assert table.features == points.features
 
 
 def test_z_is_an_axis_with_an_equation_and_a_coordinate(tmp_path: Path) -> None:
@@ -106,6 +154,18 @@ def check_against_motions(
     for (part, feature), own in by_cell(points, left).items():
         place = table.parts.index(part), table.features.index(feature)
         np.testing.assert_allclose(table.errors[place], sum(own) / len(own), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("datum", FREE)
+@pytest.mark.parametrize("z", [False, True])
+def test_errors_less_the_motion_of_each_measurement(tmp_path: Path, datum: Datum, z: bool) -> None:
+    model = stated(tmp_path, MACHINE + ("  Ez: py + z*sq\n" if z else ""))
+    points = whole_parts(measured(5, 6, 3, z=z))
+    for found in (points, with_operations(points, ["drilled", "milled"])):
+        table, warned = residual_table(model, found, {}, datum)
+        assert warned == ()
+        assert table.datum == datum
+        check_against_motions(model, found, table, datum)
 
 
 @pytest.mark.parametrize("datum", FREE)
@@ -177,6 +237,37 @@ def test_factors_are_projected(tmp_path: Path, datum: Datum, machine: str) -> No
     assert len(complete.common) == len(complete.of_part) == 1
 
 
+def test_measurements_of_other_features_are_told(tmp_path: Path) -> None:
+    model = stated(tmp_path, MACHINE)
+    points = measured(4, 6, 2)
+    some = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature > 1)))
+    table, warned = residual_table(model, some, {}, ROTATION)
+    assert [item.code for item in warned] == ["missing-values"]
+    assert np.isfinite(table.errors).all()
+    # The table is free of motions as a whole, too.
+    np.testing.assert_allclose(
+        table.freed(table.errors[..., None])[..., 0], table.errors, atol=1e-14
+    )
+
+
+def test_measurements_that_the_motions_take_whole_are_left_out(tmp_path: Path) -> None:
+    model = stated(tmp_path, MACHINE)
+    points = measured(4, 5, 2)
+    one = rows(points, np.flatnonzero((points.part != 3) | (points.feature == 1)))
+    table, warned = residual_table(model, one, {}, "offset")
+    assert [item.code for item in warned] == ["not-measured"]
+    assert warned[0].facts["count"] == 2
+    assert table.parts == ("P0", "P1", "P2")
+    assert (table.repeats == 2).all()
+    assert table.covariates["sequence"].ravel().tolist() == [1, 2, 3]
+    first = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature == 0)))
+    table, _ = residual_table(model, first, {}, "offset")
+    assert (table.repeats == 1).all()
+    single = rows(points, np.flatnonzero(points.feature == 1))
+    with pytest.raises(InputError, match="takes all errors"):
+        residual_table(model, single, {}, "offset")
+
+
 def test_a_ring_may_be_freed_of_centre_and_diameter(tmp_path: Path) -> None:
     """Twelve points of a ring in each part, unevenly about it: what is left is the form."""
     model, points = stated(tmp_path, MACHINE), measured(3, 12, 2)
@@ -199,3 +290,25 @@ def test_a_ring_may_be_freed_of_centre_and_diameter(tmp_path: Path) -> None:
 
 
 # A part's coordinate system projected out: rigid motions in, nothing out.
+
+
+def test_the_freedoms_are_small_rigid_motions() -> None:
+    """Against the motion itself: turned about the centre by a small angle and shifted."""
+    places = np.array([[10.0, 20.0, 5.0], [110.0, 25.0, 5.0], [15.0, 220.0, 5.0]])
+    F = freedoms(places, (0, 1, 2), "offset,rotation")
+    assert F.shape == (9, 4)
+    angle, shift = 1e-7, np.array([0.1, -0.2, 0.3])
+    R = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    centre = places.mean(axis=0)
+    moved = centre + (places - centre) @ R.T + shift - places
+    assert F @ [*shift, angle] == pytest.approx(moved.ravel(), abs=1e-11)
+
+
+@pytest.mark.parametrize("datum", get_args(Datum))
+@pytest.mark.parametrize("axes", [(0,), (1, 2), (0, 1), (0, 1, 2)])
+def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(1)
+    places = rng.uniform(0, 200, (7, 3))
+    F = freedoms(places, axes, datum)
+    wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
+    assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)
