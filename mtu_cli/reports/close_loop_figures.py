@@ -1,5 +1,5 @@
-"""The picture of close-loop: errors before and after over what each effect depends on, and the
-evidence for the candidates.
+"""The picture of close-loop: errors before and after, each effect over what it depends on, and
+the evidence for the candidates.
 """
 
 from __future__ import annotations
@@ -9,13 +9,19 @@ from textwrap import shorten
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.estimate import SmoothEffect
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import (
+    CloseLoopResult,
+    FoundEffect,
+    TableResult,
+)
 from mtu_cli.language import names, parse
 from mtu_cli.model.basis import TableShape
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
+from mtu_cli.reports.arrows import Maps, Side, draw, sheet
 from mtu_cli.reports.labels import cut
 from mtu_cli.reports.numbers import p_value
 from mtu_cli.stats.least_squares import FloatArray
@@ -25,8 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, HIGH = 12.0, 4.5
-"""Inches of the page."""
+WIDTH, ALONE, HIGH = 12.0, 5.4, 4.1
+"""Inches of the page, of one map that is alone, and of the row of panels."""
 CANDIDATES, EFFECTS, NAME, TITLE = 12, 2, 24, 110
 """Candidates and effects that are drawn; letters of a name and of the title."""
 LEAST = -6.0
@@ -48,21 +54,64 @@ class Over(NamedTuple):
 
 @figures.styled
 def figure(result: CloseLoopResult, item: TableResult) -> Figure:
-    """Errors over what each effect depends on (of none: part by part), before and after, smooth
-    effects with their band; and the ranking.
+    """Mean errors before and after as arrows where points lie in a plane; errors over what each
+    effect depends on (of none: part by part), smooth effects with their band; and the ranking.
     """
-    page = figures.blank(WIDTH, HIGH)
+    maps = _maps(item)
+    drawn = None if maps is None else sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
+    above = 0.0 if drawn is None else drawn.height
+    page = figures.blank(WIDTH, above + HIGH + 0.4)
+    lower = page.add_subfigure(page.add_gridspec(1, 1)[0])
+    if drawn is not None:
+        grid = page.add_gridspec(2, 1, height_ratios=[above, HIGH])
+        lower.remove()
+        draw(page.add_subfigure(grid[0]), drawn, f"Mean errors of the {item.nouns[1]}s")
+        lower = page.add_subfigure(grid[1])
     shown = list(_overs(item))[:EFFECTS] or [_by_row(item)]
-    panels = page.subplots(1, len(shown) + 1, squeeze=False)[0]
+    panels = lower.subplots(1, len(shown) + 1, squeeze=False)[0]
     for panel, over in zip(panels, shown, strict=False):
         _errors(panel, item, over)
-    figures.legend(page)
+    figures.legend(lower)
     _ranking(panels[-1], item, result.alpha / len(result.tables))
     names = "; ".join(" or ".join(e.class_names) for e in item.effects) or "none"
     of = "" if item.table.component is None else f" of {item.table.component}"
     text = f"Undeclared effects{of} ({item.verdict}): {names}"
     figures.title(page, shorten(text, TITLE, placeholder=" ..."))
     return page
+
+
+def _maps(item: TableResult) -> Maps | None:
+    """Mean errors before and after, of each operation; None where there is no plane."""
+    table = item.table
+    if table.component is not None or not {"x", "y"} <= set(table.axes):
+        return None
+    scale = UNITS[table.unit].to_internal
+    at = [AXES.index(axis) for axis in table.axes]
+    means = []
+    for values in (table.errors, table.errors - item.explained)[: 1 + bool(item.effects)]:
+        mean = np.full((len(table.features), len(AXES)), np.nan)
+        mean[:, at] = _mean(values, table.there[..., None]) / scale
+        means.append(mean)
+    groups = []
+    for code, operation in enumerate(table.operations):
+        off = (table.operation != code)[:, None]
+        sides = tuple(
+            Side(name=name if item.effects else "", colour=colour, errors=np.where(off, np.nan, m))
+            for (name, colour), m in zip(SIDES, means, strict=False)
+        )
+        groups.append((operation if len(table.operations) > 1 else "", sides))
+    return Maps(
+        ids=table.features,
+        places=_mean(table.places, np.isfinite(table.places)),
+        axes=table.axes,
+        groups=tuple(groups),
+    )
+
+
+def _mean(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
+    """Over the parts, of what is there; nan where nothing is."""
+    lacking = ~np.broadcast_to(there, values.shape)
+    return np.asarray(np.ma.masked_array(values, lacking).mean(axis=0).filled(np.nan))
 
 
 def _overs(item: TableResult) -> Iterator[Over]:
