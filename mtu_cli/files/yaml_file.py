@@ -7,6 +7,7 @@ in a list) is an error, and so is what would grow without bounds.
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import re
@@ -194,8 +195,8 @@ def _value(
         ]
         # [50,21, 50,24] is four numbers to YAML and two to some of its users: a list of numbers
         # has blanks behind all of its commas, or behind none.
-        pairs = zip(node.value, node.value[1:], strict=False)
-        gaps = {b.start_mark.index - a.end_mark.index > 1 for a, b in pairs}
+        marks = [(a.end_mark, b.start_mark) for a, b in itertools.pairwise(node.value)]
+        gaps = {b.index - a.index > 1 for a, b in marks if a.line == b.line}
         if node.flow_style and len(gaps) > 1 and all(type(own) in (int, float) for own in items):
             expected = "decimal points, and a blank behind each comma between two numbers"
             place = {"path": path_text(path), "expected": expected}

@@ -162,7 +162,7 @@ def test_faults_of_equations(text: str, codes: list[str]) -> None:
         ("simultaneous: [[V, I]]", ["wrong-count"]),
         ("simultaneous: [[V, T]]", ["incomplete"]),
         ("simultaneous: [[V, W], [W, V]]", ["appears-twice", "appears-twice"]),
-        ("simultaneous: [[V, W]]\ncorrelations: [[V, T, 0.2]]", ["exclusive"]),
+        ("simultaneous: [[V, W]]\ncorrelations: [[V, W, 0.2]]", ["exclusive"]),
         ("simultaneous: [[V, X]]", ["unknown-name"]),
     ],
 )
@@ -170,6 +170,12 @@ def test_faults_of_simultaneous_readings(more: str, codes: list[str]) -> None:
     readings = "V: {readings: [1, 2, 3]}, W: {readings: [2, 1, 3]}, I: {readings: [1, 2]}"
     text = f"equation: V/I + T + W\ninputs: {{{readings}, T: {{value: 1, u: 1}}}}\n{more}\n"
     assert [each.code for each in findings(text)] == codes
+
+
+def test_one_input_may_be_correlated_in_both_ways() -> None:
+    readings = "a: {readings: [1, 2, 3]}, b: {readings: [2, 1, 3]}, c: {value: 1, u: 1}"
+    ways = "simultaneous: [[a, b]]\ncorrelations: [[a, c, 0.2]]"
+    assert loaded(f"equation: a + b + c\ninputs: {{{readings}}}\n{ways}\n")
 
 
 def warnings(entry: str) -> list[tuple[str, int | None]]:

@@ -93,6 +93,22 @@ def test_faults(text: str, words: str) -> None:
     assert words in message(text)
 
 
+@pytest.mark.parametrize(
+    ("items", "odd"),
+    [
+        ("50,21, 50,24", True), ("50,21, 1", True), ("1,2,3", False),
+        ("1,2,\n    3,4", False), ("1.05, 0.2, 0", False), ("1, 2, 10", False),
+        ("-0.1,0.25", False),
+    ],
+)  # fmt: skip
+def test_decimal_commas_in_a_list(items: str, odd: bool) -> None:
+    text = f"µ: {{a: [{items}]}}\n"
+    if odd:
+        assert "µ.a: a comma within a number is not accepted" in message(text)
+    else:
+        assert load(text)
+
+
 def test_bytes_are_bounded_and_begin_with_a_mark_or_not(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_bytes(b"#" * (MAX_BYTES + 1))
     with pytest.raises(InputError, match="expected at most 10000000 bytes"):
