@@ -441,7 +441,8 @@ def verify(
 
     k by generalised least squares, b = (X' V^-1 X)^-1 X' V^-1 y with covariance (X' V^-1 X)^-1
     (Aitken 1935; Seber and Lee 2003, Linear Regression Analysis, 3.10). 0: the table worked, 1: no
-    effect, 2: wrong sign. V is that of the first means and of the new runs. Of a table that is
+    effect, 2: wrong sign. V is that of the first means and of the new runs, times the ratio of
+    Birge (1932, Phys. Rev. 40, 207), chi^2/(n - 2), where that is above 1. Of a table that is
     noise itself k shrinks, as a slope on a regressor with errors does, by the share of noise in
     the table's variance (Fuller 1987, Measurement Error Models, 1.1: one minus the reliability
     ratio); that share, at most 1, is added to u.
@@ -475,11 +476,15 @@ def verify(
         V = V + np.eye(n) * (left @ left) / (n - 2)
     weighted = np.linalg.solve(V, X)
     C = np.linalg.inv(X.T @ weighted)
+    estimate = C @ (weighted.T @ y)
+    left = y - X @ estimate
+    # Readings that scatter more than the first test says count by their own scatter.
+    C = C * max(1.0, float(left @ np.linalg.solve(V, left)) / (n - 2))
     # Level aside: an offset is free.
     M = np.eye(len(own)) - 1.0 / len(own)
     noise = float(np.trace(M @ errors.of_means()[np.ix_(own, own)] @ M))
     share = min(1.0, noise / float(applied.reshape(-1)[own] @ M @ applied.reshape(-1)[own]))
-    k, u = float((C @ (weighted.T @ y))[0]), float(np.hypot(np.sqrt(C[0, 0]), share))
+    k, u = float(estimate[0]), float(np.hypot(np.sqrt(C[0, 0]), share))
     dof = min((b.dof for b in errors.blocks), default=float(n - 2))
     measured = np.full(applied.size, np.nan)
     measured[own] = np.bincount(index, value)[own] / np.bincount(index)[own]
