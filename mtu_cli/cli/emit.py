@@ -329,7 +329,7 @@ def check_outputs(inputs: Inputs) -> None:
         check_targets(files)
     except InputError as fault:
         problems += fault.findings
-    first = {each.message: each for each in reversed(problems)}
+    first = {each.file or each.message: each for each in reversed(problems)}
     if problems:
         raise InputError(reversed(first.values()))
 
