@@ -291,3 +291,18 @@ def test_the_interval_of_k_covers_also_where_the_table_is_noise() -> None:
         named.append(found.verdict in names and found.verdict != names[k])
     assert np.mean(held) >= 0.95
     assert np.mean(named) <= 0.02
+
+
+def test_the_interval_of_k_covers_also_readings_that_scatter_more() -> None:
+    """And u is no wider than half as much again as k scatters (the table's own u is in it)."""
+    result, _ = with_table(next(iter(CONTROLS)))
+    assert result.applied is not None
+    rng, draws = np.random.default_rng(5), 200
+    for s in (5e-4, 9e-3):
+        left = [readings(rng, TARGETS, TRUE - result.applied, s) for _ in range(draws)]
+        found = [verified(result, after) for after in left]
+        low, high = np.array([each.interval95 for each in found]).T
+        assert ((low <= 0) & (high >= 0)).mean() >= 0.95 - 3 * np.sqrt(0.95 * 0.05 / draws)
+    # Of the scatter that the first test did not have.
+    k, u = np.array([(each.k, each.u) for each in found]).T
+    assert 0.9 * k.std() <= u.mean() <= 1.5 * k.std()
