@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -76,11 +76,8 @@ def diagnosed(
     alpha: float,
     most: int,
     seed: int,
-    step: Callable[[], None] = lambda: None,
 ) -> Diagnosis:
-    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most; `step`
-    is called now and then.
-    """
+    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
     there = np.isfinite(table.errors).all(axis=2) & table.there
     hit = outliers(table.errors, there, free_lines(table), steps_of(table))
     if hit.any():
@@ -89,8 +86,8 @@ def diagnosed(
     moving: list[tuple[str, float, float]] = []
     of_features: FloatArray | None = None
     while True:
-        likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features, step)
-        gate = Gate(likelihood, np.random.default_rng(seed), step)
+        likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features)
+        gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
         scatter = moving + models.scatter(model, [name for name, _, _ in moving])

@@ -241,14 +241,14 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
 
 
 def test_a_long_search_says_that_it_goes_on() -> None:
-    """Before its first result, and once it has all."""
+    """After its first result, and with each that is held out."""
     calls: list[tuple[int, int | None]] = []
     close_loop(
         [noise(1)], effect_library(), alpha=0.05, max_effects=1, exclude=("cyclic",), seed=1,
         progress=lambda done, total: calls.append((done, total)),
     )  # fmt: skip
     done = [part for part, _ in calls]
-    assert done.count(0) > 10
+    assert len(set(done)) > 5
     assert calls[-1][0] == calls[-1][1] == max(done)
 
 
