@@ -133,8 +133,9 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
     P, H, A = errors.shape
     readings = table.component is not None
     lines = _lines(table)
-    for lever in (lever_of(name, table.axes, table.mean_places) for name in moving):
-        for a in range(A) if lever is not None else ():
+    levers = (lever_of(name, table.axes, table.mean_places) for name in moving)
+    for lever in (x for x in levers if x is not None):
+        for a in range(A):
             rest = lever[:, a] - lever[:, a].mean()
             rest = rest - lines[a] @ (lines[a].T @ rest)
             if (size := float(np.linalg.norm(rest))) > SAME:
