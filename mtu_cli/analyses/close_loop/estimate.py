@@ -23,7 +23,7 @@ from mtu_cli.analyses.close_loop.design import (
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
 from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
-from mtu_cli.analyses.close_loop.model_set import Model, ModelSet
+from mtu_cli.analyses.close_loop.model_set import WINDOW, Model, ModelSet
 from mtu_cli.analyses.close_loop.strata import NONE
 from mtu_cli.model.effect_library import TableData
 from mtu_cli.stats.kernels import smooth_root
@@ -147,10 +147,14 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     near = gains.max() - gains <= chdtri(1, 1 - COVERED)
     ranked = np.argsort(-shares, kind="stable")
     near[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
+    # Runs of values; a gap of one value is bridged, as the grid may miss a peak.
+    inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
+    edges = (ends[1:] + ends[:-1]) / 2
+    runs = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
     return Searched(
         name=member.form.searched,
         value=float(values[int(np.argmax(gains))]),
-        intervals=_intervals(values, near),
+        intervals=tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in runs),
     )
 
 
@@ -165,8 +169,9 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
             continue
         axis = models.design.candidates[models.design.members[item].candidate].axis
         own = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
-        credible = models.credible(tuple(x for x in model if x != item))
-        model = tuple(next((k for k in own if k in credible), x) if x == item else x for x in model)
+        total, best = models.additions(tuple(x for x in model if x != item))
+        near = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
+        model = tuple(next((k for k in own if k in near), x) if x == item else x for x in model)
     return model
 
 
@@ -186,15 +191,13 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
         across = M @ Q[at]
         K = M @ M.transpose(0, 2, 1) - across @ across.transpose(0, 2, 1)
         c = (M @ target[at])[..., None]
+        sizes = _inverse(K) @ c
         # What the margins explain is not the effect's.
-        beside = K[:, :k, k:] @ _inverse(K[:, k:, k:])
-        own = _inverse(K[:, :k, :k] - beside @ K[:, k:, :k])
-        free = c[:, :k] - beside @ c[:, k:]
-        result = (free.transpose(0, 2, 1) @ own @ free)[:, 0, 0]
+        of_margins = np.sum(c[:, k:] * (_inverse(K[:, k:, k:]) @ c[:, k:]), axis=(1, 2))
+        result = np.sum(c * sizes, axis=(1, 2)) - of_margins
         best = int(np.argmax(result))
-        sizes = (_inverse(K[best : best + 1]) @ c[best : best + 1])[0, :, 0]
-        left = target + Q @ (sizes @ across[best])
-        left[at] -= sizes @ M[best]
+        left = target + Q @ (sizes[best, :, 0] @ across[best])
+        left[at] -= sizes[best, :, 0] @ M[best]
         squares = np.bincount(labels, left**2, minlength=len(weights))
         R = np.divide(squares, weights, out=np.zeros(len(weights)), where=weights > 0) + like.extra
         weights = like.weights(np.maximum(R, 1e-12), base.dof)
@@ -204,14 +207,6 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
 def _inverse(K: FloatArray) -> FloatArray:
     """Inverses (G, k, k) of cross products, without the directions in which nothing is left."""
     return np.asarray(np.linalg.pinv(K, rcond=DEPENDENT**2, hermitian=True)) if K.size else K
-
-
-def _intervals(values: FloatArray, near: FloatArray) -> tuple[Interval, ...]:
-    """Runs of values in a set; a gap of one value is bridged, as the grid may miss a peak."""
-    inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
-    edges = (ends[1:] + ends[:-1]) / 2
-    groups = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
-    return tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in groups)
 
 
 def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:

@@ -117,13 +117,10 @@ class ModelSet:
         candidate's members, and the likeliest item of each. Where a grid is coarse against the
         data, finer members share the prior of its best one.
         """
-        key = tuple(sorted(model))
-        if key not in self._added:
-            self._added[key] = self._additions(key)
-        total, best = self._added[key]
-        return total.copy(), list(best)
-
-    def _additions(self, model: Model) -> tuple[FloatArray, list[Item]]:
+        model = tuple(sorted(model))
+        if model in self._added:
+            total, best = self._added[model]
+            return total.copy(), list(best)
         design, like = self.design, self.likelihood
         members, tested = self.members(model), range(design.tested)
         smooth = self.columns(model)[len(like.closure(members)) :]
@@ -133,7 +130,7 @@ class ModelSet:
         weighed = like.evidence(models, smooth) + base + np.log(design.prior[: design.tested])
         of = design.of[: design.tested]
         total = np.full(len(self.names), -np.inf)
-        best: list[Item] = [0] * len(self.names)
+        best = [0] * len(self.names)
         for c in np.unique(of):
             own = np.flatnonzero(of == c)
             total[c], best[c] = logsumexp(weighed[own]), int(own[np.argmax(weighed[own])])
@@ -151,7 +148,8 @@ class ModelSet:
         first = len(design.candidates)
         total[first:] = value + np.array(self._gains(like.closure(members), self.named))
         best[first:] = [-1 - k for k in self.named]
-        return total, best
+        self._added[model] = total, best
+        return total.copy(), list(best)
 
     def without_name(self, model: Model) -> FloatArray:
         """Log marginal likelihood, with their odds, of nameless random functions beside a model."""
@@ -205,35 +203,25 @@ class ModelSet:
         return max(sorted(closed), key=self.evidence, default=())
 
     def _refined(self, model: Model) -> Model:
-        """Drops what no longer passes the gate and swaps single effects, until nothing improves."""
+        """Drops what no longer passes the gate and swaps single effects for the likeliest that
+        passes in their place, until nothing improves.
+        """
         for _ in range(ROUNDS):
-            before = model
-            for item in tuple(model):
-                model = self._revised(model, item)
-                if model != before:
+            for item in model:
+                rest = tuple(x for x in model if x != item)
+                p = self.gate(self.columns(rest))
+                total, best = self._others(rest)
+                total[[p.get(name, 1.0) > self.alpha for name in self.names]] = -np.inf
+                c = int(np.argmax(total))
+                if not np.isfinite(total[c]):
+                    model = rest
                     break
-            if model == before:
+                if total[c] > total[self.place(item)] + 1e-9 or best[c] != item:
+                    model = tuple(best[c] if x == item else x for x in model)
+                    break
+            else:
                 break
         return model
-
-    def _revised(self, model: Model, item: Item) -> Model:
-        """The model with the likeliest that passes in the place of one item, or nothing."""
-        rest = tuple(x for x in model if x != item)
-        p = self.gate(self.columns(rest))
-        total, best = self._others(rest)
-        total[[p.get(name, 1.0) > self.alpha for name in self.names]] = -np.inf
-        c = int(np.argmax(total))
-        if not np.isfinite(total[c]):
-            return rest
-        if total[c] > total[self.place(item)] + 1e-9 or best[c] != item:
-            return tuple(best[c] if x == item else x for x in model)
-        return model
-
-    def credible(self, model: Model) -> list[Item]:
-        """The likeliest items of the candidates in the window beside a model."""
-        total, best = self.additions(model)
-        near = np.flatnonzero(total > total.max(initial=-np.inf) - np.log(WINDOW))
-        return [best[i] for i in near]
 
     # What a model says.
 
@@ -243,7 +231,7 @@ class ModelSet:
         model = tuple(
             item for item in model if item < 0 or not set(self.design.members[item].own) <= low
         )
-        result = [self._entry(model, item) for item in model]
+        result = (self._entry(model, item) for item in model)
         return model, tuple(sorted(result, key=lambda entry: -entry.gain))
 
     def _entry(self, model: Model, item: Item) -> Entry:
