@@ -149,7 +149,10 @@ def _counted_from_elsewhere(models: ModelSet, model: Model, a: int) -> bool:
     if not any(linear):
         return False
     data = TableData.of(models.design.table)
-    wide = {name: _stretched(name, values) for name, values in data.values.items()}
+    wide = dict[str, FloatArray]()
+    for name, values in data.values.items():
+        middle = (values.min() + values.max()) / 2
+        wide[name] = middle + (0 if name.startswith(DIRECTION) else 2) * (values - middle)
     sizes = estimated(models, model, sets=False)
     shape = models.design.strata.shape[:2]
     J, level = np.zeros((len(sizes.covariance), *shape)), sizes.levels[a]
@@ -163,11 +166,6 @@ def _counted_from_elsewhere(models: ModelSet, model: Model, a: int) -> bool:
     u = np.sqrt(np.einsum("rph,rs,sph->ph", J, sizes.covariance, J, optimize=True))
     nearest = (np.abs(errors) / u).min()
     return bool(errors.min() < 0 < errors.max() or nearest < stdtrit(max(level.dof, 1.0), 0.975))
-
-
-def _stretched(name: str, values: FloatArray) -> FloatArray:
-    middle = (values.min() + values.max()) / 2
-    return np.asarray(middle + (0 if name.startswith(DIRECTION) else 2) * (values - middle))
 
 
 def _offset_class(

@@ -51,10 +51,6 @@ class Missing:
         result[..., p, h] = -E @ self.inverse
         return result
 
-    def of_axes(self, errors: FloatArray) -> FloatArray:
-        """Errors (P, H, A) with what is missing filled in."""
-        return np.moveaxis(self.filled(np.moveaxis(errors, -1, 0)), 0, -1)
-
 
 def missing(there: BoolArray, lines: FloatArray) -> Missing:
     """The missing cells of a table, by where there are values (P, H)."""

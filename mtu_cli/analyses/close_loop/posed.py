@@ -37,7 +37,8 @@ def posed(
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     gaps = missing(there, free_lines(table))
-    errors, steps = gaps.of_axes(table.errors), steps_of(table)
+    errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
+    steps = steps_of(table)
     inner = max(float(np.std(interaction(own, gaps.lines))) for own in np.moveaxis(errors, 2, 0))
     largest = float(np.abs(errors).max())
     sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
@@ -47,10 +48,23 @@ def posed(
     if of_features is not None:
         strata = _with_moved_means(strata, errors, len(scatter), of_features / scale**2)
     design = design_of(table, strata, candidates, scale, gaps)
-    n = _dof(design)
+    # Degrees of freedom: less the missing cells and what a datum freed.
+    P, H, A = strata.shape
+    n, axis = strata.sizes.copy(), np.array(strata.axis)
+    n[strata.of(INTERACTION)] -= gaps.count
+    of_axis, _, j = np.unravel_index(strata.place, (A, P, H))
+    taken = np.zeros(len(n))
+    for motion in table.motions:
+        for direction in motion.Q.T:
+            one = np.zeros((H, A))
+            one[motion.columns] = direction.reshape(len(motion.columns), A)
+            share = np.einsum("ha,ahj->aj", one, strata.of_features)[of_axis, j] ** 2
+            taken += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
+    # A datum that takes a stratum leaves nothing of it but rounding.
+    n = np.where(n - taken > VOID * n, np.maximum(n - taken, 1.0), 0.0)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
     y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
-    variance, axis = np.zeros(len(steps)), np.array(strata.axis)
+    variance = np.zeros(len(steps))
     for s in strata.of(INTERACTION):
         part = y[strata.slices[s]]
         variance[axis[s]] = part @ part / max(n[s], 1.0)
@@ -59,30 +73,9 @@ def posed(
     first = strata.at[:, 0]
     means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
     shared = means & (variance[axis] < steps[axis] ** 2 / 4)
-    least = np.where(shared, strata.shape[0] * least, least)
+    least = np.where(shared, P * least, least)
     known = _known(design, len(scatter), variance, n)
     return Likelihood(design, y, errors.mean(axis=(0, 1)), n, known, least)
-
-
-def _dof(design: Design) -> FloatArray:
-    """Degrees of freedom (S,): less the missing cells and what a datum freed."""
-    strata = design.strata
-    P, H, A = strata.shape
-    n = strata.sizes.copy()
-    for s in strata.of(INTERACTION):
-        n[s] -= design.gaps.count
-    axis, _, j = np.unravel_index(strata.place, (A, P, H))
-    taken = np.zeros(len(n))
-    for motion in design.table.motions:
-        for k in range(motion.Q.shape[1]):
-            one = np.zeros((H, A))
-            one[motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
-            share = np.einsum("ha,ahj->aj", one, strata.of_features) ** 2
-            of_strata = np.bincount(strata.labels(), share[axis, j], minlength=len(n))
-            taken += of_strata * len(motion.rows) / P
-    left = n - taken
-    # A datum that takes a stratum leaves nothing of it but rounding.
-    return np.where(left > VOID * n, np.maximum(left, 1.0), 0.0)
 
 
 def _known(
