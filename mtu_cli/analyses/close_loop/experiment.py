@@ -196,9 +196,9 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
     for (low, k), group in design.groups():
-        left = partial_out(found.likelihood, group, (), low, fit.weights)
+        left = partial_out(found.likelihood, group, low, fit.weights)
         # The coefficients are uncertain as far as is known beforehand.
-        prior = np.sum(left.own_base**2 * found.likelihood.ridge(left.base), axis=(1, 2))
+        prior = np.sum(left.by**2 * found.likelihood.ridge(left.beside), axis=(1, 2))
         signal = (np.einsum("smkk->m", left.information) + prior) / k
         crossed = design.columns.cross(left.own, left.own).sum(axis=-1)
         shares = fit.weights[:, None] * crossed

@@ -152,7 +152,7 @@ class Gate:
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
         for (low, k), members in design.groups(base):
-            tested = partial_out(self.likelihood, members, low, base, w)
+            tested = partial_out(self.likelihood, members, (*base, *low), w)
             whole = tested.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
             each = size[:, :, None] * size[:, None, :]
@@ -163,20 +163,19 @@ class Gate:
             information = tested.information / each
             inverse = np.linalg.inv(information.sum(axis=0) + ~good[:, None, None] * np.eye(k))
             known, vectors = np.linalg.eigh(information)
-            y = w[:, None, None] * (U[:, low] - tested.low_base @ U[:, tested.base])
+            y = w[:, None, None] * U[:, tested.beside]
             sizes = tested.inverse @ y.sum(axis=0)
-            explained = np.einsum("zn,szn->sn", sizes, 2 * y - tested.low @ sizes)
-            used = np.einsum("zy,syz->s", tested.inverse, tested.low)
+            explained = np.einsum("zn,szn->sn", sizes, 2 * y - tested.inner @ sizes)
+            used = np.einsum("zy,syz->s", tested.inverse, tested.inner)
             total = np.zeros((*size.shape, len(Y)))
             for s in np.flatnonzero((known > LEAST_SHARE).any(axis=(1, 2))).tolist():
-                score = w[s] * (U[s][tested.own] - tested.own_base @ U[s][tested.base])
-                score -= tested.own_low @ y[s] + tested.rest[s] @ sizes
+                score = w[s] * U[s][tested.own] - tested.by @ y[s] - tested.rest[s] @ sizes
                 score = score / size[:, :, None]
                 among = np.where(known[s] > LEAST_SHARE, known[s], np.inf)[:, :, None]
                 stat = np.sum((_t(vectors[s]) @ score) ** 2 / among, axis=1)
                 left = np.maximum(squares[:, s] - explained[s], least[s])
                 ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
-                power = max(float(fit.dof[s] - used[s]) - 1 - k / 2, 0.5)
+                power = max(float(self.likelihood.n[s] - used[s]) - 1 - k / 2, 0.5)
                 deviance = -power * np.log1p(-ratio)
                 total += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
             D = np.sum(total * (inverse @ total), axis=1).T[:, good]
@@ -294,53 +293,39 @@ class Gate:
 
 
 class Partial(NamedTuple):
-    """Members' columns x (M, k) less what of them the columns `base` (b,) and their margins (z,)
-    explain in all strata at once, by coefficients `own_base` (M, k, b) and `own_low` (M, k, z).
-
-    They have the `information` (S, M, k, k) in the strata, `alone` (M, k) without the others, and
-    `rest` (S, M, k, z) are their products with the margins there. The margins less the base, by
-    `low_base` (z, b), have the cross products `low` (S, z, z), their sum the `inverse`.
+    """Members' columns x (M, k) less what columns z `beside` them explain in all strata at once, by
+    coefficients `by` (M, k, z): their `information` (S, M, k, k) in the strata, `alone` (M, k)
+    without the others, and the products `rest` (S, M, k, z) with these there. These have the
+    products `inner` (S, z, z), by the weights of the strata, and the covariance `inverse`.
     """
 
     own: IntArray
-    base: IntArray
-    own_base: FloatArray
-    own_low: FloatArray
+    beside: IntArray
+    by: FloatArray
     information: FloatArray
     alone: FloatArray
     rest: FloatArray
-    low_base: FloatArray
-    low: FloatArray
+    inner: FloatArray
     inverse: FloatArray
 
 
 def partial_out(
-    likelihood: Likelihood, members: Sequence[int], low: Columns, base: Columns, w: FloatArray
+    likelihood: Likelihood, members: Sequence[int], beside: Columns, w: FloatArray
 ) -> Partial:
-    """The columns of members beside their margins `low` and the columns `base`, with the weights w
-    (S,) of the strata.
-    """
-    design, inner = likelihood.design, likelihood.design.columns.cross
-    own, z = np.array([design.members[m].own for m in members]), np.array(low, int)
-    b = np.array([*base, *design.common], int)
-    bb, xb, zb = (inner(i[..., None], b) for i in (b, own, z))
-    A = np.tensordot(w, bb, 1)
-    A = A + np.diag(1e-10 * np.diag(A) + likelihood.ridge(b))
-    T, L = (np.tensordot(w, item, 1) @ np.linalg.inv(A) for item in (xb, zb))
-    W, X = w[:, None, None], w[:, None, None, None]
-    shared = zb @ L.T
-    zz = W * (inner(z[:, None], z) - shared - _t(shared) + L @ bb @ L.T)
-    xz = inner(own[:, :, None], z)
-    xz = X * (xz - xb @ L.T - T @ _t(zb)[:, None] + T @ bb[:, None] @ L.T)
-    xx = inner(own[:, :, None], own[:, None, :])
-    alone = np.einsum("s,smkk->mk", w, xx)
-    shared = xb @ _t(T)
-    xx = X * (xx - shared - _t(shared) + T @ bb[:, None] @ _t(T))
-    inverse = np.linalg.pinv(zz.sum(axis=0), rcond=1e-8, hermitian=True)
-    C = xz.sum(axis=0) @ inverse
-    rest = xz - C @ zz[:, None]
-    information = xx - xz @ _t(C) - _t(rest @ _t(C))
-    return Partial(own, b, T, C, information, alone, rest, L, zz, inverse)
+    """The columns of members beside others, with the weights w (S,) of the strata."""
+    design, cross = likelihood.design, likelihood.design.columns.cross
+    own = np.array([design.members[m].own for m in members])
+    z = np.array([*beside, *design.common], int)
+    W = w[:, None, None, None]
+    xx, xz = W * cross(own[:, :, None], own[:, None]), W * cross(own[:, :, None], z)
+    zz = w[:, None, None] * cross(z[:, None], z)
+    A = zz.sum(axis=0)
+    inverse = np.linalg.inv(A + np.diag(1e-10 * np.diag(A) + likelihood.ridge(z)))
+    by = xz.sum(axis=0) @ inverse
+    rest = xz - by @ zz[:, None]
+    information = xx - rest @ _t(by) - _t(xz @ _t(by))
+    alone = np.einsum("smkk->mk", xx)
+    return Partial(own, z, by, information, alone, rest, zz, inverse)
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
