@@ -110,8 +110,8 @@ def _result(
     strata, axis = design.strata, np.array(design.strata.axis)
     P, H, A = strata.shape
     known = fit.weights > 0
-    variance = np.bincount(axis[known], strata.sizes[known] / fit.weights[known], minlength=A)
-    variance *= design.scale**2 / (P * H)
+    total = np.bincount(axis[known], strata.sizes[known] / fit.weights[known], minlength=A)
+    variance = np.asarray(total * design.scale**2 / (P * H), float)
     # Of single entries about the means of parts and of features, at least that of rounding.
     inner, steps = strata.of(INTERACTION), steps_of(design.table) / design.scale
     own = [

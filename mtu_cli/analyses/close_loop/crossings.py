@@ -85,9 +85,9 @@ def _groups(
     and times (K = 1) is so by itself alone where all terms are of the group.
     """
     # Coordinates and covariates at some of the measured cells, and their ends.
-    chosen = np.linspace(0, int(table.there.sum()) - 1, CELLS).astype(int)
+    cells = np.linspace(0, int(table.there.sum()) - 1, CELLS).astype(int)
     columns = {
-        name: np.broadcast_to(v, table.there.shape)[table.there][chosen]
+        name: np.broadcast_to(v, table.there.shape)[table.there][cells]
         for name, v in TableData.of(table).values.items()
     }
     if name.startswith("dir_") or name not in columns:
