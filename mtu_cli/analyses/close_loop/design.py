@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -97,28 +97,63 @@ class Kernel:
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
 
 
-@dataclass(kw_only=True)
 class Design:
-    """Candidates, members and kernels of a table."""
+    """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
 
-    table: ResidualTable
-    strata: Strata
-    scale: float
-    """Errors count in units of it, mm."""
-    candidates: tuple[Candidate, ...]
-    columns: Columns
-    gaps: Missing
-    members: list[Member] = field(default_factory=list)
-    tested: int = 0
-    """Members of the grid; finer ones follow them."""
-    kernels: tuple[Kernel, ...] = ()
-    common: tuple[int, ...] = ()
-    """Columns in every model: the polynomial that the readings have lost, and the coefficients."""
-    deviations: dict[int, float] = field(default_factory=dict)
-    """Prior standard deviations of columns: of the coefficients, and of random functions."""
-    mean_variance: FloatArray
-    """Of the mean along each axis (A,), by the coefficients."""
-    _around: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    The first members, which are `tested`, are those of the grid; finer ones follow them. `common`
+    columns are in every model: the polynomial that the readings have lost, and the coefficients.
+    `deviations` are prior standard deviations of columns: of the coefficients, and of random
+    functions; `mean_variance` (A,) is that of the mean by the coefficients.
+    """
+
+    def __init__(
+        self,
+        table: ResidualTable,
+        strata: Strata,
+        candidates: Sequence[Candidate],
+        scale: float,
+        gaps: Missing,
+    ) -> None:
+        self.table, self.strata, self.scale, self.gaps = table, strata, scale, gaps
+        self.candidates, self.columns = tuple(candidates), Columns(strata)
+        self.members = list[Member]()
+        self.deviations: dict[int, float] = {}
+        self._around: dict[int, tuple[int, ...]] = {}
+        common = list[int]()
+        for power in fitted_powers(table).T:
+            at, X = strata.of_levers([{0: power[None, None]}], 1)
+            indices, _ = self.columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
+            common += [int(i) for i in indices if i != NONE]
+        factors = [
+            {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
+            for k in range(table.common.shape[3])
+        ]
+        if factors:
+            at, X = strata.of_levers(factors, 1)
+            U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
+            kept = sizes > LEAST_KNOWN * scale
+            means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
+            indices = self.columns.add_alone(at, units[kept], means)
+            common += indices.tolist()
+            deviations = (sizes[kept] / scale).tolist()
+            self.deviations = dict(zip(indices.tolist(), deviations, strict=True))
+        self.common = tuple(common)
+        self.mean_variance = (table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2
+        for c, candidate in enumerate(candidates):
+            if candidate.kind in ("scatter", "offset"):
+                continue
+            distinct = _distinct(
+                [
+                    item
+                    for form in candidate.forms
+                    for item in _spaced(evaluated(self, form, grid_values(form)))
+                ]
+            )
+            total = sum(item.prior for item in distinct)
+            for item in distinct:
+                add(self, c, item, item.prior / total)
+        self.tested = len(self.members)
+        self.kernels = tuple(_kernels(table, strata))
 
     @property
     def of(self) -> IntArray:
@@ -334,61 +369,6 @@ def _distinct(placed: list[Member]) -> list[Member]:
             near = single[group[:n]] & (squares[:n, n] > k * np.cos(least) ** 2)
             single[i] = not near.any() or _angles(products[:n, :, n][near]).min() >= least
     return [item for item, alone in zip(placed, single, strict=True) if alone]
-
-
-def design_of(
-    table: ResidualTable,
-    strata: Strata,
-    candidates: Sequence[Candidate],
-    scale: float,
-    gaps: Missing,
-) -> Design:
-    """The columns of all candidates that a table can test; errors are in units of `scale` (mm)."""
-    columns = Columns(strata)
-    common, deviations = list[int](), dict[int, float]()
-    for power in fitted_powers(table).T:
-        at, X = strata.of_levers([{0: power[None, None]}], 1)
-        indices, _ = columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
-        common += [int(i) for i in indices if i != NONE]
-    factors = [
-        {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
-        for k in range(table.common.shape[3])
-    ]
-    if factors:
-        at, X = strata.of_levers(factors, 1)
-        U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
-        kept = sizes > LEAST_KNOWN * scale
-        means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
-        indices = columns.add_alone(at, units[kept], means)
-        common += indices.tolist()
-        deviations = dict(zip(indices.tolist(), (sizes[kept] / scale).tolist(), strict=True))
-    design = Design(
-        table=table,
-        strata=strata,
-        scale=scale,
-        candidates=tuple(candidates),
-        columns=columns,
-        gaps=gaps,
-        common=tuple(common),
-        deviations=deviations,
-        mean_variance=(table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2,
-    )
-    for c, candidate in enumerate(candidates):
-        if candidate.kind in ("scatter", "offset"):
-            continue
-        distinct = _distinct(
-            [
-                item
-                for form in candidate.forms
-                for item in _spaced(evaluated(design, form, grid_values(form)))
-            ]
-        )
-        total = sum(item.prior for item in distinct)
-        for item in distinct:
-            add(design, c, item, item.prior / total)
-    design.tested = len(design.members)
-    design.kernels = tuple(_kernels(table, strata))
-    return design
 
 
 # Kernels.

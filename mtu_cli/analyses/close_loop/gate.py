@@ -284,8 +284,9 @@ class Gate:
                 continue
             total = np.zeros(len(Y))
             for s in group:
-                basis = strata.of_parts if kind == PART else strata.of_features[strata.axis[s]]
-                basis, own = basis[:, -int(strata.sizes[s]) :], Y[:, strata.slices[s]]
+                own, a = Y[:, strata.slices[s]], strata.axis[s]
+                _, i, j = np.unravel_index(strata.place[strata.slices[s]], (A, P, H))
+                basis = strata.of_parts[:, i] if kind == PART else strata.of_features[a][:, j]
                 form = np.einsum("bn,bn->b", own @ (basis.T @ K @ basis), own)
                 total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
             checks[name] = calibrated(total)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.design import Design, design_of, smooth_covariance
+from mtu_cli.analyses.close_loop.design import Design, smooth_covariance
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import interaction, missing
 from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
@@ -29,11 +28,9 @@ def posed(
     table: ResidualTable,
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
-    of_features: FloatArray | None = None,
 ) -> Likelihood:
     """The likelihood of a table's errors in its strata with the columns of its candidates, beside
-    motions of whole parts that `scatter`, which are lines of their own, the last of each axis;
-    `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
+    motions of whole parts that `scatter`, which are lines of their own, the last of each axis.
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     gaps = missing(there, free_lines(table))
@@ -45,9 +42,7 @@ def posed(
     scale = next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
     errors, steps = errors / scale, steps / scale
     strata = _strata(table, errors, scatter)
-    if of_features is not None:
-        strata = _with_moved_means(strata, errors, len(scatter), of_features / scale**2)
-    design = design_of(table, strata, candidates, scale, gaps)
+    design = Design(table, strata, candidates, scale, gaps)
     # Degrees of freedom: less the missing cells and what a datum freed.
     P, H, A = strata.shape
     n, axis = strata.sizes.copy(), np.array(strata.axis)
@@ -135,7 +130,7 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
                 lines[a] = np.column_stack([lines[a], rest / size])
     along = _along(table) if readings and P >= FEWEST_FOR_BENDS else None
     if along is None:
-        return strata_of(P, lines, features_scatter=not readings)
+        return strata_of(P, lines, features_scatter=not readings, moving=len(moving))
     rough = smooth_covariance(along)
     strata = strata_of(P, lines, features_scatter=False, roughness=rough)
     y = strata.coordinates(errors)
@@ -148,24 +143,6 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
     deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
     bends = float(grid[int(np.argmin(deviance))])
     return strata_of(P, lines, features_scatter=False, roughness=rough, bends=bends)
-
-
-def _with_moved_means(
-    strata: Strata, errors: FloatArray, moving: int, of_features: FloatArray
-) -> Strata:
-    """Strata in which the mean of the parts along their last lines, which are `moving`, scatters as
-    it must: by v_features + v_line - v_inner.
-    """
-    y, spread = strata.coordinates(errors), strata.spread.copy()
-    P, H, A = strata.shape
-    _, _, j = np.unravel_index(strata.place, (A, P, H))
-    variance = [float(np.mean(y[part] ** 2)) for part in strata.slices]
-    for s in strata.of(INTERACTION):
-        a = strata.axis[s]
-        for line in [own for own in strata.of(LINE) if strata.axis[own] == a][-moving:]:
-            more = max(variance[line] - variance[s], 0.0) / of_features[a]
-            spread[strata.at[a, 0, j[strata.slices[line].start]]] *= np.sqrt(1 + more)
-    return replace(strata, spread=spread)
 
 
 def _along(table: ResidualTable) -> FloatArray | None:
