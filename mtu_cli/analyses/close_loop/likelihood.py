@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
-from mtu_cli.analyses.close_loop.columns import PADDING
-from mtu_cli.analyses.close_loop.design import Design, Kernel
+from mtu_cli.analyses.close_loop.design import PADDING, Design, Kernel
 from mtu_cli.analyses.close_loop.strata import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 

@@ -14,8 +14,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import logsumexp
 
-from mtu_cli.analyses.close_loop.columns import PADDING
-from mtu_cli.analyses.close_loop.design import Design
+from mtu_cli.analyses.close_loop.design import PADDING, Design
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Columns, Likelihood
 from mtu_cli.files.effects import SCATTERS
@@ -231,40 +230,41 @@ class ModelSet:
         model = tuple(
             item for item in model if item < 0 or not set(self.design.members[item].own) <= low
         )
-        result = (self._entry(model, item) for item in model)
+        result = []
+        for item in model:
+            rest = tuple(x for x in model if x != item)
+            total, best = self._others(rest)
+            smooth = self.without_name(rest) if self.nameless else np.zeros(0)
+            without, c = self.value(rest), self.place(item)
+            # What is less likely than nothing explains nothing.
+            total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
+            # One that holds the effect as a margin says more than it: it has to pass by itself.
+            p = self.gate(self.columns(rest))
+            own = set(self.design.members[item].own) if item >= 0 else {PADDING}
+            for i in np.flatnonzero(np.isfinite(total)):
+                low = set(self.design.members[best[i]].low if best[i] >= 0 else ())
+                if own <= low and p.get(self.names[i], 1.0) > self.alpha:
+                    total[i] = -np.inf
+            both = np.concatenate([total, smooth])
+            posterior = np.exp(both - logsumexp(both))
+            order = np.argsort(-posterior, kind="stable").tolist()
+            count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
+            best[c], others = item, [i for i in order[:count] if i < len(self.names) and i != c]
+            result.append(
+                Entry(
+                    item=item,
+                    name=self.names[c],
+                    p=p.get(self.names[c], 1.0),
+                    gain=float(total[c] - without),
+                    posterior=float(posterior[c]),
+                    credible=tuple(
+                        (self.names[i], best[i], float(posterior[i])) for i in (c, *others)
+                    ),
+                    nameless=float(posterior[len(self.names) :].sum()),
+                    overtaken=bool(len(smooth) and smooth.max() > total[c]),
+                )
+            )
         return model, tuple(sorted(result, key=lambda entry: -entry.gain))
-
-    def _entry(self, model: Model, item: Item) -> Entry:
-        rest = tuple(x for x in model if x != item)
-        total, best = self._others(rest)
-        smooth = self.without_name(rest) if self.nameless else np.zeros(0)
-        without = self.value(rest)
-        # What is less likely than nothing explains nothing.
-        c = self.place(item)
-        total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
-        # One that holds the effect as a margin says more than it: it has to pass by itself.
-        passing = self.gate(self.columns(rest))
-        own = set(self.design.members[item].own) if item >= 0 else {PADDING}
-        for i in np.flatnonzero(np.isfinite(total)):
-            low = self.design.members[best[i]].low if best[i] >= 0 else ()
-            if own <= set(low) and passing.get(self.names[i], 1.0) > self.alpha:
-                total[i] = -np.inf
-        both = np.concatenate([total, smooth])
-        posterior = np.exp(both - logsumexp(both))
-        order = np.argsort(-posterior, kind="stable")
-        count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
-        credible = [int(i) for i in order[:count]]
-        best[c], others = item, [i for i in credible if i < len(self.names) and i != c]
-        return Entry(
-            item=item,
-            name=self.names[c],
-            p=passing.get(self.names[c], 1.0),
-            gain=float(total[c] - without),
-            posterior=float(posterior[c]),
-            credible=tuple((self.names[i], best[i], float(posterior[i])) for i in (c, *others)),
-            nameless=float(posterior[len(self.names) :].sum()),
-            overtaken=bool(len(smooth) and smooth.max() > total[c]),
-        )
 
     def nameless_wins(self, model: Model) -> bool:
         """Whether a nameless effect in the place of several of a model's is likelier than it."""

@@ -166,14 +166,6 @@ def _lines(table: ResidualTable) -> list[FloatArray]:
     return result
 
 
-def _with_line(lines: FloatArray, direction: FloatArray) -> FloatArray:
-    """Orthonormal lines (H, k) with one more of features, beside their level."""
-    rest = direction - direction.mean()
-    rest = rest - lines @ (lines.T @ rest)
-    size = float(np.linalg.norm(rest))
-    return np.column_stack([lines, rest / size]) if size > SAME else lines
-
-
 def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
     """The unit pattern (H, A) of a small turn or growth of a whole part."""
     if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
