@@ -201,7 +201,7 @@ def outside_seen(
                 unit = " mm" if column in POSITIONS else ""
                 seen = f"from {low:.8g} to {high:.8g}" if low < high else f"at {low:.8g}"
                 far = f"extrapolated to {given[int(np.argmax(excess))]:.8g}{unit}"
-                facts = {"covariate": column, "range": seen + unit, "consequence": far}
-                facts |= {"effects": effect.name, "file": file}
-                warnings.append(finding("outside-effect-range", **facts))
+                facts = {"effects": effect.name, "covariate": column, "range": seen + unit}
+                code = "outside-effect-range"
+                warnings.append(finding(code, **facts, consequence=far, file=file))
     return warnings
