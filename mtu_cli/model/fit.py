@@ -22,8 +22,7 @@ from mtu_cli.files.reports_read import (
 )
 from mtu_cli.findings import Finding, InputError, finding, suggestion
 from mtu_cli.language import evaluate
-from mtu_cli.model.effect_parameters import declared_effects
-from mtu_cli.model.effect_ranges import outside_seen
+from mtu_cli.model.effect_parameters import outside_seen
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -183,7 +182,7 @@ def effects_on_readings(
             read, what = [f"the readings of {component}"], f"the effect {effect.name}"
             warned.append(finding("not-used", what=what, names=read, **facts))
             continue
-        warned += outside_seen([declared_effects(machine)[index]], numeric | along)
+        warned += outside_seen([effect], numeric | along, machine.source.shown)
         rows = design(model, points, known)
         errors = (rows.J @ theta(model)).reshape(len(places), -1)[:, model.axes.index(both)]
         values: dict[str, Any] = {**fixed_places(model, points), **known}

@@ -15,13 +15,12 @@ import numpy as np
 
 from mtu_cli.files.covariates import SENSOR_EXPECTED, no_temperature
 from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.machine_contract import Effect
 from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call, Number
 from mtu_cli.model.effect_parameters import (
     EFFECT_MARK,
-    DeclaredEffect,
-    declared_effects,
     effects_of,
 )
 from mtu_cli.model.estimates import (
@@ -106,7 +105,7 @@ class MachineModel:
     remainders: dict[str, tuple[Node, ...]]
     constants: dict[str, tuple[float, float]] = field(default_factory=dict)
     joint: tuple[JointPasses, ...] = ()
-    effects: tuple[DeclaredEffect, ...] = ()
+    effects: tuple[Effect, ...] = ()
     file: str | None = None
 
     @property
@@ -157,7 +156,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
         if levers.get(name):
             terms += drift_terms(drift, levers[name])
     joint = (*estimates.joint, *effects.joint)
-    return replace(_joined(machine, parts, terms, joint), effects=declared_effects(machine))
+    return replace(_joined(machine, parts, terms, joint), effects=tuple(machine.machine.effects))
 
 
 def _joined(

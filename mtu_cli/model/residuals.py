@@ -26,8 +26,7 @@ from mtu_cli.model.covariates import (
     without_gaps,
     without_repeated,
 )
-from mtu_cli.model.effect_ranges import guess_warnings
-from mtu_cli.model.features import outside_warnings
+from mtu_cli.model.features import guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, TIME, MachineModel, design, sensors_of, theta
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import (
