@@ -23,7 +23,6 @@ from mtu_cli.model.covariates import (
     rows_of,
     table_covariates,
     text_warnings,
-    without_gaps,
     without_repeated,
 )
 from mtu_cli.model.effect_ranges import guess_warnings
@@ -206,7 +205,7 @@ def residual_table(
     the points' nominal places and own covariates, `covariates` where they have no such column. A
     `datum` that frees is projected out of every measurement of a part and of the factors. An axis
     without an equation, or that not every point has, is left out with a warning; so are covariates
-    that repeat the errors or are texts, and rows with one of few gaps in a covariate.
+    that repeat the errors, are texts or have gaps.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they claim,
     or points of no axis that an equation is for.
@@ -214,8 +213,7 @@ def residual_table(
     check_repeats(points)
     warned = left_out(points)
     points, repeated = without_repeated(points, model.covariates())
-    points, gaps = without_gaps(points, model.covariates())
-    warned += [*repeated, *gaps, *text_warnings(points)]
+    warned += [*repeated, *text_warnings(points)]
     axes = _axes(model, points, warned)
     lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
     if lost.all() and len(lost):
