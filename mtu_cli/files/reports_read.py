@@ -230,16 +230,13 @@ class _ThermalFit(_Reported):
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentsReport:
-    """A checked fit-components report; `document` is the whole of it as it was read, `readings`
-    the hashes of the files that it was fitted to.
-    """
+    """A checked fit-components report; `document` is the whole of it as it was read."""
 
     source: Source
     components: dict[str, ReportedComponent]
     joint: tuple[ReportedGroup, ...]
     effects: ReportedEffects | None = None
     document: dict[str, Any] = field(default_factory=dict)
-    readings: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,7 +246,6 @@ class ThermalReport:
     source: Source
     components: dict[str, ReportedDrift]
     document: dict[str, Any] = field(default_factory=dict)
-    readings: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,7 +314,6 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
         joint=tuple(report.results.joint_pass_covariance),
         effects=report.results.effects,
         document=document,
-        readings=_hashes(report, "lbb", "laser"),
     )
 
 
@@ -329,13 +324,7 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
         source=source,
         components=report.results.components,
         document=document,
-        readings=_hashes(report, "drift"),
     )
-
-
-def _hashes(report: _Fit | _ThermalFit, *roles: str) -> frozenset[str]:
-    """Of the readings that a report was made from, as far as it states them."""
-    return frozenset(str(file.get("sha256")) for file in report.inputs if file.get("role") in roles)
 
 
 def read_json(path: Path, role: str) -> tuple[Source, Any]:

@@ -204,34 +204,6 @@ def term_label(name: str) -> str:
     return name if component == name else f"the drift of {component}"
 
 
-def temperature_estimate(drift: ThermalEstimate) -> ComponentEstimate:
-    """The coefficients of a drift as those of a component, powers first, then sensors."""
-    return ComponentEstimate(
-        name=f"{drift.component}{TEMPERATURE_MARK}",
-        of=drift.of,
-        unit=drift.unit,
-        coefficients=drift.coefficients.reshape(-1),
-        covariance=drift.covariance,
-        pass_covariance=np.zeros_like(drift.covariance),
-        pass_dof=drift.coefficient_dof,
-        # What does not depend on the position holds beyond the positions where it was read.
-        position_range=drift.position_range if drift.degree else None,
-    )
-
-
-def leftover_estimate(drift: ThermalEstimate) -> ComponentEstimate:
-    """What the thermal model leaves: mean 0, one draw for all points of a part."""
-    return ComponentEstimate(
-        name=f"{drift.component}.leftover",
-        of=drift.of,
-        unit=drift.unit,
-        coefficients=np.zeros(len(drift.leftover)),
-        covariance=np.zeros_like(drift.leftover),
-        pass_covariance=drift.leftover,
-        pass_dof=drift.leftover_dof,
-    )
-
-
 def known_component(name: str, entry: Component | ReportedComponent) -> ComponentEstimate:
     """A component whose coefficients a machine file states, without a covariance as known, or a
     report. `u_future`, the standard uncertainty of a future observation that many tables print,

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.covariates import SENSOR_EXPECTED, no_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
 from mtu_cli.language import LinearForm, Node, evaluate, names
@@ -25,12 +24,11 @@ from mtu_cli.model.effect_parameters import (
     effects_of,
 )
 from mtu_cli.model.estimates import (
+    TEMPERATURE_MARK,
     ComponentEstimate,
     Estimates,
     JointPasses,
     ThermalEstimate,
-    leftover_estimate,
-    temperature_estimate,
 )
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray, polynomial
@@ -65,9 +63,33 @@ class Term:
 
 
 def drift_terms(drift: ThermalEstimate, levers: dict[str, Node]) -> tuple[Term, Term]:
-    """The drift by its temperatures, and what its model leaves of it."""
-    by_temperature = Term(estimate=temperature_estimate(drift), levers=levers, drift=drift)
-    return by_temperature, Term(estimate=leftover_estimate(drift), levers=levers)
+    """The drift by its temperatures, powers first, then sensors; and what its model leaves of it:
+    mean 0, one draw for all points of a part.
+    """
+    by_temperature = ComponentEstimate(
+        name=f"{drift.component}{TEMPERATURE_MARK}",
+        of=drift.of,
+        unit=drift.unit,
+        coefficients=drift.coefficients.reshape(-1),
+        covariance=drift.covariance,
+        pass_covariance=np.zeros_like(drift.covariance),
+        pass_dof=drift.coefficient_dof,
+        # What does not depend on the position holds beyond the positions where it was read.
+        position_range=drift.position_range if drift.degree else None,
+    )
+    left = ComponentEstimate(
+        name=f"{drift.component}.leftover",
+        of=drift.of,
+        unit=drift.unit,
+        coefficients=np.zeros(len(drift.leftover)),
+        covariance=np.zeros_like(drift.leftover),
+        pass_covariance=drift.leftover,
+        pass_dof=drift.leftover_dof,
+    )
+    return (
+        Term(estimate=by_temperature, levers=levers, drift=drift),
+        Term(estimate=left, levers=levers),
+    )
 
 
 def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> FloatArray:
@@ -243,21 +265,6 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
             what = f"as many readings of {item.name!r} as coefficients"
             add(item.name, "too-little-data", what, "more readings of it, best in several passes")
     if problems:
-        raise InputError(problems)
-
-
-def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
-    """Raises InputError naming every covariate that the equations need and nobody gave, and a
-    temperature that none can be.
-    """
-    for sensor in sensors_of(model):
-        values = np.atleast_1d(np.asarray(given.get(sensor, 0.0), float))
-        faulty = no_temperature(values)
-        if faulty.any():
-            value = float(values[faulty][0])
-            place = {"path": sensor, "value": f"{value:g}"}
-            raise error("out-of-range", **place, expected=SENSOR_EXPECTED)
-    if problems := missing_covariates(model, given):
         raise InputError(problems)
 
 

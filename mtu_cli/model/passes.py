@@ -106,10 +106,10 @@ def _directions(code: IntArray, sign: IntArray) -> IntArray:
 def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     """The run there and back of each pass (G,), numbered in time.
 
-    A number that runs both ways is a run. Where every number of a file runs one way, one there and
-    one back are a run: else what differs between directions were taken for what differs between
-    passes. Files that hold one direction each are read as one. The passes of a run are of one
-    set-up.
+    A number that runs both ways is a run. Where every number of a file runs one way, the n-th there
+    and the n-th back are a run: else what differs between directions were taken for what differs
+    between passes. Files that hold one direction each are read as one. The passes of a run are of
+    one set-up.
     """
     numbered, code = np.unique(keys[:, :2], axis=0, return_inverse=True)
     code = code.reshape(-1)
@@ -121,34 +121,11 @@ def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     for file in np.unique(files):
         own = in_time[files[in_time] == file]
         if way[own].all():
-            for there, back in fellows(numbered[own, 1], way[own]):
-                run[own[back]] = run[own[there]]
+            there, back = own[way[own] > 0], own[way[own] < 0]
+            pairs = min(len(there), len(back))
+            run[back[:pairs]] = run[there[:pairs]]
     labels = np.unique(np.array(setups, dtype=object), return_inverse=True)[1]
     both = np.column_stack([run[code], labels.reshape(-1)])
     own = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
     start = _least(own, rank, len(keys))[own]
     return np.unique(start, return_inverse=True)[1].reshape(-1)
-
-
-def fellows(number: IntArray, way: IntArray) -> list[tuple[int, int]]:
-    """Places of the pairs (there, back) in a sequence of passes of one direction each, `way`.
-
-    Numbers tell by the difference from there to back that most pairs have: 0 of two counts, 1 of
-    passes in turn, half of all of one count there before all back; a pass that is missing then
-    leaves its fellow alone. Else the n-th there and the n-th back.
-    """
-    there, back = np.flatnonzero(way > 0), np.flatnonzero(way < 0)
-    if not (len(there) and len(back)):
-        return []
-    steps, counts = np.unique(number[back] - number[there, None], return_counts=True)
-    # Fewer than half may be chance.
-    likely = np.flatnonzero(2 * counts > min(len(there), len(back)))
-    once = all(len(np.unique(number[own])) == len(own) for own in (there, back))
-    if not (once and len(likely)):
-        return list(zip(there.tolist(), back.tolist(), strict=False))
-    half = int(number.max()) + 1
-    alike = [(s == 0, n, s == 1, -abs(2 * s - half)) for s, n in zip(steps, counts, strict=True)]
-    best = max(likely, key=alike.__getitem__)
-    at = {int(number[i]): int(i) for i in back}
-    fellow = [(int(i), at.get(int(number[i] + steps[best]))) for i in there]
-    return [(i, j) for i, j in fellow if j is not None]

@@ -16,13 +16,14 @@ from functools import cached_property
 
 import numpy as np
 
+from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import term_label
 from mtu_cli.model.machine_model import (
     Covariates,
     Design,
     MachineModel,
-    check_covariates,
     design,
+    missing_covariates,
     places,
     theta,
 )
@@ -207,7 +208,8 @@ def predict(
     Raises InputError for a missing covariate or coordinate.
     """
     given = covariates or {}
-    check_covariates(model, given)
+    if missing := missing_covariates(model, given):
+        raise InputError(missing)
     rows = design(model, points, given)
     blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
     of_constants, shift = constant_effects(model, points, given, rows)

@@ -17,8 +17,13 @@ from support import read_components
 from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
-from mtu_cli.model.fit import MachineFit, estimates_from_fit, estimates_from_report, fit_machine
-from mtu_cli.model.fit_warnings import fit_warnings
+from mtu_cli.model.fit import (
+    MachineFit,
+    estimates_from_fit,
+    estimates_from_report,
+    fit_machine,
+    fit_warnings,
+)
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
 from mtu_cli.reports.fit_components import document

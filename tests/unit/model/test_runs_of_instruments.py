@@ -16,11 +16,9 @@ from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.estimation import agreement, combine
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.reading_residuals import reading_tables
 from mtu_cli.reports.fit_components import document
-from mtu_cli.stats.pass_tests import Shift
 
 FloatArray = NDArray[np.float64]
 P = np.linspace(0.0, 90.0, 4)
@@ -96,34 +94,3 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
         results["components"]["a"]["run_covariance"] = damaged
         with pytest.raises(InputError, match=told):
             components_from(source, {"schema": SCHEMA, "results": results})
-
-
-@pytest.mark.parametrize("way", [1, -1])
-def test_a_line_of_one_way_is_brought_to_the_mean_of_both(way: int, tmp_path: Path) -> None:
-    """By half of the reversal that the other instrument tells, whose u counts; both agree then."""
-    known, lost = loaded(tmp_path, MACHINE), -40.0
-    both = segment("lbb", 6, 1)
-    both = replace(both, error=both.error + 0.5 * lost * np.asarray(both.direction))
-    alone = segment("laser", 5, 2, one_way=True)
-    alone = replace(
-        alone, error=alone.error + 0.5 * lost * way, direction=np.full(len(alone.error), way)
-    )
-    fit = fit_machine(known, readings([both, alone])).components["a"]
-    told, one = fit.instruments
-    back = told.tests["reversal"]
-    assert isinstance(back, Shift)
-    assert one.way == way
-    assert told.way is None
-    plain = [
-        fit_machine(known, readings([item])).components["a"].estimate for item in (both, alone)
-    ]
-    moved = replace(
-        plain[1],
-        coefficients=plain[1].coefficients - np.array([0.5 * way * back.value, 0.0]),
-        covariance=plain[1].covariance + np.diag([0.25 * back.u**2, 0.0]),
-    )
-    wanted = combine([plain[0], moved], [len(both.error), len(alone.error)])
-    np.testing.assert_allclose(fit.estimate.coefficients, wanted.coefficients, rtol=1e-9)
-    np.testing.assert_allclose(fit.estimate.covariance, wanted.covariance, rtol=1e-9)
-    assert fit.agreement_p == pytest.approx(agreement(plain[0], moved))
-    assert abs(fit.estimate.coefficients[0]) < 4 * np.sqrt(fit.estimate.covariance[0, 0])
