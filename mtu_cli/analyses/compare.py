@@ -374,7 +374,7 @@ def predict_operations(
             means[key] = mean(column[rows]) if column.ndim else float(column)
         prediction = predict(model, features, place, means)
         warnings += outside_warnings(prediction)
-        warnings += temperature_warnings(model, place, means)
+        warnings += temperature_warnings(model, means)
         if vary:
             of_feature = np.column_stack([mean(each) for each in errors[rows].T])
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]

@@ -103,7 +103,7 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
     report = inputs.reports.thermal
     if report is not None:
         doubts = _carried(report, DOUBTS, report.components)
-        return stated | thermal_from_report(machine, report), doubts
+        return thermal_from_report(machine, report), doubts
     if inputs.files("drift"):
         fit = fitted_drift(inputs, inputs.drift, "auto")
         return stated | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]

@@ -180,7 +180,21 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     """The points of parts that the machine makes."""
     options = inputs.options
     ids, points, _ = feature_points(inputs.part, model)
-    plan = _parts_plan(options, model)
+    option, text, first = "--first-repeats", options.first_repeats, (0, 0)
+    if text is not None:
+        parts, repeats = map(int, ends(option, text, "PARTS:REPEATS", "4:5", whole=True))
+        within(option, (parts, repeats), (1, MOST_STEPS))
+        first = (parts, repeats)
+    same = ("parts", "repeats", "reverse_every", "minutes", "operation")
+    plan = PartsPlan(
+        **{name: options.values[name] for name in same},
+        cmm_u=options.cmm_u_um * 1e-3,
+        part_offset=options.part_offset_um * 1e-3,
+        first_repeats=first,
+        scatter=errors_by_axis("--scatter", options.scatter or (), model.axes),
+        effects=errors_by_axis("--effect", options.effect or (), model.axes),
+        covariates=covariate_equations("--covariate", options.covariate or ()),
+    )
     if options.cmm_room:
         drifts, test = _drift_test(inputs, model)
         sensors = sensors_for(drifts, test, seed)
@@ -198,25 +212,6 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     # Points of calibrated circles lie on the diameter that they have at their temperature.
     grown = result.measured + growth(result, ids, points, inputs.part.part.circles)
     return points_file(replace(result, measured=grown))
-
-
-def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
-    """How parts are made and measured."""
-    option, text, first = "--first-repeats", options.first_repeats, (0, 0)
-    if text is not None:
-        parts, repeats = map(int, ends(option, text, "PARTS:REPEATS", "4:5", whole=True))
-        within(option, (parts, repeats), (1, MOST_STEPS))
-        first = (parts, repeats)
-    same = ("parts", "repeats", "reverse_every", "minutes", "operation")
-    return PartsPlan(
-        **{name: options.values[name] for name in same},
-        cmm_u=options.cmm_u_um * 1e-3,
-        part_offset=options.part_offset_um * 1e-3,
-        first_repeats=first,
-        scatter=errors_by_axis("--scatter", options.scatter or (), model.axes),
-        effects=errors_by_axis("--effect", options.effect or (), model.axes),
-        covariates=covariate_equations("--covariate", options.covariate or ()),
-    )
 
 
 MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
@@ -248,9 +243,24 @@ def _drift_test(
             place = {"path": f"--settled-drift {name}", "expected": expected}
             raise error("wrong-count", found=f"{len(values)} values", **place)
     units = {name: UNITS[machine.components[name].unit].to_internal for name in asked}
+
+    def span(name: str, unit: str) -> tuple[float, float]:
+        option, known = option_name(name), OPTIONS[name]
+        low, high = ends(option, options.values[name], "LOW:HIGH", known.default, ordered=True)
+        within(option, (low, high), known.bounds or (low, high), unit)
+        return low, high
+
+    low, high = span("room", "degC")
     plan = DriftPlan(
         reference=machine.reference_temperature_degC,
-        **_climate(options),
+        low=low,
+        high=high,
+        room_lag=options.room_lag_min,
+        room_wobble=options.room_wobble_degc,
+        sensor_lag=span("sensor_lag_min", "min"),
+        sensor_spread=options.sensor_spread,
+        sensor_wobble=options.sensor_wobble_degc,
+        sensor_noise=options.sensor_noise_degc,
         cycles=options.cycles,
         minutes=options.cycle_minutes,
         interval=options.interval_min,
@@ -262,28 +272,6 @@ def _drift_test(
         twins=_twins(options.twin, {sensor for drift in drifts for sensor in drift.sensors}),
     )
     return drifts, plan
-
-
-def _climate(options: Options) -> dict[str, Any]:
-    """The room and what its sensors make of it."""
-
-    def span(name: str, unit: str) -> tuple[float, float]:
-        option, known = option_name(name), OPTIONS[name]
-        low, high = ends(option, options.values[name], "LOW:HIGH", known.default, ordered=True)
-        within(option, (low, high), known.bounds or (low, high), unit)
-        return low, high
-
-    low, high = span("room", "degC")
-    return {
-        "low": low,
-        "high": high,
-        "room_lag": options.room_lag_min,
-        "room_wobble": options.room_wobble_degc,
-        "sensor_lag": span("sensor_lag_min", "min"),
-        "sensor_spread": options.sensor_spread,
-        "sensor_wobble": options.sensor_wobble_degc,
-        "sensor_noise": options.sensor_noise_degc,
-    }
 
 
 def _drift_positions(inputs: Inputs, drifts: Sequence[ThermalEstimate]) -> dict[str, FloatArray]:

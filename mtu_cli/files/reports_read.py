@@ -219,12 +219,10 @@ class _Drifts(_Reported):
 
 
 class _Fit(_Reported):
-    inputs: list[dict[str, Any]] = []
     results: _Components
 
 
 class _ThermalFit(_Reported):
-    inputs: list[dict[str, Any]] = []
     results: _Drifts
 
 

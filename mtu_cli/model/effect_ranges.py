@@ -35,7 +35,7 @@ def guess_warnings(model: MachineModel, points: FloatArray, values: Values) -> l
     what is known.
     """
     return [
-        *temperature_warnings(model, points, values),
+        *temperature_warnings(model, values),
         *effect_warnings_at(model, points, values),
     ]
 

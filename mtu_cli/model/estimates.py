@@ -210,7 +210,16 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
     counts as repeatability or, without an axis, as shared by all points of a part.
     """
     unit, k = UNITS[entry.unit], len(entry.coefficients or ())
-    f, q, table = unit.to_internal, min(2, k), stated_table(entry)
+    f, q, table = unit.to_internal, min(2, k), None
+    if entry.at_mm is not None:
+        square = (UM if unit.dimension == LENGTH else ARCSEC) ** 2
+        table = TableShape(
+            at=np.asarray(entry.at_mm, float),
+            roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,
+            between=(entry.between_um2 or 0.0) * square,
+            own=(entry.own_um2_per_mm3 or 0.0) * square,
+            own_dof=dof_or(getattr(entry, "own_dof", None)),
+        )
     T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q) * f
 
     def squared(key: str, by: FloatArray) -> FloatArray | None:
@@ -258,17 +267,3 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
 def dof_or(stated: float | None, missing: float = np.inf) -> float:
     """Degrees of freedom as stated, else `missing`."""
     return missing if stated is None else float(stated)
-
-
-def stated_table(entry: Component | ReportedComponent) -> TableShape | None:
-    """The table that a file states; None of a polynomial."""
-    if entry.at_mm is None:
-        return None
-    square = (UM if UNITS[entry.unit].dimension == LENGTH else ARCSEC) ** 2
-    return TableShape(
-        at=np.asarray(entry.at_mm, float),
-        roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,
-        between=(entry.between_um2 or 0.0) * square,
-        own=(entry.own_um2_per_mm3 or 0.0) * square,
-        own_dof=dof_or(getattr(entry, "own_dof", None)),
-    )

@@ -86,7 +86,7 @@ def prediction_warnings(
     given = covariates or {}
     return [
         *outside_warnings(prediction),
-        *temperature_warnings(model, prediction.points, given),
+        *temperature_warnings(model, given),
         *effect_warnings_at(model, prediction.points, given),
     ]
 

@@ -17,7 +17,6 @@ from mtu_cli.files.reports_read import (
     ComponentsReport,
     ReportedComponent,
     ReportedDrift,
-    ReportedGroup,
     ThermalReport,
 )
 from mtu_cli.findings import Finding, InputError, finding, listed, suggestion
@@ -292,8 +291,22 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
             values=np.asarray(item.values, float) * f,
             covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
         )
-    joint = tuple(_joint(group, result) for group in report.joint)
-    return Estimates(components=result, joint=joint, effects=effects)
+    joint = []
+    for group in report.joint:
+        f = np.repeat([result[name].unit.to_internal for name in group.components], group.widths)
+        halves = group.half_difference_mean_square
+        joint.append(
+            JointPasses(
+                components=tuple(group.components),
+                widths=tuple(group.widths),
+                covariance=np.asarray(group.coefficient_covariance, float) * np.outer(f, f),
+                pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
+                pass_dof=group.pass_dof,
+                n_passes=group.n_passes,
+                half_differences=None if halves is None else np.asarray(halves) * np.outer(f, f),
+            )
+        )
+    return Estimates(components=result, joint=tuple(joint), effects=effects)
 
 
 def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalReport) -> None:
@@ -332,20 +345,6 @@ def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalRepo
 def _shape(entry: Component | ReportedComponent) -> str:
     """As messages have it."""
     return "`shape: table`" if entry.shape == "table" else f"degree {entry.degree}"
-
-
-def _joint(group: ReportedGroup, found: Mapping[str, ComponentEstimate]) -> JointPasses:
-    f = np.repeat([found[name].unit.to_internal for name in group.components], group.widths)
-    halves = group.half_difference_mean_square
-    return JointPasses(
-        components=tuple(group.components),
-        widths=tuple(group.widths),
-        covariance=np.asarray(group.coefficient_covariance, float) * np.outer(f, f),
-        pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
-        pass_dof=group.pass_dof,
-        n_passes=group.n_passes,
-        half_differences=None if halves is None else np.asarray(halves, float) * np.outer(f, f),
-    )
 
 
 def thermal_from_machine_file(machine: LoadedMachine) -> dict[str, ThermalEstimate]:
@@ -394,27 +393,26 @@ def thermal_from_report(
     kind of unit, or the reference temperature.
     """
     _check_report(machine, report)
-    stated = thermal_from_machine_file(machine)
-    return stated | {name: _reported_drift(name, item) for name, item in report.components.items()}
-
-
-def _reported_drift(name: str, item: ReportedDrift) -> ThermalEstimate:
-    unit, ranges = UNITS[item.unit], item.temperature_range_degC
-    f, powers, sensors = unit.to_internal, item.degree + 1, len(item.sensors)
-    size = powers * sensors
-    return ThermalEstimate(
-        component=name,
-        of=item.of,
-        unit=unit,
-        sensors=tuple(item.sensors),
-        reference=item.reference_temperature_degC,
-        coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
-        covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
-        coefficient_dof=dof_or(item.coefficient_dof),
-        leftover=np.array(item.leftover_covariance, float) * f**2,
-        leftover_dof=dof_or(item.leftover_dof),
-        time_constants=np.array(item.time_constants_min, float),
-        sensor_u=np.array(item.sensor_u_degC, float),
-        temperature_range=None if ranges is None else np.array(ranges, float).reshape(sensors, 2),
-        position_range=item.position_range_mm,
-    )
+    result = thermal_from_machine_file(machine)
+    for name, item in report.components.items():
+        unit, ranges = UNITS[item.unit], item.temperature_range_degC
+        f, powers, sensors = unit.to_internal, item.degree + 1, len(item.sensors)
+        size = powers * sensors
+        seen = None if ranges is None else np.array(ranges, float).reshape(sensors, 2)
+        result[name] = ThermalEstimate(
+            component=name,
+            of=item.of,
+            unit=unit,
+            sensors=tuple(item.sensors),
+            reference=item.reference_temperature_degC,
+            coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
+            covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
+            coefficient_dof=dof_or(item.coefficient_dof),
+            leftover=np.array(item.leftover_covariance, float) * f**2,
+            leftover_dof=dof_or(item.leftover_dof),
+            time_constants=np.array(item.time_constants_min, float),
+            sensor_u=np.array(item.sensor_u_degC, float),
+            temperature_range=seen,
+            position_range=item.position_range_mm,
+        )
+    return result

@@ -345,33 +345,27 @@ def design(model: MachineModel, points: FloatArray, covariates: Covariates) -> D
         for i, axis in enumerate(model.axes):
             if axis in term.levers:
                 levers[:, i, t] = evaluate(term.levers[axis], values)
-                # An infinite lever arm is reported by _check_finite, in words.
+                # An infinite lever arm is reported below, in words.
                 with np.errstate(invalid="ignore"):
                     J[:, i, columns[t]] = levers[:, i, t, None] * rows
     remainder = np.zeros((n, a))
     for i, axis in enumerate(model.axes):
         for node in model.remainders[axis]:
             remainder[:, i] += evaluate(node, values)
-    _check_finite(model, J, remainder, points)
-    return Design(
-        J.reshape(n * a, -1), levers.reshape(n * a, -1), remainder.reshape(n * a), columns
-    )
-
-
-def _check_finite(
-    model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
-) -> None:
-    """Raises InputError for the first equation and point without a finite value, or its effect."""
     with np.errstate(invalid="ignore"):
         beyond = ~(np.abs(J) < LARGEST)
         bad = beyond.any(axis=2) | ~(np.abs(remainder) < LARGEST)
-    for i, a in np.argwhere(bad)[:1]:
-        names = [term.estimate.name for term in model.terms for _ in term.estimate.coefficients]
-        first = names[int(np.argmax(beyond[i, a]))] if beyond[i, a].any() else ""
+    for i, k in np.argwhere(bad)[:1]:
+        # The first equation and point without a finite value, or its effect.
+        owners = [term.estimate.name for term in model.terms for _ in term.estimate.coefficients]
+        first = owners[int(np.argmax(beyond[i, k]))] if beyond[i, k].any() else ""
         effect = first.rpartition(EFFECT_MARK)[0]
-        path = f"effects.{effect}" if effect else f"equations.E{model.axes[a]}"
-        problem = _not_finite(model, model.axes[a], points[i])
+        path = f"effects.{effect}" if effect else f"equations.E{model.axes[k]}"
+        problem = _not_finite(model, model.axes[k], points[i])
         raise InputError(replace(problem, file=model.file, path=path))
+    return Design(
+        J.reshape(n * a, -1), levers.reshape(n * a, -1), remainder.reshape(n * a), columns
+    )
 
 
 def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:

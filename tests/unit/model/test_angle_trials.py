@@ -10,7 +10,6 @@ from model_examples import FloatArray, estimate, model_of, part_of
 from scipy import stats
 from support import paper_study
 
-from mtu_cli.analyses.orthogonality import angle_trials
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, Line, check_square
@@ -57,7 +56,7 @@ CASES = {
 
 def model_of_case(case: Case, *, independent: bool = False) -> AngleTrials:
     given, row, column = case
-    return angle_trials("a", row, column, given, independent=independent)
+    return AngleTrials(given, "a", row, column, independent=independent)
 
 
 def drawn(model: AngleTrials, seed: int, *, plain: bool = False) -> tuple[FloatArray, FloatArray]:
