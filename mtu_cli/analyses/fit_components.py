@@ -65,9 +65,8 @@ class Component(Line):
     `pass_center` is the position (mm) at which the pass-to-pass intercept is stated: 0 without
     readings; with several instruments the mean of all their readings. There are, (q, q) of this
     intercept and the slope (q is 1 for a constant), the unbiased `pass_covariance_moment` that
-    predictions use, which may have a negative part, `pass_covariance` less that part, the mean
-    square `half_differences` of runs there and back (None without runs), and their
-    `run_covariance`, of several instruments, else None.
+    predictions use, which may have a negative part, `pass_covariance` less that part, and the mean
+    square `half_differences` of runs there and back (None without runs).
     """
 
     estimate: ComponentEstimate
@@ -76,7 +75,6 @@ class Component(Line):
     pass_covariance: FloatArray
     pass_covariance_moment: FloatArray
     half_differences: FloatArray | None
-    run_covariance: FloatArray | None
     instruments: tuple[Line, ...]
 
 
@@ -183,7 +181,6 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
         pass_covariance=D,
         pass_covariance_moment=moment,
         half_differences=halves,
-        run_covariance=_turned(estimate.run_covariance, T),
         instruments=lines,
     )
 

@@ -17,7 +17,6 @@ from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
     between_passes,
-    covariance_in_run,
 )
 from mtu_cli.model.passes import Passes, PassKey, passes_read
 from mtu_cli.model.shapes import as_table, chosen_degree, fit_table
@@ -232,8 +231,8 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
     1/W_i proportional to d^2/G_i + s_i^2/n_i. The inverses of whole covariances that few
     passes estimate would follow their errors (95 % intervals then cover 80 %).
     C = sum W_i^2 C_i whatever the weights. The scatter of passes and of visits is pooled by
-    degrees of freedom, and so is what passes there and back of a run share: an instrument's own
-    noise stays in s_repeat, which is then an upper bound of the machine's.
+    degrees of freedom: an instrument's own noise stays in s_repeat, which is then an upper bound of
+    the machine's.
     """
     first = estimates[0]
     if len(estimates) == 1:
@@ -247,8 +246,6 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
     W = _weights(estimates, D, n)
     covariance = _weighted(each("covariance"), W**2)
     ranges = [item.position_range for item in estimates if item.position_range is not None]
-    runs = [(K, item.pass_dof) for item in estimates if (K := covariance_in_run(item)) is not None]
-    in_run = _pooled([K for K, _ in runs], np.array([dof for _, dof in runs])) if runs else None
     # Welch-Satterthwaite over the mean squares behind C, by its trace; 0 where no instrument tells
     # passes apart: then one mean square stands behind all.
     by_trace = np.array([np.sum(np.diag(own) / np.diag(covariance)) for own in each("covariance")])
@@ -267,7 +264,6 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
         independent_covariance=_weighted(each("independent_covariance"), W**2),
         independent_s=float(np.sqrt(_pooled(s**2, plain))),
         position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
-        run_covariance=in_run,
     )
 
 

@@ -265,27 +265,21 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
     return blocks
 
 
-def reportable(
-    prediction: Prediction, variance: FloatArray, *, by_point: bool = False
-) -> FloatArray:
-    """The covariance (rows, rows), or those (n, a, a) of each point alone, with the variances
-    (rows,), without negative eigenvalues, as reports and pictures show it: D that is estimated
-    without bias may have a negative part; correlations are those without it. The prediction's own
-    where it has both already.
+def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
+    """The covariance (rows, rows) with the variances (rows,), without negative eigenvalues, as
+    reports show it: D that is estimated without bias may have a negative part; correlations are
+    those without it. The prediction's own where it has both already.
     """
-    wanted = variance.reshape(-1, len(prediction.axes)) if by_point else variance
-    own = prediction.assembled(by_point=True) if by_point else prediction.covariance
-    if np.allclose(np.einsum("...ii->...i", own), wanted, rtol=1e-9, atol=0.0):
-        # C + D of every block a covariance: then so is their sum, however many rows.
-        sound = not any(_indefinite(block.C + block.D) for block in prediction.blocks)
-        if sound or not (by_point or _indefinite(own)):
+    own = prediction.covariance
+    if np.allclose(np.diag(own), variance, rtol=1e-9, atol=0.0):
+        values = np.linalg.eigvalsh(own)
+        if values[0] >= -INDEFINITE * abs(values[-1]):
             return own
-    own = prediction.assembled(drawable=True, by_point=True) if by_point else prediction.drawable
-    drawn = np.einsum("...ii->...i", own)
-    ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
-    return own * ratio[..., :, None] * ratio[..., None, :]
+    return rescaled(prediction.drawable, variance)
 
 
-def _indefinite(matrix: FloatArray) -> bool:
-    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    return bool(values[0] < -INDEFINITE * abs(values[-1]))
+def rescaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
+    """The correlations of a covariance (..., rows, rows) with other variances (..., rows)."""
+    drawn = np.einsum("...ii->...i", covariance)
+    ratio = np.sqrt(np.divide(variance, drawn, out=np.zeros_like(drawn), where=drawn > 0))
+    return covariance * ratio[..., :, None] * ratio[..., None, :]

@@ -140,7 +140,6 @@ def _shared_by_directions(
     if known is None:
         return estimate, None
     C = estimate.covariance
-    # Of several instruments D is of all, K of those that ran both ways: together they are D.
     D = drawable_passes(estimate.pass_covariance, C)
     K = bounded(drawable_passes(known, C), D)
     own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
