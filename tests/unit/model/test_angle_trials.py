@@ -12,7 +12,7 @@ from support import paper_study
 
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points
-from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, Line, check_square
+from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, check_square
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials
 
@@ -102,14 +102,6 @@ def test_no_error_at_all_is_no_scatter() -> None:
 
 
 # Which rows and columns have an angle that their slopes stand for.
-
-
-"""The holes of a housing: the column's line leans by 1.9 degrees."""
-
-
-def line(places: np.ndarray, along: int) -> Line:
-    u, v = places[:, [along]], places[:, [1 - along]]
-    return u - u.mean(), v - v.mean()
 
 
 def test_a_line_that_leans_is_told_with_its_path(tmp_path: Path) -> None:
