@@ -27,21 +27,21 @@ from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, num
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.source import SYNTHETIC
-from mtu_cli.findings import error
+from mtu_cli.findings import InputError, error
 from mtu_cli.formats.base import FORWARD, REVERSE, Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.formats.renishaw import run_file
+from mtu_cli.language import Node, parse
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import (
+    Equations,
     PartsPlan,
     ReadingsPlan,
     SimulatedReadings,
-    covariate_equations,
-    errors_by_axis,
     growth,
     simulate_points,
     simulate_readings,
@@ -191,9 +191,9 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         cmm_u=options.cmm_u_um * 1e-3,
         part_offset=options.part_offset_um * 1e-3,
         first_repeats=first,
-        scatter=errors_by_axis("--scatter", options.scatter or (), model.axes),
-        effects=errors_by_axis("--effect", options.effect or (), model.axes),
-        covariates=covariate_equations("--covariate", options.covariate or ()),
+        scatter=_equations("--scatter", options.scatter, model),
+        effects=_equations("--effect", options.effect, model),
+        covariates=_equations("--covariate", options.covariate),
     )
     if options.cmm_room:
         drifts, test = _drift_test(inputs, model)
@@ -212,6 +212,35 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     # Points of calibrated circles lie on the diameter that they have at their temperature.
     grown = result.measured + growth(result, ids, points, inputs.part.part.circles)
     return points_file(replace(result, measured=grown))
+
+
+TAKEN = {
+    *("part", "feature", "operation", "repeat", "sequence", "time", "time_min"),
+    *(f"{start}{axis}" for axis in AXES for start in ("", "dir_")),
+    *(f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")),
+}
+"""Columns that points have anyway: no covariate may be called so."""
+
+
+def _equations(
+    option: str, texts: Iterable[str] | None, model: MachineModel | None = None
+) -> Equations:
+    """Errors in mm by their axis, which the `model` has; without it covariates by their name."""
+    known = None if model is None else [f"E{axis}" for axis in model.axes]
+
+    def parsed(name: str, text: str) -> Node:
+        if known is None and (name in TAKEN or not (name.isascii() and name.isidentifier())):
+            place = {"value": name, "expected": "another name, such as T_spindle_degC"}
+            raise error("wrong-type", path=option, kind="the name of a further column", **place)
+        try:
+            return parse(text)
+        except InputError as fault:
+            place = {"path": f"{option} {name}", "value": text}
+            raise InputError(each.at(**place) for each in fault.findings) from None
+
+    form, example = "NAME: EQUATION", "'Ex: 0.004*dir_x'"
+    found = assigned(option, texts, ":", form, example, parsed, known, "equation")
+    return tuple((name[known is not None :], node) for name, node in found.items())
 
 
 MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {

@@ -163,7 +163,7 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--effect", "Ez: 0.004"], "--effect: unknown equation: 'Ez'; expected one of: Ex, Ey"),
         (
             ["--covariate", "x_mm: 1"],
-            "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",
+            "--covariate: not the name of a further column: 'x_mm'; expected another name",
         ),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
