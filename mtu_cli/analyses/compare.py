@@ -33,9 +33,8 @@ from mtu_cli.model.measured import (
     roundings,
     some,
 )
-from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.prediction import Prediction, predict, temperature_warnings
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import Variance
 from mtu_cli.model.visits import (
     IntArray,

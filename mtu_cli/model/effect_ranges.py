@@ -10,7 +10,7 @@ from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import Values
 from mtu_cli.model.effect_parameters import DeclaredEffect
 from mtu_cli.model.machine_model import AXES, MachineModel, places
-from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.prediction import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 
 SLACK = 0.1

@@ -187,13 +187,15 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
     """The variance of a reading by its last digit (`stats.resolution`), mm^2 or rad^2, where
     coarsest.
     """
-    units = None if readings.unit is None else readings.unit[rows]
-    codes = readings.file_index[rows] * len(UNITS) + (0 if units is None else units)
-    result = [0.0]
-    for code in np.unique(codes).tolist():
-        unit = stated if units is None else list(UNITS.values())[code % len(UNITS)]
-        result.append(rounding_variance(readings.error[rows[codes == code]], unit.to_internal))
-    return max(result)
+    unit = np.full(len(rows), list(UNITS).index(stated.name))
+    if readings.unit is not None:
+        unit = readings.unit[rows]
+    files, result = readings.file_index[rows], 0.0
+    for file, code in {*zip(files.tolist(), unit.tolist(), strict=True)}:
+        values = readings.error[rows[(files == file) & (unit == code)]]
+        size = list(UNITS.values())[code].to_internal
+        result = max(result, rounding_variance(values, size))
+    return result
 
 
 def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:

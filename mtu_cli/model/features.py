@@ -20,8 +20,7 @@ from mtu_cli.model.machine_model import (
     coordinates_of,
     without_coordinate,
 )
-from mtu_cli.model.prediction import Prediction
-from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.prediction import Prediction, temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0

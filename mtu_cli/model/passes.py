@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -54,7 +53,8 @@ def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[Int
     times = readings.time_min[rows]
     # One reading without a time (nan) leaves its pass without.
     starts, ends = _least(group, times, G), -_least(group, -times, G)
-    timed = _one_clock(keys, starts, ends)
+    # Several files need not share a clock: their passes follow each other as the files do.
+    timed = bool(np.isfinite(starts).all() and np.ptp(keys[:, 0]) == 0)
     # Without a clock a pass goes forward first: the order of rows is not to matter.
     rank: IntArray = np.arange(G)
     if timed:
@@ -78,21 +78,6 @@ def _least(code: IntArray, values: FloatArray | IntArray, count: int) -> FloatAr
     with np.errstate(invalid="ignore"):
         np.minimum.at(result, code, values)
     return result
-
-
-def _one_clock(keys: IntArray, starts: FloatArray, ends: FloatArray) -> bool:
-    """Whether every pass (G,) has its times, and the files share a clock.
-
-    Files whose times overlap were each counted from their own start; but those of one direction
-    take turns with those of the other: of these the passes are compared.
-    """
-    if not np.isfinite(starts).all():
-        return False
-    file = keys[:, 0]
-    if _directions(file, keys[:, 2]).all():
-        file = np.where(np.ptp(file) > 0, np.arange(len(keys)), 0)
-    spans = sorted((starts[file == f].min(), ends[file == f].max()) for f in np.unique(file))
-    return all(later[0] > earlier[1] for earlier, later in pairwise(spans))
 
 
 def _directions(code: IntArray, sign: IntArray) -> IntArray:

@@ -36,8 +36,7 @@ from mtu_cli.model.measured import (
     not_measured,
     roundings,
 )
-from mtu_cli.model.prediction import constant_effects, predict
-from mtu_cli.model.temperatures import temperature_noise
+from mtu_cli.model.prediction import constant_effects, predict, temperature_noise
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
     BoolArray,

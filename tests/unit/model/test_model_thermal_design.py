@@ -17,8 +17,7 @@ from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 from mtu_cli.model.machine_model import design, drift_terms, temperatures, theta
-from mtu_cli.model.prediction import predict
-from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.prediction import predict, temperature_warnings
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
 
