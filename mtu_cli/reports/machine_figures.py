@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.reports import figures
-from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import cut, significant, spread
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

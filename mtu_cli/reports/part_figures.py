@@ -12,7 +12,7 @@ import numpy as np
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.figures import Intervals
-from mtu_cli.reports.labels import cut, spread, words
+from mtu_cli.reports.numbers import cut, spread, words
 from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM

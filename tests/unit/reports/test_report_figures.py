@@ -16,7 +16,7 @@ from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import (
     machine_figures,
-    prediction_figures,
+    predict_points,
 )
 from mtu_cli.reports.figures import blank, figure_bytes, styled
 
@@ -53,7 +53,7 @@ def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
     from matplotlib.collections import EllipseCollection
 
     result = paper.points()
-    (panel,) = prediction_figures.points(result).axes
+    (panel,) = predict_points.figure(result).axes
     (found,) = [item for item in panel.collections if isinstance(item, EllipseCollection)]
     parts = (found.get_offsets(), found.get_widths(), found.get_heights(), found.get_angles())
     drawn = [*zip(*map(np.asarray, parts), strict=True)]
@@ -89,7 +89,7 @@ def test_the_covariance_of_each_feature_is_a_block_of_the_whole(paper: Example) 
 
 def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
     result = paper.points()
-    page = prediction_figures.points(result)
+    page = predict_points.figure(result)
     figure_bytes(page, "png")
     (panel,) = page.axes
     ids = set(result.prediction.ids)
