@@ -199,8 +199,8 @@ def figure(result: CompareResult) -> Figure:
         values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
     predicted, measured = np.concatenate(values, axis=2) / UM
     shown = [
-        Intervals("predicted", figures.BLUE, *predicted, -0.14),
-        Intervals("measured", figures.ORANGE, *measured, 0.14),
+        Intervals("predicted", figures.BLUE, predicted[0], predicted[1], -0.14),
+        Intervals("measured", figures.ORANGE, measured[0], measured[1], 0.14),
     ]
     title = f"Mean errors predicted and measured ± {k:g} u of one part"
     title += f" ({len(names)} of {total})" * (len(names) < total)

@@ -352,7 +352,7 @@ def _getter(path: str) -> Callable[[Any], Any]:
             if item is None:
                 return None
             if name.isdigit():
-                item = item[int(name)]
+                item = item[int(name)] if int(name) < len(item) else None
             else:
                 item = item.get(name) if isinstance(item, Mapping) else getattr(item, name)
         return item
