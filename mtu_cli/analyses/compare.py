@@ -601,9 +601,13 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
 
 
 CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], ...] = (
-    ("few-parts", lambda x: x.one_way.parts < FEWEST_PARTS, {
-        "consequence": "means are judged by the predicted scatter; one that is off may be scatter",
-    }),
+    (
+        "few-parts",
+        lambda x: x.one_way.parts < FEWEST_PARTS,
+        {
+            "consequence": "means are judged by the predicted scatter",
+        },
+    ),
     (
         "no-repeats",
         lambda x: (x.one_way.df_within < 1) & (x.one_way.parts > 1),

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+    from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit
     from mtu_cli.model.estimates import ComponentEstimate, Estimates
     from mtu_cli.model.estimation import InstrumentFit
     from mtu_cli.model.fit import MachineFit

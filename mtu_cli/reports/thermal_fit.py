@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit
 from mtu_cli.findings import listed
 from mtu_cli.reports import machine_figures
 from mtu_cli.reports.document import Document, Table
