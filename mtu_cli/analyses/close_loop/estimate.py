@@ -226,8 +226,8 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
         tangent = _tangent(design, like, rest, best)
         if tangent is None:
             return best, None
-        fit = like.fit((*like.closure((*rest, best)), tangent.index))
-        change = fit.beta[len(like.closure((*rest, best)))] / tangent.norm
+        closure = like.closure((*rest, best))
+        change = like.fit((*closure, tangent.index)).beta[len(closure)] / tangent.norm
         new = float(np.clip(value * np.exp(np.clip(change, -0.3, 0.3)), low, high))
         items = evaluated(design, member.form, np.array([new]))
         if not items:
@@ -244,24 +244,19 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     """The derivative of an effect by the logarithm of what is searched, at its estimated sizes."""
     member = design.members[m]
     assert member.value is not None
-    columns = like.closure((*rest, m))
-    fit = like.fit(columns)
-    sizes = []
-    for index, factor in zip(member.indices, member.factors, strict=True):
-        at = columns.index(index) if index in columns else -1
-        sizes.append(fit.beta[at] / factor if at >= 0 and factor else 0.0)
+    sizes = like.fit(like.closure((*rest, m))).sizes(member)
     near = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
     items = evaluated(design, member.form, near)
     if len(items) != 2:
         return None
-    own = np.array(sizes[: len(member.form.parameters)]) / (2 * STEP)
+    own = sizes[: len(member.form.parameters)] / (2 * STEP)
     slope = own @ (items[0].columns - items[1].columns)[: len(own)]
     mean = own @ (items[0].means - items[1].means)[: len(own)]
     norms = np.linalg.norm(slope[None], axis=1)
     (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None], norms)
     if index == NONE:
         return None
-    return Tangent(index=int(index), norm=float(norm), sizes=np.array(sizes))
+    return Tangent(index=int(index), norm=float(norm), sizes=sizes)
 
 
 def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates:

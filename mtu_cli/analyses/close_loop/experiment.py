@@ -61,11 +61,7 @@ def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experimen
     items, rivals = [*posteriors], [design.members[m] for m in posteriors]
     if len(rivals) < 2:
         return None
-    fit, first = like.fit(like.closure(items[:1])), rivals[0]
-    sizes = np.array([
-        fit.beta[fit.columns.index(i)] / f if i >= 0 else 0.0
-        for i, f in zip(first.indices, first.factors, strict=True)
-    ][: len(first.form.parameters)])  # fmt: skip
+    own = like.fit(like.closure(items[:1])).sizes(rivals[0])[: len(rivals[0].form.parameters)]
     strata, by_kind = design.strata, dict[tuple[str, int], list[float]]()
     for s in np.flatnonzero(weights > 0).tolist():
         by_kind.setdefault((strata.kinds[s], strata.axis[s]), []).append(1 / weights[s])
@@ -84,7 +80,7 @@ def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experimen
             columns = np.zeros((len(levers), len(root)))
             columns[:, at] = X[0] * root[at]
             if m == items[0]:
-                signal = sizes @ columns[: len(sizes)]
+                signal = own @ columns[: len(own)]
                 continue
             Q, R = np.linalg.qr(columns.T)
             Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(), 1e-300)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
-from mtu_cli.analyses.close_loop.design import PADDING, Design, Kernel
+from mtu_cli.analyses.close_loop.design import PADDING, Design, Kernel, Member
 from mtu_cli.analyses.close_loop.strata import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -41,6 +41,12 @@ class Fit:
         """Satterthwaite's degrees of freedom of size i."""
         share = self.shares[:, i]
         return float(1 / np.sum(share**2 / self.dof)) if share.any() else np.inf
+
+    def sizes(self, member: Member) -> FloatArray:
+        """Of a member's parameters and then its margins'; 0 where nothing is left of one."""
+        sizes = dict(zip(self.columns, self.beta.tolist(), strict=True))
+        pairs = zip(member.indices, member.factors, strict=True)
+        return np.array([sizes[i] / factor if i in sizes else 0.0 for i, factor in pairs])
 
 
 class Likelihood:

@@ -8,7 +8,7 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, smooth_covariance
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.missing import interaction, missing
+from mtu_cli.analyses.close_loop.missing import Missing, interaction
 from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
@@ -33,7 +33,7 @@ def posed(
     motions of whole parts that `scatter`, which are lines of their own, the last of each axis.
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
-    gaps = missing(there, free_lines(table))
+    gaps = Missing(there, free_lines(table))
     errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
     steps = steps_of(table)
     inner = max(float(np.std(interaction(own, gaps.lines))) for own in np.moveaxis(errors, 2, 0))
