@@ -36,7 +36,6 @@ NEWTON = 4
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""
 COVERED = 0.95
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +46,7 @@ class Searched:
 
     name: str
     value: float
-    intervals: tuple[Interval, ...]
+    intervals: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
