@@ -22,11 +22,6 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import line, wiener
 from mtu_cli.stats.least_squares import FloatArray
 
-EMPTY = 1e-9
-"""Share of a column's size below which what is left of it in the strata is rounding."""
-DIGITS = 6
-MARKS = 3
-"""Projections by which a column is known."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
 STEP_RAD = 0.35
@@ -74,7 +69,8 @@ class Columns:
         self._means = np.zeros((0, A))
         self._known: dict[bytes, int] = {}
         self._new: list[tuple[IntArray, FloatArray, FloatArray]] = []
-        self._marks = np.random.default_rng(0).normal(size=(N, MARKS))
+        # Three projections by which a column is known.
+        self._marks = np.random.default_rng(0).normal(size=(N, 3))
         self.add_alone(np.zeros(0, np.int64), np.zeros((1, 0)), np.zeros((1, A)))
 
     def add(
@@ -88,12 +84,12 @@ class Columns:
         """
         norms = np.linalg.norm(X, axis=1)
         indices, factors = np.full(len(X), NONE), np.full(len(X), np.nan)
-        left = np.flatnonzero((norms > EMPTY * sizes) & (norms > 0))
+        left = np.flatnonzero((norms > 1e-9 * sizes) & (norms > 0))
         units = X[left] / norms[left, None]
         marks = units @ self._marks[at]
         signs = np.where(marks[:, 0] < 0, -1.0, 1.0)
         factors[left] = norms[left] * signs
-        keys = np.round(marks * signs[:, None], DIGITS)
+        keys = np.round(marks * signs[:, None], 6)
         new: list[int] = []
         for i, key in enumerate(keys):
             indices[left[i]] = self._known.setdefault(key.tobytes(), self.count + len(new))

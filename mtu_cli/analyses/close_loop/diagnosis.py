@@ -22,8 +22,6 @@ from mtu_cli.stats.least_squares import FloatArray
 
 DIRECTION = "dir_"
 """Names of directions begin so: their middle is no direction, and where they are counted from."""
-LEAST_MEAN = 1e-9
-"""Of a unit column, from which on an effect moves the mean."""
 OF_PARTS = {"rotation-scatter", "scale-scatter"}
 """Scatter effects that make a pattern of part x feature."""
 
@@ -174,7 +172,7 @@ def _offset_class(
         if item < 0 or i in {design.members[m].candidate for m in models.members(model)}:
             continue
         means = design.columns.means[list(design.members[item].own), a]
-        if not np.any(np.abs(means) > LEAST_MEAN):
+        if not np.any(np.abs(means) > 1e-9):
             continue
         level, u, _ = level_of(like, like.fit(models.columns((*model, item))), a)
         # Of the offset its own column is paid for, as of the effect its.

@@ -30,9 +30,6 @@ from mtu_cli.stats.kernels import smooth_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.smooth_profile import averaged
 
-SAME_LINE = 1e-9
-"""Of a line; less is rounding."""
-NEWTON = 4
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""
 COVERED = 0.95
@@ -221,7 +218,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
     low, high = float(grid.min()), float(grid.max())
     value, best = float(member.value), item
     top = like.log_likelihood(like.closure((*rest, item)))
-    for _ in range(NEWTON):
+    for _ in range(4):
         tangent = _tangent(design, like, rest, best)
         if tangent is None:
             return best, None
@@ -359,7 +356,7 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     N = np.sqrt(P) * basis.T @ np.eye(len(knots))[at]
     y = fit.residual[part][shared]
     # Of readings the lines of the passes hold it: what is left of it is rounding.
-    if np.linalg.norm(line) > SAME_LINE * np.linalg.norm(centred):
+    if np.linalg.norm(line) > 1e-9 * np.linalg.norm(centred):
         unit = line / np.linalg.norm(line)
         N, y = N - np.outer(unit, unit @ N), y - unit * (unit @ y)
     B = smooth_root(knots)

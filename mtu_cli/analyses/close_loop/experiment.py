@@ -13,7 +13,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, ndtri
 
 from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
@@ -36,10 +36,6 @@ ENOUGH = 1.25
 """Times the separation that more of the same gives, from which another experiment is worth it."""
 COUNTING = ("sequence", "tool_parts", "time_min")
 """Columns that go on from part to part."""
-POWER_DEVIATE = 0.8416212335729143
-"""Normal deviate of a power of 80 %."""
-LEAST = 1e-9
-"""Share of a column that its margins and the coefficients must leave."""
 
 Change = Callable[[FloatArray], FloatArray]
 
@@ -188,10 +184,10 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
         p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
-        z = np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v))
+        z = np.sqrt(c2) * (1 - 0.25 / v) + ndtri(0.8) * np.sqrt(1 + c2 / (2 * v))
         axes = [np.bincount(strata.axis, own) > 0 for own in shares.T]
         cells = P * H * np.sum(axes, axis=1)
-        seen = signal * k > LEAST * left.alone.sum(axis=1)
+        seen = signal * k > 1e-9 * left.alone.sum(axis=1)
         sizes[group] = np.where(seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan)
     known = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {

@@ -17,7 +17,6 @@ ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
 """Quantiles of g/n where g ~ inverse gamma(1/2, n/2): a Cauchy law of sizes in units of the
 information of one observation (Zellner & Siow 1980)."""
 TINY = 1e-9
-ITERATIONS = 5
 
 Columns = tuple[int, ...]
 
@@ -131,7 +130,7 @@ class Likelihood:
         b, own, ridge = self.b[:, models], np.einsum("smii->smi", G), self.ridge(models)
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
         R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))
-        for _ in range(ITERATIONS):
+        for _ in range(5):
             w = self.weights(R, np.broadcast_to(n, R.shape))
             A = np.einsum("sm,smij->mij", w, G) + ridge[:, None] * np.eye(models.shape[1])
             beta = np.linalg.solve(A, np.einsum("sm,smi->mi", w, b)[..., None])[..., 0]

@@ -11,8 +11,6 @@ BoolArray = NDArray[np.bool_]
 GROSS = 5.5
 """Robust standard deviations of the interaction from which on an entry is set aside."""
 ROUNDS = 5
-MAD = 1.4826
-"""Standard deviation over the median absolute deviation of a normal law."""
 FEWEST_FOR_OUTLIERS = 5
 """Parts from which on one cell can be judged by the others of its feature."""
 MOST_SHARE = 0.1
@@ -72,7 +70,7 @@ def outliers(
             filled = Missing(kept, lines).filled(np.nan_to_num(errors[..., a]))
             fitted = filled - interaction(filled, lines)
             left = np.where(there, np.nan_to_num(errors[..., a]) - fitted, 0.0)
-            spread = max(MAD * float(np.median(np.abs(left[there]))), float(least[a]))
+            spread = max(1.4826 * float(np.median(np.abs(left[there]))), float(least[a]))
             new = (np.abs(left) > GROSS * spread) & there & ~hit[..., a]
             if not new.any() or (hit[..., a] | new).sum() > MOST_SHARE * there.sum():
                 break

@@ -17,11 +17,8 @@ from mtu_cli.stats.least_squares import FloatArray
 
 NOTABLE = 0.05
 """Share of the level's predicted variance from which a line's scatter is a stratum of its own."""
-FEWEST_FOR_BENDS = 3
 SAME = 1e-6
 """Of a direction; less is left of none but rounding."""
-VOID = 1e-6
-"""Share of a stratum's coordinates below which nothing of it is left."""
 
 
 def posed(
@@ -56,7 +53,7 @@ def posed(
             share = np.einsum("ha,ahj->aj", one, strata.of_features)[of_axis, j] ** 2
             taken += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
     # A datum that takes a stratum leaves nothing of it but rounding.
-    n = np.where(n - taken > VOID * n, np.maximum(n - taken, 1.0), 0.0)
+    n = np.where(n - taken > 1e-6 * n, np.maximum(n - taken, 1.0), 0.0)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
     y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
     variance = np.zeros(len(steps))
@@ -128,7 +125,7 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
             rest = rest - lines[a] @ (lines[a].T @ rest)
             if (size := float(np.linalg.norm(rest))) > SAME:
                 lines[a] = np.column_stack([lines[a], rest / size])
-    along = _along(table) if readings and P >= FEWEST_FOR_BENDS else None
+    along = _along(table) if readings and P >= 3 else None
     if along is None:
         return strata_of(P, lines, features_scatter=not readings, moving=len(moving))
     rough = smooth_covariance(along)
