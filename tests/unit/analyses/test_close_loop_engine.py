@@ -291,8 +291,7 @@ def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
         (DRIFT, effect("scale-x", parameter("b", "um/m", 9, 1), equations={"Ex": "b*(x - 200)"})),
         (DRIFT, SMOOTH),
         (replace(DRIFT, classes=(("thermal-drift-x", 0.6), ("warm-up-x", 0.4))),),
-        # No size is estimated but one; a direction; the level's sign is all that is known.
-        (effect("d-x", parameter("d", "um/K", -2, 0.1), equations={"Ex": "d*(T_a_degC - 20)"}),),
+        # A direction; the level's sign is all that is known.
         (replace(DRIFT, equations={"Ex": "drift*dir_x + level_x"}),),
         (replace(DRIFT, equations={"Ex": "drift*1e-3*(T_a_degC - 20) + level_x"}),),
     ],
