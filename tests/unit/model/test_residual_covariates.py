@@ -61,11 +61,6 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
         means[p, h] = columns["T_cmm_degC"][own].mean()
     means = np.where(np.isnan(means), np.nanmean(means, axis=1, keepdims=True), means)
     assert table.covariates["T_cmm_degC"] == pytest.approx(means, rel=1e-14)
-    # Two readings of one part that average to the same in every hole are one a part.
-    even = measured(3, 2, 2)
-    even = replace(even, covariates={"T_cmm_degC": even.part + 0.1 * even.repeat})
-    found, _ = residual_table(stated(tmp_path, MACHINE), even)
-    assert found.covariates["T_cmm_degC"].shape == (3, 1)
 
 
 def thermal_points(parts: int, features: int, *, same_time: bool) -> Points:
@@ -158,16 +153,11 @@ def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
     assert names == [["rare"], ["often (4 of 79 rows", "most (29 of 79 rows"]]
 
 
-@pytest.mark.parametrize("whole", ["part", "feature", "same"])
+@pytest.mark.parametrize("whole", ["part", "feature"])
 def test_no_part_or_feature_goes_for_a_covariate(whole: str) -> None:
-    """Nor a row for one that is the same everywhere, of which there is nothing to test."""
     points = measured(30, 30, 1)
     column = np.arange(len(points), dtype=float)
-    if whole == "same":
-        column[:] = 7.0
-        column[3] = np.nan
-    else:
-        column[getattr(points, whole) == 4] = np.nan
+    column[getattr(points, whole) == 4] = np.nan
     points = replace(points, covariates={"batch": column, "empty": column * np.nan})
     assert np.isnan(column).sum() <= FEW_ROWS * len(points)
     assert without_gaps(points, ()) == (points, [])
