@@ -137,7 +137,7 @@ def test_a_comparison_lists_what_changed(
     pairs = compare.paired(tmp_path / "old", tmp_path / "new")
     ways = [compare.way(pair) for pair in pairs]
     assert ways == ["right as before", "became wrong", "became wrong"]
-    listed = list(compare.changes(pairs, every=False))
+    listed = list(compare.changes(pairs))
     assert listed[0] == "library-1: 2 of 3 changed: 2 became wrong"
     assert "backlash-x: named backlash-x -> named backlash-y" in listed[1]
 
