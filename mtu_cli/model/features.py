@@ -21,8 +21,7 @@ from mtu_cli.model.machine_model import (
     places,
     without_coordinate,
 )
-from mtu_cli.model.prediction import Prediction
-from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.prediction import Prediction, temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0
@@ -87,7 +86,7 @@ def guess_warnings(model: MachineModel, points: FloatArray, values: Covariates) 
     whole = {**values, **places(model, points)}
     known = {name: value for name, value in whole.items() if name not in model.constants}
     seen = outside_seen(model.effects, known, model.file)
-    return [*temperature_warnings(model, points, values), *seen]
+    return [*temperature_warnings(model, values), *seen]
 
 
 def prediction_warnings(

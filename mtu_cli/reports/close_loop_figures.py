@@ -15,8 +15,7 @@ from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Side, draw, sheet
-from mtu_cli.reports.labels import cut
-from mtu_cli.reports.numbers import p_value
+from mtu_cli.reports.numbers import cut, p_value
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
 

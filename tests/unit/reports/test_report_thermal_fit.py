@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support import CONFIGS
 
-from mtu_cli.analyses.thermal_fit.result import ThermalFit
+from mtu_cli.analyses.thermal_fit import ThermalFit
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import fitted_drift
 from mtu_cli.cli.options import Options
@@ -20,8 +20,7 @@ from mtu_cli.files.machine import load_machine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.model.fit import thermal_from_report
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.machine_figures import drift as figure
-from mtu_cli.reports.thermal_fit import document
+from mtu_cli.reports.thermal_fit import document, figure
 
 STUDY = CONFIGS / "valdes-ring"
 CONTRACT = {
