@@ -177,7 +177,7 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
     found = {
         "by": f"mtu close-loop {__version__}",
         "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
-        "p_familywise": effect.p_familywise,
+        "p_familywise": float(effect.p_familywise),
     }
     if item.table.component is not None:
         # What readings of it are no scatter any more.

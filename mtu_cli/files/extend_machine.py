@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import codecs
 import hashlib
-import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,7 +25,7 @@ from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
 WORD = re.compile(r"((?<![\w.])[A-Za-z_]\w*)")
 Entry = Mapping[str, Any]
-"""An effect as the contract has it, in plain data or arrays; what is None or {} is left out."""
+"""An effect as the contract has it, in plain data; what is None or {} is left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +54,7 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
     named = _named(machine, effects, covariates)
     old, shown = machine.document.data, machine.source.shown
     entries: list[Any] = [
-        {key: _plain(x) for key, x in effect.items() if key == "parameters" or x not in (None, {})}
+        {key: x for key, x in effect.items() if key == "parameters" or x not in (None, {})}
         for effect in named
     ]
     additions = {"covariates": covariates, "effects": entries}
@@ -141,17 +140,6 @@ def free_name(name: str, taken: Collection[str], sign: str) -> str:
 
 
 # Plain data as YAML text, and where it goes.
-
-
-def _plain(value: Any) -> Any:
-    """Python's own types alone; a number that is not finite is null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return _plain(value.tolist()) if hasattr(value, "tolist") else value
 
 
 class _Dumper(yaml.SafeDumper):
