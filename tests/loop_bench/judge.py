@@ -185,7 +185,7 @@ def of_family(family: str) -> Callable[[Record], bool]:
 
 
 def foretold(record: Record) -> Iterator[list[float]]:
-    """Rows (value, u, low, high, mean, future, half width if all were known) of the written machine
+    """Rows (value, -, low, high, mean, future, half width if all were known) of the written machine
     at places and times not measured, of axes that the truth or the machine moves, where an equation
     was written.
     """
@@ -194,4 +194,4 @@ def foretold(record: Record) -> Iterator[list[float]]:
         for ask in report.get("predicted", []):
             # Records of before have predictions at measured places, too.
             if ask.get("inside"):
-                yield from (row for row in ask["rows"] if row[0] or row[1] or row[4])
+                yield from (row for row in ask["rows"] if row[0] or row[4])
