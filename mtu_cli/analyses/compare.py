@@ -525,7 +525,9 @@ def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArr
     """The test of the scatter of features A E with their tables and `expected` MS_between."""
     df, weights = t.df_between, t.n0 / expected
     # Of part means relative to their variance; the CMM is in the variances alone.
-    correlation = (A @ prediction.scatter @ A.T) * np.sqrt(weights * weights[:, None])
+    correlation = (A @ prediction.assembled(coefficients=0.0) @ A.T) * np.sqrt(
+        weights * weights[:, None]
+    )
     np.fill_diagonal(correlation, 1.0)
     squares = prediction.variance(A).squares
     passes = prediction.pass_squares(A)

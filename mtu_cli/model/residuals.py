@@ -355,7 +355,7 @@ def _evaluated(
     of_constants, shift = constant_effects(model, places, values, centre)
     mean = centre.J @ theta(model) + centre.remainder + shift
     shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
-    blocks = component_blocks(model, centre.J, centre.levers, centre.columns)
+    blocks = component_blocks(model, centre.J, centre.levers)
     for block in (*blocks, *of_constants):
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
