@@ -336,7 +336,7 @@ def predict_operations(
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
     stated = {name: x for name, x in point_columns(points).items() if name not in given}
-    values = needed_covariates(model, points, stated, given).values
+    values, _ = needed_covariates(model, points, stated, given)
     warnings: list[Finding] = []
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
     vary = any(np.ndim(values[name]) for name in model.covariates())

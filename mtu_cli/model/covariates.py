@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -40,13 +40,6 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
     return named | points.covariates
 
 
-class Needed(NamedTuple):
-    """What the model's equations need, by name: one value a measurement (n,), or one for all."""
-
-    values: Values
-    warnings: tuple[Finding, ...]
-
-
 def needed_covariates(
     model: MachineModel,
     points: Points,
@@ -54,9 +47,10 @@ def needed_covariates(
     at: Mapping[str, float],
     *,
     at_nominal: bool = False,
-) -> Needed:
-    """The model's covariates at every point; the points' own `columns` come before `at`. A model
-    that is asked `at_nominal` places has no use for measured coordinates in their place.
+) -> tuple[Values, list[Finding]]:
+    """The model's covariates, one value a point (n,) or one for all; the points' own `columns` come
+    before `at`, which is warned of. A model that is asked `at_nominal` places has no use for
+    measured coordinates in their place.
 
     Times are added where a drift lags behind its temperatures.
 
@@ -86,8 +80,7 @@ def needed_covariates(
         raise InputError(problems)
     reason = "the points have the column"
     idle = [name for name in asked if name in columns and name in at]
-    warnings = [finding("not-used", what="--at", names=[name], reason=reason) for name in idle]
-    return Needed(values=values, warnings=tuple(warnings))
+    return values, [finding("not-used", what="--at", names=[x], reason=reason) for x in idle]
 
 
 def _row(measured: Points | Readings, i: int) -> dict[str, Any]:

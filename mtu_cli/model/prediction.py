@@ -172,11 +172,7 @@ class Prediction:
         """
         found = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         parts = np.array([part for part, _ in found])
-        behind = MeanSquares(
-            of_mean=np.concatenate([own.of_mean for _, own in found]),
-            of_part=np.concatenate([own.of_part for _, own in found]),
-            dof=np.concatenate([own.dof for _, own in found]),
-        )
+        behind = MeanSquares(*map(np.concatenate, zip(*(own for _, own in found), strict=True)))
         by_block, split = parts.sum(axis=1), parts.sum(axis=0)
         total = by_block.sum(axis=0)
         squares = behind.of_mean + behind.of_part

@@ -228,13 +228,13 @@ def residual_table(
         points = only_rows(points, ~lost)
     layout = _layout(model, points)
     at, cells, columns = covariates or {}, layout.cells, point_columns(points)
-    needed = needed_covariates(model, points, columns, at, at_nominal=True)
+    values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
     shown, more = table_covariates(columns, cells, points, np.arange(len(points)))
-    predicted, common, of_part = cell_model(model, points.nominal, needed.values, cells, shown)
+    predicted, common, of_part = cell_model(model, points.nominal, values, cells, shown)
     first = np.unique(cells.column, return_index=True)[1]
-    once = predict(model, layout.features, points.nominal[first], rows_of(needed.values, first))
-    warned += [*needed.warnings, *more, *outside_warnings(once)]
-    warned += guess_warnings(model, points.nominal, needed.values)
+    once = predict(model, layout.features, points.nominal[first], rows_of(values, first))
+    warned += [*idle, *more, *outside_warnings(once)]
+    warned += guess_warnings(model, points.nominal, values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
     errors = freed_errors(points, errors, axes, datum)[0]

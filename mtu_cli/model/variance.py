@@ -37,8 +37,7 @@ class Block:
     half_differences: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeanSquares:
+class MeanSquares(NamedTuple):
     """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
     (K, m) is what each adds to the variance of the mean over all future parts, that of the
     coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
