@@ -267,19 +267,3 @@ def test_a_frame_turns_about_its_nominal_axes() -> None:
     assert found.nominal == pytest.approx([0, 0], abs=1e-15)
     u_w = 1e-3 * np.sqrt(1.5**2 + 0.8**2 + 0.3**2)
     assert found.u[1] == pytest.approx(2**0.5 * u_w / 160, rel=1e-9)
-
-
-def test_a_transition_without_a_value_is_named(tmp_path: Path) -> None:
-    """sqrt(a) of a normal with mean 1 and u 1: the first of the two steps, with its line."""
-    text = """
-places:
-  a: {kind: constant, value: 1, u: 1}
-  s: {kind: constant}
-  t: {kind: constant}
-transitions:
-  - {do: compute, in: [a], out: s, formula: sqrt(a)}
-  - {do: compute, in: [s], out: t, formula: s + 1}
-"""
-    graph = graph_of(tmp_path, text)
-    with pytest.raises(InputError, match=r"yaml:9: transitions\[0\].*no finite sqrt\(\) at -"):
-        GraphTrials(graph, graph.outputs()).draw(np.random.default_rng(1), 100)
