@@ -21,7 +21,7 @@ from mtu_cli.language import names, parse
 from mtu_cli.model.basis import TableShape
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Maps, Side, draw, sheet
+from mtu_cli.reports.arrows import Maps, Sheet, Side
 from mtu_cli.reports.numbers import cut, p_value
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
@@ -57,14 +57,14 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     effect depends on (of none: part by part), smooth effects with their band; and the ranking.
     """
     maps = _maps(item)
-    drawn = None if maps is None else sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
+    drawn = None if maps is None else Sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
     above = 0.0 if drawn is None else drawn.height
     page = figures.blank(WIDTH, above + HIGH + 0.4)
     lower = page.add_subfigure(page.add_gridspec(1, 1)[0])
     if drawn is not None:
         grid = page.add_gridspec(2, 1, height_ratios=[above, HIGH])
         lower.remove()
-        draw(page.add_subfigure(grid[0]), drawn, f"Mean errors of the {item.nouns[1]}s")
+        drawn.draw(page.add_subfigure(grid[0]), f"Mean errors of the {item.nouns[1]}s")
         lower = page.add_subfigure(grid[1])
     shown = list(_overs(item))[:EFFECTS] or [_by_row(item)]
     panels = lower.subplots(1, len(shown) + 1, squeeze=False)[0]
