@@ -461,9 +461,9 @@ def warnings_of(axis: Axis) -> Iterator[Finding]:
     if mask.any() and axis.rows is not None:
         lines = tuple(sorted(axis.rows[mask].tolist()))
         far = float(np.abs(off[mask]).max()) / axis.size
-        facts: dict[str, Any] = {"what": axis.name, "unit": axis.unit, "beside": "the other runs"}
-        facts |= {"off": far, "count": int(mask.sum()), "s": scatter / axis.size, "rows": lines}
-        yield finding("outlying-value", file=axis.file, row=lines[0], column="error", **facts)
+        off_by: dict[str, Any] = {"what": axis.name, "unit": axis.unit, "beside": "the other runs"}
+        off_by |= {"off": far, "count": int(mask.sum()), "s": scatter / axis.size, "rows": lines}
+        yield finding("outlying-value", file=axis.file, row=lines[0], column="error", **off_by)
 
 
 def evaluate_all(
