@@ -51,6 +51,11 @@ def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
         (["graph", "sweep", "g.yaml"], "missing option '--vary'"),
         (["graph", "chek"], "no such command 'chek'. Did you mean 'check' (see mtu graph --help)"),
         (["lengths", "--at", "-o"], "--at: not NAME=VALUE: '-o'"),
+        (
+            ["simulate", "--cmm-room", "22:25"],
+            "invalid value for '--cmm-room': not a number: '22:25'",
+        ),
+        (["simulate", "--passes", "0"], "invalid value for '--passes': '0' is not a whole number"),
         (["lengths", "-p", ""], "invalid value for '-p' / '--part': it names no file"),
         (["\u65e5\u672c" * 40], "no such command '\u65e5\u672c"),
         (["lengths", "--a\x1b[31m\n"], "no such option: --a\\x1b[31m"),
