@@ -29,8 +29,7 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
-from mtu_cli.model.effect_ranges import guess_warnings
-from mtu_cli.model.features import dof_warnings, outside_warnings
+from mtu_cli.model.features import dof_warnings, guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import no_shared_axis, roundings
 from mtu_cli.model.settings import Settings
