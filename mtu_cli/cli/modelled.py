@@ -21,7 +21,7 @@ from mtu_cli.model.fit import (
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 
 if TYPE_CHECKING:
-    from mtu_cli.analyses.thermal_fit.result import ThermalFit
+    from mtu_cli.analyses.thermal_fit import ThermalFit
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.readings import Readings
     from mtu_cli.files.reports_read import ComponentsReport, ThermalReport

@@ -28,7 +28,7 @@ from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.source import SYNTHETIC
 from mtu_cli.findings import InputError, error
-from mtu_cli.formats.base import FORWARD, REVERSE, Imported
+from mtu_cli.formats.base import Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.formats.renishaw import run_file
 from mtu_cli.language import Node, parse
@@ -125,7 +125,7 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     columns: dict[str, list[Any]] = {
         "position_mm": made.position.tolist(),
         "pass": made.pass_number.tolist(),
-        "direction": [FORWARD if sign > 0 else REVERSE for sign in made.direction],
+        "direction": ["forward" if sign > 0 else "reverse" for sign in made.direction],
         "error": (made.error * (unit.to_internal / written.to_internal)).tolist(),
     }
     content = run_file(Imported(format=kind, columns=columns))

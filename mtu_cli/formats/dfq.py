@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
-from mtu_cli.formats.base import POINTS, Ask, Format, Imported, RawFile
+from mtu_cli.formats.base import Ask, Format, Imported, RawFile
 from mtu_cli.formats.grid import Faults
 from mtu_cli.formats.points import OF_AXIS, Coordinate, collect
 
@@ -69,7 +69,7 @@ def _parsed(file: RawFile, faults: Faults) -> _Data:
 
 def read(file: RawFile, ask: Ask) -> Imported:
     """Values of characteristics named ``feature.X``: the n-th value of each is the n-th part."""
-    result, faults = Imported(format="dfq", kind=POINTS), Faults(file)
+    result, faults = Imported(format="dfq", kind="points"), Faults(file)
     data = _parsed(file, faults)
     faults.raise_if_any()
     coordinates, seen = list[Coordinate](), dict[int, int]()
@@ -94,6 +94,6 @@ def read(file: RawFile, ask: Ask) -> Imported:
 
 
 FORMATS = (
-    Format("dfq", "Q-DAS AQDEF", (POINTS,), lambda file: file.text.lstrip().startswith("K0100"),
+    Format("dfq", "Q-DAS AQDEF", "points", lambda file: file.text.lstrip().startswith("K0100"),
            read),
 )  # fmt: skip

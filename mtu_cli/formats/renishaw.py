@@ -8,18 +8,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from mtu_cli.formats.base import (
-    FORWARD,
-    OTHER,
-    READINGS,
-    REVERSE,
-    Ask,
-    Format,
-    Imported,
-    RawFile,
-    add_readings,
-    local,
-)
+from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings, local
 from mtu_cli.formats.grid import Faults, number
 
 UNITS = {"rtl": "um", "rta": "mrad"}
@@ -134,7 +123,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
         result.doubts.append("reverse runs of zeros in a file that is flagged as one-way")
     add_readings(file, ask, result, UNITS[kind], (
         (row, targets[index - 1], (run + 1) // 2 if padded or not one_way else run,
-         FORWARD if one_way or run % 2 else REVERSE, value)
+         "forward" if one_way or run % 2 else "reverse", value)
         for (run, index), (row, value) in values.items() if run % 2 or not padded
     ))  # fmt: skip
     result.says = [f"targets in {TARGET_UNITS[kind]}, deviations in {UNITS[kind]}",
@@ -168,18 +157,13 @@ def read_rtx(file: RawFile, ask: Ask) -> Imported:
     if len(body) < 8 * count or not body[8 * count :].strip(b"\r\n").startswith(b"EOF"):
         facts = {"found": f"{len(body)} bytes of samples", "expected": f"{8 * count} and EOF::"}
         raise file.error("wrong-count", **facts)
-    result = Imported(format="rtx", kind=OTHER, rows=[1] * count)
+    result = Imported(format="rtx", kind="features", rows=[1] * count)
     result.facts = {name: value for name, (_, value) in header.items() if 0 < len(value) < 80}
     if count:
         samples = np.frombuffer(body, "<f8", count)
         result.facts |= {"least": float(samples.min()), "largest": float(samples.max())}
     result.says = ["the order of day and month in Date is not known"]
     return result
-
-
-def _is_rtx(file: RawFile) -> bool:
-    head = file.content[:4000]
-    return b"CARTO-Dynamic" in head or (b"Sample no" in head and bool(_SAMPLES.search(head)))
 
 
 def features_of(file: RawFile) -> dict[str, Any]:
@@ -213,22 +197,18 @@ def read_b5r(file: RawFile, ask: Ask) -> Imported:
     features = known.pop("features")
     shown = {name: f"{each['value']:g} {each['unit']}".strip() for name, each in features.items()}
     says = ["A and B are first and second axis of the plane; raw samples are not read"]
-    return Imported(format="b5r", kind=OTHER, rows=[1] * len(features), facts=known | shown,
+    return Imported(format="b5r", kind="features", rows=[1] * len(features), facts=known | shown,
                     says=says)  # fmt: skip
-
-
-def _is_b5r(file: RawFile) -> bool:
-    return file.xml is not None and any(local(each) == "FEATURE" for each in file.xml.iter())
 
 
 def run_file(data: Imported) -> bytes:
     """Readings of one component as a run file, six decimals: the grammar of `read`."""
     columns, kind = data.columns, data.format
     targets = sorted(set(columns["position_mm"]))
-    one_way = set(columns["direction"]) == {FORWARD}
+    one_way = set(columns["direction"]) == {"forward"}
     cells = (columns[name] for name in ("pass", "direction", "position_mm", "error"))
     rows = [
-        (p if one_way else 2 * p - (way == FORWARD), targets.index(x) + 1, value)
+        (p if one_way else 2 * p - (way == "forward"), targets.index(x) + 1, value)
         for p, way, x, value in zip(*cells, strict=True)
     ]
     lines = [
@@ -244,8 +224,17 @@ def run_file(data: Imported) -> bytes:
 
 
 FORMATS = (
-    Format("rtl", "Renishaw linear run", (READINGS,), lambda f: _kind(f) == "rtl", read),
-    Format("rta", "Renishaw angular or rotary run", (READINGS,), lambda f: _kind(f) == "rta", read),
-    Format("rtx", "Renishaw dynamic capture", (OTHER,), _is_rtx, read_rtx),
-    Format("b5r", "Renishaw ballbar, features", (OTHER,), _is_b5r, read_b5r),
-)
+    Format("rtl", "Renishaw linear run", "readings", lambda x: _kind(x) == "rtl", read),
+    Format("rta", "Renishaw angular or rotary run", "readings", lambda x: _kind(x) == "rta", read),
+    Format(
+        "rtx", "Renishaw dynamic capture", "features",
+        lambda x: b"CARTO-Dynamic" in x.content[:4000] or bool(
+            b"Sample no" in x.content[:4000] and _SAMPLES.search(x.content[:4000])),
+        read_rtx,
+    ),
+    Format(
+        "b5r", "Renishaw ballbar, features", "features",
+        lambda x: x.xml is not None and any(local(each) == "FEATURE" for each in x.xml.iter()),
+        read_b5r,
+    ),
+)  # fmt: skip

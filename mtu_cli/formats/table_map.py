@@ -14,16 +14,7 @@ from mtu_cli.files.contract import Contract, Faults, check_contract, optional
 from mtu_cli.files.headers import TIMES, TableSpec
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import suggestion
-from mtu_cli.formats.base import (
-    FORWARD,
-    POINTS,
-    READINGS,
-    REVERSE,
-    Ask,
-    Imported,
-    RawFile,
-    unit_of,
-)
+from mtu_cli.formats.base import Ask, Imported, RawFile, unit_of
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, said
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.wide import way_of
@@ -92,7 +83,7 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
 
     assert ask.profile is not None
     profile = read_profile(ask.profile)
-    kind = str(ask.kind if ask.kind in specs else READINGS)
+    kind = str(ask.kind if ask.kind in specs else "readings")
     skip, sign = profile.skip_rows, WORDS.get(profile.separator or "", profile.separator)
     grid = grid_of(file.lines[skip:], skip + 1, sign)
     if len(grid.rows) < 2:
@@ -129,7 +120,7 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         result.drop("empty cells", len(whole) - len(table))
     faults.raise_if_any()
     table = _worked(profile, table)
-    if kind != POINTS and len(table):
+    if kind != "points" and len(table):
         if ask.component:
             table["component"] = ask.component
         elif "component" not in table:
@@ -179,7 +170,7 @@ def _turned(unpivot: Unpivot, ask: Ask) -> Iterator[dict[str, Any]]:
     """
     how, passes = ask.directions or unpivot.directions, Counter[str | None]()
     for n, name in enumerate(unpivot.columns):
-        ways = {"headings": way_of(name), "alternate": (FORWARD, REVERSE)[n % 2]}
+        ways = {"headings": way_of(name), "alternate": ("forward", "reverse")[n % 2]}
         way = ways.get(how or "", how)
         passes[way] += 1
         own = {"": name, unpivot.names: passes[way] if unpivot.names == "pass" else name}

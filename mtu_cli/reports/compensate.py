@@ -155,6 +155,8 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
         f"errors (actual minus nominal) in {unit}; held: as read back from the file; the file's "
         f"values are {control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
     )
+    if result.reference is not None:
+        footer += f"; zero at {result.reference:g} {'deg' if result.asked.rotary else 'mm'}"
     what = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
     moved = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
     found = _figures(result) or {}

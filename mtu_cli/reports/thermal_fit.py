@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit
 from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +84,9 @@ def test_an_earlier_test_is_compared(laser: Path, tmp_path: Path) -> None:
     made = json.loads((tmp_path / "o.json").read_text("utf-8"))
     found = made["results"]["axes"]["dx_x"]["before"]
     assert (found["B"]["differs"], found["R_forward"]["differs"]) == (True, False)
+    assert found["B_mean"]["difference"] == pytest.approx(-30.0)
+    u = [x["u_sampling"] for x in (made["results"]["axes"]["dx_x"]["B_mean"], found["B_mean"])]
+    assert found["B_mean"]["bound"] == pytest.approx(2 * math.hypot(*u))
     assert [x["role"] for x in made["inputs"]] == ["laser", "before"]
     other = write_readings(tmp_path / "other.csv", targets, earlier, "dy_y")
     refused = done(mtu("iso230", "--laser", laser, "--before", other), 2).stderr

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,11 +14,11 @@ from mtu_cli.analyses.anova.parts import (
     Trend,
     UnusualPart,
     capabilities,
-    sequences,
     trends,
     unusual_parts,
 )
 from mtu_cli.analyses.anova.tables import METHODS, Analysed, Kind, Method, analysed
+from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
@@ -37,24 +37,16 @@ from mtu_cli.model.measured import (
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import (
     axes_of,
-    basis,
     freed,
     incomplete_datum,
     only_features,
+    operations_of,
     visits_of,
-    without,
 )
 from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
-from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from mtu_cli.files.part import LoadedPart
 
 __all__ = ["METHODS", "Analysed", "AnovaResult", "Method", "analyse_variance"]
-
-FEWEST_LEFT, MOST = 6, 0.5
-"""With fewer errors left over a rigid motion explains much by chance; the share it may explain."""
 
 
 class Total(NamedTuple):
@@ -146,9 +138,10 @@ def analyse_variance(
         for label in item.singles:
             outliers[label] = (*outliers.get(label, ()), item.part)
     kinds = [replace(x, unusual=tuple(outliers.get(each, ()) for each in x.labels)) for x in kinds]
-    features, sequence = kinds[0], sequences(points)
-    if datum == "none":
-        warnings += _set_up_warnings(features, points)
+    operations, operation = operations_of(points)
+    places = np.full((len(operations), len(points.parts)), np.nan)
+    places[operation, points.part] = points.sequence
+    sequence = dict(zip(operations, places, strict=True))
     return AnovaResult(
         method=method,
         datum=datum,
@@ -157,7 +150,7 @@ def analyse_variance(
         sequence=sequence,
         trends=trends(kinds, sequence),
         capabilities=capabilities(kinds, part, sequence),
-        totals=_totals(features),
+        totals=_totals(kinds[0]),
         warnings=(*warnings, *_warnings(kinds, method)),
     )
 
@@ -193,36 +186,6 @@ def _totals(found: Analysed) -> tuple[Total, ...]:
         )
         result.append(total)
     return tuple(result)
-
-
-def _set_up_warnings(found: Analysed, points: Points) -> list[Finding]:
-    """Mean errors in the plane most of which one offset and rotation of all features explain.
-
-    By mean squares before and after: the motion's own freedoms count. Errors that the last digit
-    makes are none.
-    """
-    places = np.zeros((len(points.features), 3))
-    places[points.feature, :2] = points.nominal[:, :2]
-    where = dict(zip(points.features, places, strict=True))
-    means = dict(zip(found.labels, found.one_way.mean.tolist(), strict=True))
-    planes: dict[str, list[str]] = {}
-    for operation, name, axis in found.labels:
-        if axis == "x" and (operation, name, "y") in means:
-            planes.setdefault(operation, []).append(name)
-    warned = []
-    for operation, names in planes.items():
-        errors = np.array([[means[operation, name, axis] for axis in "xy"] for name in names])
-        Q = basis(np.array([where[name] for name in names]), (0, 1), "offset,rotation")
-        square, left = float((errors**2).mean()), errors.size - Q.shape[1]
-        if left < FEWEST_LEFT or not square > 3 * float(found.tables.rounding.mean()):
-            continue
-        explained = 1 - float((without(Q, errors.reshape(-1, 1)) ** 2).sum()) / left / square
-        if explained >= MOST:
-            x, y = errors.mean(axis=0) / UM
-            of = f" of {operation} features" if operation else ""
-            facts = {"percent": min(int(100 * explained), 99), "operation": of}
-            warned.append(finding("set-up-dominates", x_um=x, y_um=y, **facts))
-    return warned
 
 
 KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}

@@ -11,9 +11,7 @@ import numpy as np
 
 from mtu_cli.analyses.anova.tables import TAIL, Analysed
 from mtu_cli.files.part import LoadedPart, Tolerance
-from mtu_cli.files.points import Points
 from mtu_cli.model.measured import Label
-from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.family import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.rotation import outstanding_rows
@@ -97,14 +95,6 @@ def _mean(values: FloatArray) -> FloatArray:
     """Of each column, of what is known; 0 where nothing is."""
     count = np.maximum(np.isfinite(values).sum(axis=0), 1)
     return np.asarray(np.nan_to_num(values).sum(axis=0) / count)
-
-
-def sequences(points: Points) -> dict[str, FloatArray]:
-    """Of every operation the place (parts,) of each part in the sequence, nan where it is not."""
-    operations, operation = operations_of(points)
-    result = np.full((len(operations), len(points.parts)), np.nan)
-    result[operation, points.part] = points.sequence
-    return dict(zip(operations, result, strict=True))
 
 
 class Trend(NamedTuple):

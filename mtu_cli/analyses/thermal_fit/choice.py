@@ -13,7 +13,6 @@ import numpy as np
 
 from mtu_cli.analyses.thermal_fit.design import Design
 from mtu_cli.analyses.thermal_fit.models import Fitted, Spec
-from mtu_cli.analyses.thermal_fit.result import HeldOut
 
 KINDS = ("stepwise", "ridge", "lagged")
 PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
@@ -33,6 +32,26 @@ FEWEST_NESTED = 3
 
 Blocks = Sequence[tuple[int, ...]]
 """Cycles by index, those together that are held out together."""
+
+
+class HeldOut(NamedTuple):
+    """Root mean squares over readings of cycles that took no part in fit or choice: `before`
+    without temperature, `after` with the model, `ordinary` with least squares on all sensors.
+    """
+
+    before: float
+    after: float
+    ordinary: float
+
+    @property
+    def r2(self) -> float:
+        """1 - after^2/before^2; nan where the readings do not differ."""
+        return 1.0 - (self.after / self.before) ** 2 if self.before > 0 else float("nan")
+
+    @property
+    def reduction(self) -> float:
+        """1 - after/before; nan where the readings do not differ."""
+        return 1.0 - self.after / self.before if self.before > 0 else float("nan")
 
 
 class Scored(NamedTuple):

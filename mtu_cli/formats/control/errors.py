@@ -65,16 +65,6 @@ class ErrorTable:
         return float(round((self.at[-1] - self.at[0]) / len(steps), 6))
 
 
-def always(_: Parameters) -> bool:
-    """Whatever the parameters."""
-    return True
-
-
-def never(_: Parameters) -> bool:
-    """Under no parameters."""
-    return False
-
-
 @dataclass(frozen=True, slots=True)
 class Controller:
     """A control's format.
@@ -96,8 +86,8 @@ class Controller:
     _: KW_ONLY
     says: str
     quantum: Callable[[Parameters], float] = lambda _: NANOMETRE
-    two: Callable[[Parameters], bool] = never
-    equidistant: Callable[[Parameters], bool] = always
+    two: Callable[[Parameters], bool] = lambda _: False
+    equidistant: Callable[[Parameters], bool] = lambda _: True
     zeroed: str = ""
     comment: str = ""
     most: int | None = None

@@ -23,12 +23,10 @@ from mtu_cli.formats.control.errors import (
     Controller,
     ErrorTable,
     Parameters,
-    always,
     choice,
     decimals,
     in_order,
     lines_of,
-    never,
     number_parameter,
     numeric,
     parameter,
@@ -304,13 +302,13 @@ CEC = Controller(
     "siemens-cec", "error", _write_cec, _read_cec, {"axis": "AX1", "table": "0"},
     says="Values are errors (measured minus ideal); DIRECTION 1 forward, -1 reverse. Confirm the "
     "sign by a verification move. Enable with MD32710 and SD41300.",
-    two=always, zeroed="forward", comment=";", rotary=True,
+    two=lambda _: True, zeroed="forward", comment=";", rotary=True,
 )  # fmt: skip
 BECKHOFF = Controller(
     "beckhoff", "error", _write_ssfk, _read_ssfk, {"axis": "X", "unit": "1", "counts_per_mm": ""},
     says="kw.ssfk: values are errors (actual minus nominal), pos forward, neg reverse; unit 1 is "
     "0.1 um, 0 increments. Activate with lr_param.ssfk 1.",
-    quantum=_ssfk_unit, two=always, equidistant=never, most=MOST_SSFK,
+    quantum=_ssfk_unit, two=lambda _: True, equidistant=lambda _: False, most=MOST_SSFK,
 )  # fmt: skip
 AEROTECH = Controller(
     "aerotech", "correction", _write_cal, _read_cal,

@@ -21,8 +21,7 @@ from synthetic_drift import (
     sensor_names,
 )
 
-from mtu_cli.analyses.thermal_fit import design, thermal_fit
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit, design, thermal_fit
 from mtu_cli.findings import InputError
 from mtu_cli.stats.least_squares import FloatArray
 

@@ -12,13 +12,10 @@ from positioning_examples import positioning, published
 from mtu_cli.analyses.iso230 import (
     ISO,
     Axis,
-    compared,
     corrected,
     evaluate,
     figures_of,
     instrument_u,
-    limited,
-    outlying_runs,
     plan,
     sampling_u,
     statistics,
@@ -157,21 +154,10 @@ def test_one_approach_each_way_has_E_B_and_M() -> None:
 
 def test_a_transient_is_shown_and_stays() -> None:
     rows = np.arange(50).reshape(2, 5, 5) + 2
-    (found,) = outlying_runs(positioning(*published(1), rows=rows, file="a.csv"))
-    assert found.facts["rows"] == (2, 7)
-    assert not list(outlying_runs(positioning(*published(3), rows=rows)))
-
-
-def test_figures_of_another_test_differ_or_not() -> None:
-    targets, readings = published(3)
-    now = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
-    moved = readings + np.array([30.0, 0.0])[:, None, None]
-    then = evaluate(positioning(targets, moved), None, 2.0, 1, 0)
-    found = compared(now, then).figures
-    assert (found["B"].differs, found["R_forward"].differs) == (True, False)
-    assert found["B_mean"].difference / UM == pytest.approx(-30.0)
-    u = [each.figures["B_mean"].u_sampling for each in (now, then)]
-    assert found["B_mean"].bound == pytest.approx(2 * math.hypot(*u))
+    for number, expected in ((1, [(2, 7)]), (3, [])):
+        test = positioning(*published(number), rows=rows, file="a.csv")
+        found = warnings_of(evaluate(test, None, 2.0, 1, 0))
+        assert [x.facts["rows"] for x in found if x.code == "outlying-value"] == expected
 
 
 def test_limits_are_decided_by_iso_14253_1() -> None:
@@ -181,8 +167,9 @@ def test_limits_are_decided_by_iso_14253_1() -> None:
     assert U > 0
     verdicts = {1.1: "conforming", 0.5: "not proven", -0.5: "not proven", -1.1: "nonconforming"}
     for share, verdict in verdicts.items():
-        assert limited(axis, {"A": A + share * U}).figures["A"].verdict == verdict
-    assert limited(axis, {"dy_y.A": 1.0}).figures["A"].verdict is None
+        limits = {"A": A + share * U, "dy_y.A": 1.0}
+        judged = evaluate(positioning(*published(3)), budget, 2.0, 1, 0, limits)
+        assert judged.figures["A"].verdict == verdict
 
 
 @pytest.mark.parametrize(

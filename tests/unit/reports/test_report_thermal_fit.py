@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support import CONFIGS
 
-from mtu_cli.analyses.thermal_fit.result import ThermalFit
+from mtu_cli.analyses.thermal_fit import ThermalFit
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import fitted_drift
 from mtu_cli.cli.options import Options
