@@ -183,9 +183,9 @@ def warning_lines(warnings: Iterable[Finding]) -> list[str]:
 
 
 def asked_gates(options: Options) -> dict[str, float]:
-    """The gates of --fail-if with their limits, 0 of a gate without one.
+    """The gates of --fail-if with their limits, 0 of a gate without one; `options.gates` are as
+    help has them: ``drift``, ``nonconforming=0.01``.
 
-    Those of the command are as its help has them: ``drift``, ``nonconforming=0.01``.
     Raises InputError with every gate that is unknown or lacks its limit.
     """
     known = (SUSPICIOUS, *options.gates)
@@ -202,8 +202,6 @@ def asked_gates(options: Options) -> dict[str, float]:
             expected = "a probability from 0 to below 1, such as 0.01 for 1 %"
             place = {"path": f"--fail-if {name}", "value": text}
             problems.append(finding("out-of-range", **place, expected=expected))
-        elif equals and name in result:
-            problems.append(finding("appears-twice", what=f"--fail-if {name}", value=text))
         result[name] = share or 0.0
     if problems:
         raise InputError(problems)
@@ -305,7 +303,9 @@ def check_outputs(inputs: Inputs) -> None:
             expected = f"a name that ends in {' or '.join(endings)}"
             place = {"file": given_path(path), "expected": expected}
             problems.append(finding("output-form", reason=reason, **place))
-    first = {each.file or each.message: each for each in [*target_faults(files), *problems[::-1]]}
+    first = {
+        each.file or each.message: each for each in [*target_faults(files)[::-1], *problems[::-1]]
+    }
     if first:
         raise InputError(reversed(first.values()))
 

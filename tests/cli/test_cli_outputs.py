@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_runner import prepared
 
-from mtu_cli.cli.analyse import fit_components
 from mtu_cli.cli.emit import Outcome, check_outputs, execute, warning_lines
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
@@ -92,26 +89,6 @@ def test_warnings_are_said_once_and_notes_not_with_quiet(
     for quiet in (True, False):
         execute(Options("lengths", {"quiet": quiet}), lambda *_: Outcome(warnings=[note]))
         assert ("not-estimable" in capsys.readouterr().err) != quiet
-
-
-def test_readings_that_a_report_was_fitted_to_are_no_news(small: Path) -> None:
-    """A warning only where the files are others."""
-    fitted = small / "r.json"
-    execute(Options("fit-components", {"out": fitted, "quiet": True}), fit_components)
-
-    def names(values: Mapping[str, Any]) -> list[Any]:
-        found = modelled(Inputs(Options("lengths", {"components": [fitted], **values}))).warnings
-        return [item.facts["names"] for item in found if item.code == "not-used"]
-
-    assert names({}) == []
-    (small / "new.csv").write_bytes((small / "lbb.csv").read_bytes() + b"# once more\n")
-    for lbb in (["new.csv"], ["lbb.csv", "new.csv"]):
-        assert names({"lbb": [Path(name) for name in lbb]}) == [["new.csv"]]
-    with pytest.raises(InputError, match=r"lbb\.cvs: no such file; did you mean 'lbb\.csv'"):
-        names({"lbb": [Path("lbb.cvs")]})
-    document = json.loads(fitted.read_text())
-    fitted.write_text(json.dumps(document | {"inputs": []}))
-    assert len(names({})) == 1
 
 
 @pytest.mark.parametrize("name", ["dir_z=0", "dir_x=2", "dir_*=0.5"])
