@@ -461,9 +461,11 @@ def warnings_of(axis: Axis) -> Iterator[Finding]:
     if mask.any() and axis.rows is not None:
         lines = tuple(sorted(axis.rows[mask].tolist()))
         far = float(np.abs(off[mask]).max()) / axis.size
-        facts = {"what": axis.name, "unit": axis.unit, "beside": "the other runs", "off": far}
-        facts |= {"count": int(mask.sum()), "s": scatter / axis.size, "rows": lines}
-        yield finding("outlying-value", file=axis.file, row=lines[0], column="error", **facts)
+        yield finding(
+            "outlying-value", file=axis.file, row=lines[0], column="error", what=axis.name,
+            unit=axis.unit, beside="the other runs", off=far, count=int(mask.sum()),
+            s=scatter / axis.size, rows=lines,
+        )  # fmt: skip
 
 
 def evaluate_all(

@@ -8,7 +8,6 @@ from math import isfinite
 
 import numpy as np
 
-from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import (
     FEWEST,
     FormLeft,
@@ -18,6 +17,7 @@ from mtu_cli.analyses.correct.scatter import (
     point_scatter,
 )
 from mtu_cli.analyses.correct.sizes import (
+    RowErrors,
     Sides,
     Size,
     mean_sizes,

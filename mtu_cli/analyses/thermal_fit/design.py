@@ -125,8 +125,8 @@ class Design:
             # Time constants from twice the usual step on, in powers of two.
             self.step = float(np.median(steps[steps > 0]))
             longest = max(float(time[-1] - time[0]) for time in times)
-            count = int(np.clip(np.floor(np.log2(longest / (2 * self.step))) + 1, 0, MOST_LAGS))
-            self.time_constants = np.append(0.0, 2 * self.step * 2.0 ** np.arange(count))
+            many = int(np.clip(np.floor(np.log2(longest / (2 * self.step))) + 1, 0, MOST_LAGS))
+            self.time_constants = np.append(0.0, 2 * self.step * 2.0 ** np.arange(many))
         rise, n = (self.T - reference) @ self.average, len(self.y)
         lags = [first_order_lag(rise[p], self.time[p], self.time_constants) for p in self.places]
         lagged_rise = np.moveaxis(np.concatenate(lags, axis=1), 0, 1).reshape(n, -1)

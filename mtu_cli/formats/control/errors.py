@@ -152,14 +152,14 @@ def decimals(value: float, places: int = 6) -> str:
     >>> decimals(50.0050), decimals(-0.0000001)
     ('50.005', '0')
     """
-    text = f"{value:.{places}f}".rstrip("0").rstrip(".")
-    return "0" if text in ("-0", "") else text
+    return real(value, places).removesuffix(".0")
 
 
 def real(value: float, places: int = 6) -> str:
     """The same with a decimal point, as controls write real numbers."""
-    text = decimals(value, places)
-    return text if "." in text else f"{text}.0"
+    text = f"{value:.{places}f}".rstrip("0")
+    text += "0" * text.endswith(".")
+    return "0.0" if text == "-0.0" else text
 
 
 def parameter(parameters: Parameters, name: str, form: str = "VALUE") -> str:

@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import NormalDist
 
 from peers_bench.problem import ARCSEC
-from peers_bench.tools import ADAPTIVE, BARE, OURS, PEERS, Tool
+from peers_bench.tools import BARE, OURS, PEERS
 from peers_bench.worker import Worker, workers
 
 TRIALS = 1_000_000
@@ -23,10 +23,8 @@ WANTED_TRIALS, WANTED_ACCURACY = 2.5, 50.0
 """How much longer the fastest peer is to take, at equal trials and at equal accuracy."""
 OF_U, OF_ENDS = 0.001, 0.01
 """Standard errors wanted, of u relative and of the ends of the 95 % interval over u."""
-PART = 5
-"""Of a slow form a fifth of the trials is timed; its times are multiplied by this."""
-RUNS, SMALL = 50, 10_000
-"""Runs whose scatter is looked at, and their trials where plain Monte Carlo is worth the same."""
+RUNS = 50
+"""Runs whose scatter is looked at."""
 SIGMAS = 4.5
 """Standard errors that the largest of some twenty differences does not reach by chance."""
 FIRST_ORDER = 1e-5
@@ -39,12 +37,11 @@ class DisagreementError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Elapsed and processor time, s, and u, low, high of a form, one for each round."""
+    """Elapsed and processor time, s, one for each round."""
 
     trials: int
     seconds: list[float] = field(default_factory=list)
     cpu: list[float] = field(default_factory=list)
-    found: list[list[float]] = field(default_factory=list)
 
     def over(self, other: Series, what: str = "seconds") -> float:
         """Median over the rounds of the ratio of times."""
@@ -73,7 +70,7 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=5)
     rounds = parser.parse_args().rounds
     print(f"{os.cpu_count()} cores; load {os.getloadavg()[0]:.1f}; medians of {rounds} rounds")
-    versions = {tool.package: tool.installed or "not installed" for tool in (OURS, *PEERS)}
+    versions = {tool.name: tool.installed or "not installed" for tool in (OURS, *PEERS)}
     print(", ".join(f"{name} {number}" for name, number in versions.items()))
     present = [tool for tool in PEERS if tool.installed]
     drawing = [tool for tool in present if tool.draw]
@@ -86,10 +83,10 @@ def main() -> int:
         for threads in (1, None):
             with workers([BARE, OURS, *drawing], inputs, threads) as started:
                 equal[threads] = timed(started, lambda worker: TRIALS, rounds)
-            with workers([BARE, OURS, ADAPTIVE, *drawing], inputs, threads) as started:
+            with workers([BARE, OURS, *drawing], inputs, threads) as started:
                 if threads == 1:
                     # It does not depend on the threads.
-                    heading("Accuracy", [scatter(worker) for worker in started[1:]])
+                    heading("Accuracy", [accuracy(started[1])])
                 accurate[threads] = timed(started, needed, rounds)
         memory = {}
         for tool in [BARE, OURS, *drawing]:
@@ -97,7 +94,6 @@ def main() -> int:
                 memory[tool.name] = f"{worker.ask('memory', trials=TRIALS)['added']:.0f}"
         heading("Equal trials", monte_carlo(equal[1], equal[None], memory))
         heading("Equal accuracy", monte_carlo(accurate[1], accurate[None], {}))
-        heading("First order", first_order([OURS, *present], inputs, rounds))
     goal = f"equal accuracy (u to {OF_U:.1%} and ends to {OF_ENDS:.0%} of u)"
     met = [
         judged("equal trials", equal, WANTED_TRIALS),
@@ -147,33 +143,24 @@ def agreement(started: Sequence[Worker]) -> list[str]:
 
 def needed(worker: Worker) -> int:
     """Trials for the accuracy that is wanted: `mtu`'s fewest, plain Monte Carlo's of the others."""
-    own = worker.tool.package == OURS.package
-    return int(worker.ask("least")["trials"]) if own else plain_trials()
+    return int(worker.ask("least")["trials"]) if worker.tool == OURS else plain_trials()
 
 
-def scatter(worker: Worker) -> str:
-    """Results of many runs: of `mtu` as accurate as is wanted and as it states, of the others as
-    plain Monte Carlo of small runs is, from which 1/sqrt(n) leads to the trials they need.
-    """
-    own = worker.tool.package == OURS.package
-    trials, runs = (needed(worker), RUNS) if own else (SMALL, RUNS // (PART**worker.tool.slow))
-    found = [worker.ask("drawn", trials=trials, seed=1000 + i)["found"] for i in range(runs)]
+def accuracy(ours: Worker) -> str:
+    """Results of many runs of `mtu`: as accurate as is wanted and as it states."""
+    trials = needed(ours)
+    found = [ours.ask("drawn", trials=trials, seed=1000 + i)["found"] for i in range(RUNS)]
     columns = [*zip(*found, strict=True)]
     u = statistics.mean(columns[0])
     seen = [statistics.stdev(column) / u for column in columns[:3]]
-    said = f"{worker.tool.name}: scatter of {runs} runs: u {seen[0]:.1e}, ends {seen[1]:.1e} u"
-    if own and (seen[0] > OF_U or max(seen[1:]) > OF_ENDS):
-        raise DisagreementError(f"{said}; wanted are {OF_U} and {OF_ENDS}")
-    if worker.tool == ADAPTIVE:
-        return said
-    stated = plain_errors(trials)
-    if own:
-        stated = [statistics.mean(se * se for se in column) ** 0.5 / u for column in columns[3:]]
+    stated = [statistics.mean(se * se for se in column) ** 0.5 / u for column in columns[3:]]
     ratios = [a / b for a, b in zip(seen, stated, strict=True)]
-    said += ", over what is stated: " + ", ".join(f"{ratio:.2f}" for ratio in ratios)
+    said = f"mtu: scatter of {RUNS} runs: u {seen[0]:.1e}, ends {seen[1]:.1e} u; over what is "
+    said += "stated: " + ", ".join(f"{ratio:.2f}" for ratio in ratios)
     # Four standard errors, relative, of a standard deviation from that many runs.
-    if max(abs(ratio - 1) for ratio in ratios) > 4 / math.sqrt(2 * (runs - 1)):
-        raise DisagreementError(said)
+    far = max(abs(ratio - 1) for ratio in ratios) > 4 / math.sqrt(2 * (RUNS - 1))
+    if far or seen[0] > OF_U or max(seen[1:]) > OF_ENDS:
+        raise DisagreementError(f"{said}; wanted are {OF_U} and {OF_ENDS}")
     return said
 
 
@@ -181,16 +168,13 @@ def timed(
     started: Sequence[Worker], trials_of: Callable[[Worker], int], rounds: int
 ) -> dict[str, Series]:
     """Every worker's Monte Carlo in every round, each with a seed of its own."""
-    found = {
-        worker.tool.name: Series(trials_of(worker) // PART**worker.tool.slow) for worker in started
-    }
+    found = {worker.tool.name: Series(trials_of(worker)) for worker in started}
     for number in range(rounds):
         for place, worker in enumerate(started):
-            series, times = found[worker.tool.name], PART**worker.tool.slow
+            series = found[worker.tool.name]
             answer = worker.ask("drawn", trials=series.trials, seed=100 * (number + 1) + place)
-            series.seconds.append(times * answer["seconds"])
-            series.cpu.append(times * answer["cpu"])
-            series.found.append(answer["found"][:3])
+            series.seconds.append(answer["seconds"])
+            series.cpu.append(answer["cpu"])
     return found
 
 
@@ -200,32 +184,17 @@ def monte_carlo(
     """Time over that of the bare normals and over `mtu`'s, with one thread and the default."""
     rows = [["", "trials", "1 thread: / bare", "/ mtu", "cpu / mtu", "default: / bare", "/ mtu",
              "MiB"]]  # fmt: skip
-    for tool in (BARE, OURS, ADAPTIVE, *PEERS):
+    for tool in (BARE, OURS, *PEERS):
         if tool.draw and not tool.installed:
             rows.append([tool.name, "not installed", *[""] * 6])
         if tool.name not in one:
             continue
-        series, own, times = one[tool.name], free[tool.name], PART**tool.slow
-        trials = "its own" if tool == ADAPTIVE else f"{'~' * tool.slow}{series.trials * times}"
+        series, own = one[tool.name], free[tool.name]
         ratios = [series.over(one[BARE.name]), series.over(one[OURS.name])]
         ratios += [series.over(one[OURS.name], "cpu")]
         ratios += [own.over(free[BARE.name]), own.over(free[OURS.name])]
         shown = [f"{ratio:.2f}" for ratio in ratios]
-        rows.append([tool.name, trials, *shown, memory.get(tool.name, "-")])
-    return in_columns(rows)
-
-
-def first_order(tools: Sequence[Tool], inputs: Path, rounds: int) -> list[str]:
-    """Processor time of first-order propagation, set-up included."""
-    with workers(tools, inputs, 1) as started:
-        cpu: dict[str, list[float]] = {tool.name: [] for tool in tools}
-        for _ in range(rounds):
-            for worker in started:
-                cpu[worker.tool.name].append(worker.ask("first_order")["cpu"])
-    rows = [["", "/ mtu", "cpu ms"]]
-    for name, own in cpu.items():
-        over = statistics.median(a / b for a, b in zip(own, cpu[OURS.name], strict=True))
-        rows.append([name, f"{over:.2f}", f"{1e3 * statistics.median(own):.2f}"])
+        rows.append([tool.name, str(series.trials), *shown, memory.get(tool.name, "-")])
     return in_columns(rows)
 
 

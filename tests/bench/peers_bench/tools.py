@@ -17,27 +17,20 @@ from peers_bench.problem import EXPRESSION, NAMES, Inputs, angle, predicted
 @dataclass(frozen=True, kw_only=True)
 class Tool:
     """`build` gives a package's model of the angle, `propagate` value and u of it to first order,
-    `draw` (model, trials, seed, threads) u and both ends of the 95 % interval by Monte Carlo.
-
-    `slow`: timed with a fifth of the trials, times five.
+    `draw` (model, trials, seed, threads) u and both ends of the 95 % interval by Monte Carlo; in
+    the form that takes least time.
     """
 
-    package: str
-    form: str = ""
+    name: str
     build: Callable[[Inputs], Any]
     propagate: Callable[[Any], tuple[float, float]] | None = None
     draw: Callable[[Any, int, int, int | None], tuple[float, ...]] | None = None
-    slow: bool = False
-
-    @property
-    def name(self) -> str:
-        return f"{self.package} ({self.form})" if self.form else self.package
 
     @property
     def installed(self) -> str | None:
         """The version; None where it is not installed."""
         try:
-            return version({"mtu": "mtu-cli", "bare": "numpy"}.get(self.package, self.package))
+            return version({"mtu": "mtu-cli", "bare": "numpy"}.get(self.name, self.name))
         except PackageNotFoundError:
             return None
 
@@ -67,8 +60,8 @@ def least() -> int:
     return LEAST_BLOCKS * least_block(PROBABILITY, smooth=True)
 
 
-def mtu_draw(_: Any, trials: int | None, seed: int, threads: int | None) -> tuple[float, ...]:
-    """Also the standard errors of the three that it states; `trials` None lets the count adapt."""
+def mtu_draw(_: Any, trials: int, seed: int, threads: int | None) -> tuple[float, ...]:
+    """Also the standard errors of the three that it states."""
     from mtu_cli.analyses.orthogonality import angle_trials
     from mtu_cli.stats.coverage import PROBABILITY
     from mtu_cli.stats.monte_carlo import monte_carlo
@@ -98,16 +91,7 @@ def suncal_callable(inputs: Inputs) -> Any:
     def f(**values: Any) -> Any:
         return angle([values[name] for name in NAMES])
 
-    return _measured(ModelCallable(f, names=["angle"], argnames=NAMES), inputs)
-
-
-def suncal_expression(inputs: Inputs) -> Any:
-    from suncal import Model
-
-    return _measured(Model(f"angle = {EXPRESSION}"), inputs)
-
-
-def _measured(model: Any, inputs: Inputs) -> Any:
+    model = ModelCallable(f, names=["angle"], argnames=NAMES)
     for name, mean, u in zip(NAMES, *inputs, strict=True):
         model.var(name).measure(mean).typeb(std=u)
     return model
@@ -131,13 +115,6 @@ def metrolopy_operators(inputs: Inputs) -> Any:
     return angle([metrolopy.gummy(x, u=u) for x, u in zip(*inputs, strict=True)])
 
 
-def metrolopy_function(inputs: Inputs) -> Any:
-    import metrolopy
-
-    numbers = [metrolopy.gummy(x, u=u) for x, u in zip(*inputs, strict=True)]
-    return metrolopy.gummy.napply(lambda *values: angle(values), *numbers)
-
-
 def metrolopy_draw(y: Any, trials: int, seed: int, _: int | None) -> tuple[float, ...]:
     from metrolopy.distributions import Distribution
 
@@ -150,23 +127,9 @@ def metrolopy_draw(y: Any, trials: int, seed: int, _: int | None) -> tuple[float
 def openturns_symbolic(inputs: Inputs) -> Any:
     import openturns
 
-    return _output(openturns.SymbolicFunction(NAMES, [EXPRESSION]), inputs)
-
-
-def openturns_python(inputs: Inputs) -> Any:
-    import openturns
-
-    def whole(sample: Any) -> Any:
-        return angle(list(np.ascontiguousarray(np.asarray(sample).T)))[:, np.newaxis]
-
-    return _output(openturns.PythonFunction(len(NAMES), 1, func_sample=whole), inputs)
-
-
-def _output(function: Any, inputs: Inputs) -> Any:
-    import openturns
-
     normals = [openturns.Normal(x, u) for x, u in zip(*inputs, strict=True)]
     joint = openturns.RandomVector(openturns.JointDistribution(normals))
+    function = openturns.SymbolicFunction(NAMES, [EXPRESSION])
     return openturns.CompositeRandomVector(function, joint)
 
 
@@ -198,29 +161,15 @@ def uncertainties_(inputs: Inputs) -> Any:
     return angle([ufloat(x, u) for x, u in zip(*inputs, strict=True)])
 
 
-BARE = Tool(package="bare", build=lambda inputs: inputs, draw=bare_draw)
-OURS = Tool(package="mtu", build=lambda _: None, propagate=mtu_propagate, draw=mtu_draw)
-ADAPTIVE = Tool(
-    package="mtu",
-    form="count adapts",
-    build=lambda _: None,
-    draw=lambda model, trials, seed, threads: mtu_draw(model, None, seed, threads),
-)
+BARE = Tool(name="bare", build=lambda inputs: inputs, draw=bare_draw)
+OURS = Tool(name="mtu", build=lambda _: None, propagate=mtu_propagate, draw=mtu_draw)
 PEERS = (
-    Tool(package="suncal", form="callable", build=suncal_callable, propagate=suncal_propagate,
-         draw=suncal_draw),
-    Tool(package="suncal", form="expression", build=suncal_expression, propagate=suncal_propagate,
-         draw=suncal_draw),
-    Tool(package="metrolopy", form="operators", build=metrolopy_operators,
-         propagate=lambda y: (y.x, y.u), draw=metrolopy_draw),
-    Tool(package="metrolopy", form="function", build=metrolopy_function,
-         propagate=lambda y: (y.x, y.u), draw=metrolopy_draw, slow=True),
-    Tool(package="openturns", form="symbolic", build=openturns_symbolic,
-         propagate=openturns_propagate, draw=openturns_draw),
-    Tool(package="openturns", form="Python", build=openturns_python,
-         propagate=openturns_propagate, draw=openturns_draw, slow=True),
-    Tool(package="GTC", build=gtc, propagate=lambda y: (float(y.x), float(y.u))),
-    Tool(package="uncertainties", build=uncertainties_,
-         propagate=lambda y: (float(y.n), float(y.s))),
+    Tool(name="suncal", build=suncal_callable, propagate=suncal_propagate, draw=suncal_draw),
+    Tool(name="metrolopy", build=metrolopy_operators, propagate=lambda y: (y.x, y.u),
+         draw=metrolopy_draw),
+    Tool(name="openturns", build=openturns_symbolic, propagate=openturns_propagate,
+         draw=openturns_draw),
+    Tool(name="GTC", build=gtc, propagate=lambda y: (float(y.x), float(y.u))),
+    Tool(name="uncertainties", build=uncertainties_, propagate=lambda y: (float(y.n), float(y.s))),
 )  # fmt: skip
-TOOLS = {tool.name: tool for tool in (BARE, OURS, ADAPTIVE, *PEERS)}
+TOOLS = {tool.name: tool for tool in (BARE, OURS, *PEERS)}

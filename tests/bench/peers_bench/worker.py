@@ -6,7 +6,6 @@ import gc
 import json
 import os
 import resource
-import statistics
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -19,10 +18,6 @@ from unittest.mock import patch
 from peers_bench.problem import Inputs
 from peers_bench.tools import OURS, TOOLS, Tool, least
 
-CALLS = 11
-"""Calls of first order a round at most: one alone is too short to time."""
-LONG = 0.5
-"""Seconds after which no further call is made."""
 AS_THE_COMMAND = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 """Set to 1 by the command `mtu` before anything else (`cli/process.py`): its threads run blocks."""
 ONE_THREAD = (*AS_THE_COMMAND, "OPENTURNS_NUM_THREADS", "TBB_NUM_THREADS")
@@ -34,7 +29,7 @@ class Worker:
     def __init__(self, tool: Tool, inputs: Path, threads: int | None) -> None:
         self.tool = tool
         limits = {} if threads is None else dict.fromkeys(ONE_THREAD, str(threads))
-        if tool.package == OURS.package:
+        if tool == OURS:
             limits |= dict.fromkeys(AS_THE_COMMAND, "1")
         self._pool = ProcessPoolExecutor(
             1, get_context("spawn"), initializer=begin, initargs=(tool.name, inputs, threads)
@@ -81,17 +76,9 @@ class Work:
         return {"seconds": seconds, "cpu": cpu, "found": found}
 
     def first_order(self) -> dict[str, Any]:
-        """Value and u, and the median processor time of some calls, set-up included.
-
-        Not the elapsed time: on a busy machine a long call is interrupted, a short one is not.
-        """
+        """Value and u."""
         assert self.tool.propagate is not None
-        cpu: list[float] = []
-        while len(cpu) < CALLS and sum(cpu) < LONG:
-            start = time.process_time()
-            found = self.tool.propagate(self.tool.build(self.inputs))
-            cpu.append(time.process_time() - start)
-        return {"cpu": statistics.median(cpu), "found": found}
+        return {"found": self.tool.propagate(self.tool.build(self.inputs))}
 
     def memory(self, trials: int) -> dict[str, Any]:
         """Largest memory in MiB of a run, beyond that of the process before it."""

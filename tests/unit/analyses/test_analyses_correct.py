@@ -28,16 +28,15 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import binom
 
-from mtu_cli.analyses.correct import correct, form_warnings, unused_warmth
-from mtu_cli.analyses.correct.rows import REACH
+from mtu_cli.analyses.correct import correct, unused_warmth
 from mtu_cli.analyses.correct.scatter import (
-    FormLeft,
     Kind,
     PointScatter,
     Ring,
     estimate,
     forms_left,
 )
+from mtu_cli.analyses.correct.sizes import REACH
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.geometry import fit_circle
@@ -71,19 +70,6 @@ def test_a_known_error_is_removed_to_rounding(tmp_path: Path) -> None:
         assert item.reduction_percent == pytest.approx(100.0, rel=ROUNDING)
 
 
-def test_many_points_are_corrected_as_one_by_one(tmp_path: Path) -> None:
-    """Pieces and rows: every point has the error and variance of its own prediction."""
-    _, measured, temperature = rings(8)
-    points = ring_points(measured, list("abcdefgh"), None, {"T_scale_degC": temperature})
-    model = machine(tmp_path)
-    result = correct(model, None, points, SETTINGS)
-    assert codes(result) == ["no-scatter-known"]
-    for i in (0, 10, 63, 64, 87):
-        alone = predict(model, ["p"], measured[i : i + 1], {"T_scale_degC": temperature[i]})
-        assert result.error[i, :2] == pytest.approx(alone.mean, rel=ROUNDING)
-        assert result.u[i, :2] ** 2 == pytest.approx(np.diag(alone.covariance), rel=ROUNDING)
-
-
 def test_u_of_a_diameter_is_that_of_its_points_with_their_covariance(tmp_path: Path) -> None:
     """Slowly: differences for the gradient, the covariance matrix of all errors of the part."""
     _, measured, temperature = rings(2)
@@ -111,19 +97,6 @@ def test_u_of_a_diameter_is_that_of_its_points_with_their_covariance(tmp_path: P
     alone = correct(model, ring_part(tmp_path), points, Settings(correlation="independent"))
     assert alone.sizes[1].u ** 2 == pytest.approx(g**2 @ prediction.independent_variance, rel=3e-9)
     assert np.isinf(alone.sizes[1].dof)
-
-
-def test_the_calibration_is_part_of_the_error_but_not_of_the_diameter(tmp_path: Path) -> None:
-    _, measured, temperature = rings(1)
-    points = ring_points(measured, ["a"], None, {"T_scale_degC": temperature})
-    bare, ring = (
-        correct(machine(tmp_path), ring_part(tmp_path, U_um=U), points, SETTINGS).sizes[0]
-        for U in ("", "1.0")
-    )
-    assert ring.u == bare.u == bare.u_error
-    assert ring.u_error**2 == pytest.approx(ring.u**2 + 0.0005**2)
-    half = coverage_factor(0.95, ring.dof * ring.u_error**4 / ring.u**4) * ring.u_error
-    assert ring.error_interval95 == pytest.approx((ring.error[1] - half, ring.error[1] + half))
 
 
 def test_repeats_are_averaged_and_share_what_the_machine_did(tmp_path: Path) -> None:
@@ -302,26 +275,6 @@ def test_p_of_a_round_ring_is_uniform(dof: float | None, oval: float) -> None:
         assert oval or below >= binom.ppf(1e-4, runs, level)
 
 
-def test_a_form_is_tested_where_its_scatter_is_known_by_something_else() -> None:
-    one = noisy(np.random.default_rng(7), 1)
-    form = PointScatter(variance=1.0, spread=0, dof=8, origin="form")
-    assert forms_left(one, None) == forms_left(one, form) == ()
-    assert forms_left([ring(ring_places()[:3, :2])] * 2, None) == ()
-    # Without any scatter a form of rounding is none, and a true one certain.
-    for squashed in (0.0, 1e-5):
-        (left,) = forms_left([ring(ring_places()[:, :2] * [1.0, 1 - squashed])] * 2, None)
-        assert (left.p < 1e-6) is (squashed > 0)
-
-
-def test_rings_are_judged_together_where_they_are_calibrated() -> None:
-    known = [
-        FormLeft("circle", id, "", calibrated, 2, 1.0, 1.0, 1.0, p)
-        for id, p, calibrated in (("a", 0.02, True), ("b", 0.03, True), ("made", 1e-9, False))
-    ]
-    (warning,) = form_warnings(known)
-    assert warning.facts["names"] == ["a"]
-
-
 @pytest.mark.parametrize("angle", [0.0, 50e-6])
 def test_a_squareness_that_the_model_lacks_is_left_as_form(tmp_path: Path, angle: float) -> None:
     """Two parts read twice; 50 urad on a ring of 180 mm make an ellipse of 4.5 um."""
@@ -364,21 +317,6 @@ def test_covariates_come_from_the_rows_else_from_the_call(tmp_path: Path) -> Non
     both = correct(model, part, own, SETTINGS, {"T_scale_degC": 35.0})
     assert both.error[:, :2] == pytest.approx(error_at(measured, temperature)[:, :2])
     assert codes(both) == ["not-used"]
-
-
-def test_cells_without_a_number_are_told_with_their_rows(tmp_path: Path) -> None:
-    _, measured, temperature = rings(1)
-    model, part = machine(tmp_path), ring_part(tmp_path)
-    holes = temperature.copy()
-    holes[[3, 7]] = np.nan
-    found = refused(model, part, ring_points(measured, ["a"], None, {"T_scale_degC": holes}))
-    assert [text.split(":")[0] for text in found] == [
-        "cmm.csv, row 5, column 'T_scale_degC'",
-        "cmm.csv, row 9, column 'T_scale_degC'",
-    ]
-    texts = np.array([*(f"{value:.2f}" for value in temperature[:10]), "warm"], object)
-    (message,) = refused(model, part, ring_points(measured, ["a"], None, {"T_scale_degC": texts}))
-    assert "row 12, column 'T_scale_degC': not a number: 'warm'" in message
 
 
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:

@@ -31,7 +31,6 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.variance import PassSquare
 from mtu_cli.model.visits import only_features, only_rows
 from mtu_cli.reports.compare import document, verdict_text
 from mtu_cli.stats.anova import cells_of
@@ -366,14 +365,6 @@ def test_independent_items_are_one_chi_squared(T: float) -> None:
     assert found == pytest.approx(2 * tail, rel=1e-3)
 
 
-def test_items_that_are_one_and_an_expectation_of_few_readings() -> None:
-    """No more than one item; and Fisher's F, to a hundredth for the nodes of the variance."""
-    found = p_of(np.full(30, 2.5), np.ones((30, 30)), 4.0)
-    assert found == pytest.approx(2 * stats.chi2.sf(10.0, 4), rel=0.02)
-    found = p_of(np.full(30, 2.5), np.eye(30), 4.0, dof=6.0)
-    assert found == pytest.approx(2 * stats.f.sf(2.5, 120, 6), rel=0.01)
-
-
 @pytest.mark.parametrize("common", [0.3, 0.8])
 @pytest.mark.parametrize("tail", [0.0005, 0.005, 0.025])
 def test_correlated_items_against_draws(common: float, tail: float) -> None:
@@ -386,24 +377,6 @@ def test_correlated_items_against_draws(common: float, tail: float) -> None:
         found = p_of(np.full(m, end), correlation, df)
         error = 2 * 4 * np.sqrt(tail / draws)
         assert found == pytest.approx(2 * tail, abs=error + 0.02 * 2 * tail)
-
-
-def test_degrees_of_freedom_of_a_sum_over_a_mean_square_of_passes() -> None:
-    """Against draws of Wishart matrices: the variance of sum w g'S g."""
-    rng = np.random.default_rng(3)
-    g, w, nu, draws = rng.standard_normal((12, 4)), rng.uniform(0.5, 2, 12), 6, 20000
-    root = rng.standard_normal((4, 4))
-    S = root @ root.T
-    z = rng.standard_normal((draws, nu, 4)) @ root.T
-    sums = np.einsum("dnk,mk,m->dnm", z, g, np.sqrt(w))
-    total = (sums**2).sum(axis=(1, 2)) / nu
-    times = PassSquare(g, S).independent(w)
-    expected = 2 * total.mean() ** 2 / (nu * times)
-    # Four standard errors of a variance, whose own kurtosis is no more than that of chi-squared.
-    assert total.var() == pytest.approx(expected, rel=4 * np.sqrt((2 + 12 / (nu * times)) / draws))
-    one = PassSquare(g[:1], S).independent(w[:1])
-    assert one == pytest.approx(1.0)
-    assert PassSquare(0 * g, S).independent(w) == 1.0
 
 
 def loose(points: Points, factor: float) -> Points:
