@@ -17,8 +17,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
-from mtu_cli.model.effect_ranges import effect_warnings_at
-from mtu_cli.model.features import outside_warnings
+from mtu_cli.model.features import prediction_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
 from mtu_cli.model.measurands import differences, length_gradient
 from mtu_cli.model.measured import (
@@ -35,7 +34,6 @@ from mtu_cli.model.measured import (
 )
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import Variance
 from mtu_cli.model.visits import (
     IntArray,
@@ -339,7 +337,7 @@ def predict_operations(
     """
     stated = {name: x for name, x in point_columns(points).items() if name not in given}
     values = needed_covariates(model, points, stated, given).values
-    warnings = effect_warnings_at(model, points.nominal, values)
+    warnings: list[Finding] = []
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
     vary = any(np.ndim(values[name]) for name in model.covariates())
     # Of all points: where a drift lags, they are its history.
@@ -363,8 +361,7 @@ def predict_operations(
             column = np.asarray(values[key])
             means[key] = mean(column[rows]) if column.ndim else float(column)
         prediction = predict(model, features, place, means)
-        warnings += outside_warnings(prediction)
-        warnings += temperature_warnings(model, place, means)
+        warnings += prediction_warnings(model, prediction, means)
         if vary:
             of_feature = np.column_stack([mean(each) for each in errors[rows].T])
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]

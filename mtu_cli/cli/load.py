@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from mtu_cli.cli.options import MADE, ROLES, Options
 from mtu_cli.cli.values import assigned, number_of
 from mtu_cli.files.contract import expectation
-from mtu_cli.files.covariates import DIRECTIONS, direction_sign
+from mtu_cli.files.covariates import DIRECTIONS, SENSOR_DEGC, direction_sign, is_temperature
 from mtu_cli.files.csv_table import cell_text
 from mtu_cli.files.source import given_path, resolved, same, shown_path
 from mtu_cli.files.study import STUDY_NAME, Instrument, LoadedStudy, find_study, load_study
@@ -348,10 +348,13 @@ def named_file(path: Path) -> tuple[str | None, Path]:
 
 def check_cell(name: str, value: float) -> None:
     """Raises InputError for a value that no cell of its column may have: a direction that is
-    neither forth nor back, or a broken count.
+    neither forth nor back, a temperature that no sensor reads, or a broken count.
     """
     place = {"path": f"--at {name}", "value": cell_text(value)}
     if name in DIRECTIONS and abs(value) != 1.0:
         raise error("out-of-range", **place, expected="-1 or +1")
+    low, high = SENSOR_DEGC
+    if is_temperature(name) and not low <= value <= high:
+        raise error("out-of-range", **place, expected=f"degC, {low:g} to {high:g}")
     if name == "sequence" and isfinite(value) and value != int(value):
         raise error("wrong-type", **place, kind="a whole number")

@@ -89,9 +89,9 @@ def read(file: RawFile, ask: Ask) -> Imported:
     # All numbers from ``Targets :`` to the next key, however they are wrapped and signed.
     targets, inside = list[float](), False
     for row, line in sections["TARGET DATA"]:
-        key = _KEY.match(line)
-        inside = key[1].lower().startswith("targets") if key else inside
-        for cell in (key[2] if key else line).split() if inside else ():
+        named = _KEY.match(line)
+        inside = named[1].lower().startswith("targets") if named else inside
+        for cell in (named[2] if named else line).split() if inside else ():
             if (value := number(cell, ".")) is None:
                 faults.cell(row, "Targets", cell)
             else:
@@ -203,13 +203,9 @@ def run_file(data: Imported) -> bytes:
         (p if one_way else 2 * p - (way == "forward"), targets.index(x) + 1, value)
         for p, way, x, value in zip(*cells, strict=True)
     ]
+    owner = "Linear" if kind == "rtl" else "Angular"
     lines = [
-        *(
-            "HEADER::",
-            f"File type  : {kind}",
-            f"Owner      : {owner}",
-            "Version no : 1",
-        ),
+        *("HEADER::", f"File type  : {kind}", f"Owner      : {owner}", "Version no : 1"),
         *("TARGET DATA::", "Filetype  : ISO", f"Target-count: {len(targets)}", "Targets :"),
         *(" ".join(f"{x:.6f}" for x in targets[i : i + 5]) for i in range(0, len(targets), 5)),
         *(f"Flags: 0 {int(one_way)} 2 0", "USER-TEXT::", "RUNS::"),

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.files.csv_table import LISTED_FAULTS
 from mtu_cli.files.points import Points
@@ -20,7 +19,7 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     without_coordinate,
 )
-from mtu_cli.model.visits import BoolArray, Cells, IntArray, axes_of, only_rows
+from mtu_cli.model.visits import Cells, IntArray, axes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import step_of
 
@@ -139,13 +138,6 @@ def rows_of(
     }
 
 
-# As tables.
-
-FEW_ROWS = 0.05
-"""Share of the rows up to which they are left out: without its covariate an effect cannot be named,
-and looks like one that the library lacks."""
-FEW_TEXTS = 0.1
-"""Share of the cells that are texts up to which the others are what the column holds."""
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
 FEWEST = 8
@@ -172,20 +164,15 @@ def table_covariates(
     numeric = {name: x.astype(np.float64) for name, x in columns.items() if x.dtype != object}
     lost = {name: ~np.isfinite(column) for name, column in numeric.items()}
     result = {name: _smallest(x, cells) for name, x in numeric.items() if not lost[name].any()}
-    gaps = [
-        f"{name} ({int(own.sum())} of {len(own)} rows, the first {_shown(measured, rows, own)})"
-        for name, own in lost.items()
-        if own.any()
-    ]
+    gaps = []
+    for name, own in lost.items():
+        if own.any():
+            first = "{file}, row {row}".format(**_row(measured, int(rows[own.argmax()])))
+            gaps.append(f"{name} ({int(own.sum())} of {len(own)} rows, the first {first})")
     if not gaps:
         return result, []
     consequence = "no effect of such a column can be tested"
     return result, [finding("missing-values", what="cells", names=gaps, consequence=consequence)]
-
-
-def _shown(measured: Points | Readings, rows: IntArray, chosen: BoolArray) -> str:
-    place = _row(measured, int(rows[chosen.argmax()]))
-    return f"{place['file']}, row {place['row']}"
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
@@ -197,57 +184,9 @@ def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
 
 
-def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
-    """The points without the `gap_rows` of covariates but `needed` ones, whose gaps are faults."""
-    columns = {k: v for k, v in point_columns(points).items() if k not in needed}
-    groups = (points.part, points.feature, points.file_index)
-    gone, warned = gap_rows(columns, groups, points, np.arange(len(points)))
-    return (only_rows(points, ~gone) if warned else points), warned
-
-
-def gap_rows(
-    columns: Mapping[str, NDArray[Any]],
-    groups: Sequence[IntArray],
-    measured: Points | Readings,
-    rows: IntArray,
-    whose: str = "",
-) -> tuple[BoolArray, list[Finding]]:
-    """Which of the `rows` (n,) of what was `measured` to leave out, for they lack one of the
-    `columns` (n,) that nearly all others have; the columns with the fewest gaps come first.
-
-    None for columns that are the same everywhere, nor for gaps that are all that there is of one
-    code of `groups`: a part, feature, pass, target or file.
-    """
-    empty: dict[str, BoolArray] = {}
-    for name, column in columns.items():
-        if column.dtype != object:
-            known = np.isfinite(column)
-            if not known.all() and len(np.unique(column[known])) > 1:
-                empty[name] = ~known
-    gone, named = np.zeros(len(rows), bool), []
-    for name in sorted(empty, key=lambda name: int(empty[name].sum())):
-        both = gone | empty[name]
-        whole = any(len(np.unique(code)) > len(np.unique(code[~both])) for code in groups)
-        if both.sum() <= FEW_ROWS * len(gone) and not whole:
-            gone = both
-            named.append(name)
-    if not named:
-        return gone, []
-    count = f"{int(gone.sum())} of {len(gone)} rows{whose} left out"
-    consequence = f"{count}, the first {_shown(measured, rows, gone)}"
-    return gone, [finding("missing-values", what="cells", names=named, consequence=consequence)]
-
-
 def text_warnings(measured: Points | Readings) -> list[Finding]:
-    """One warning of all columns that are texts by more than a few of their cells."""
-    texts = []
-    for name, column in measured.covariates.items():
-        if column.dtype == object:
-            cells = np.array([text for text in map(str, column) if text], object)
-            words = cells[np.isnan(_numbers(np.char.replace(cells.astype(str), ",", ".")))]
-            if len(words) > FEW_TEXTS * len(cells):
-                some = f" ({len(words)} of {len(cells)} cells, such as {words[0]!r})"
-                texts.append(repr(name) + some * (len(words) < len(cells)))
+    """One warning of all columns that are texts."""
+    texts = [repr(name) for name, x in measured.covariates.items() if x.dtype == object]
     facts = {"what": "effects", "items": texts, "reason": "text, not numbers"}
     return [finding("not-tested", **facts)] if texts else []
 

@@ -9,7 +9,7 @@ import numpy as np
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.covariates import gap_rows, table_covariates, text_warnings
+from mtu_cli.model.covariates import table_covariates, text_warnings
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     Estimates,
@@ -20,9 +20,9 @@ from mtu_cli.model.estimation import reading_rounding
 from mtu_cli.model.fit import effects_on_readings, error_axis, reading_columns, reading_places
 from mtu_cli.model.machine_model import AXES, TIME, component_alone
 from mtu_cli.model.passes import Passes, passes_read
+from mtu_cli.model.prediction import temperature_warnings
 from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
 from mtu_cli.model.shapes import MOST_AUTO
-from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.model.visits import IntArray, cells_of
 from mtu_cli.stats.covariance import bounded
@@ -49,22 +49,8 @@ def reading_tables(
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
-            layout, columns = _laid_out(machine, readings, rows, name)
-            direction = f"dir_{error_axis(machine, name)}"
-            tested = {key: column for key, column in columns.items() if key != direction}
-            groups = (layout.cells.part, layout.cells.column, readings.file_index[rows])
-            gone, gaps = gap_rows(tested, groups, readings, rows, f" of {name}")
-            warned += gaps
-            tables.append(_table(machine, name, known, readings, rows[~gone], warned))
+            tables.append(_table(machine, name, known, readings, rows, warned))
     return tuple(tables), tuple(warned)
-
-
-def _laid_out(
-    machine: LoadedMachine, readings: Readings, rows: IntArray, name: str
-) -> tuple[ReadingLayout, Columns]:
-    layout = reading_layout(readings, rows, machine.machine.components[name].of, name)
-    axis = error_axis(machine, name)
-    return layout, reading_columns(readings, rows, layout.cells.part, axis)
 
 
 def _table(
@@ -78,7 +64,9 @@ def _table(
     """The table of the readings `rows` (n,) of one component."""
     entry, estimate = machine.machine.components[name], known.components.get(name)
     of, unit = entry.of, UNITS[entry.unit]
-    layout, columns = _laid_out(machine, readings, rows, name)
+    layout = reading_layout(readings, rows, of, name)
+    axis = error_axis(machine, name)
+    columns = reading_columns(readings, rows, layout.cells.part, axis)
     shown, gaps = table_covariates(columns, layout.cells, readings, rows)
     warned += gaps
     drift = _usable(known.thermal.get(name), name, columns, warned)
@@ -91,7 +79,7 @@ def _table(
         model = component_alone(name, of or AXES[0], own, drift)
         wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in wanted if key in columns}
-        warned += temperature_warnings(model, layout.nominal, values)
+        warned += temperature_warnings(model, values)
         predicted, common, drawn = cell_model(model, layout.nominal, values, layout.cells, shown)
         errors = errors - predicted[:, 0]
         if estimate is not None and np.any(estimate.pass_covariance):
@@ -152,7 +140,6 @@ def _shared_by_directions(
     if known is None:
         return estimate, None
     C = estimate.covariance
-    # Of several instruments D is of all, K of those that ran both ways: together they are D.
     D = drawable_passes(estimate.pass_covariance, C)
     K = bounded(drawable_passes(known, C), D)
     own = replace(estimate, pass_covariance=drawable_passes(D - K, C))

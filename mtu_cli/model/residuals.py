@@ -23,11 +23,9 @@ from mtu_cli.model.covariates import (
     rows_of,
     table_covariates,
     text_warnings,
-    without_gaps,
     without_repeated,
 )
-from mtu_cli.model.effect_ranges import guess_warnings
-from mtu_cli.model.features import outside_warnings
+from mtu_cli.model.features import guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, TIME, MachineModel, design, sensors_of, theta
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import (
@@ -37,8 +35,7 @@ from mtu_cli.model.measured import (
     not_measured,
     roundings,
 )
-from mtu_cli.model.prediction import constant_effects, predict
-from mtu_cli.model.temperatures import temperature_gradients
+from mtu_cli.model.prediction import constant_effects, predict, temperature_noise
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
     BoolArray,
@@ -206,7 +203,7 @@ def residual_table(
     the points' nominal places and own covariates, `covariates` where they have no such column. A
     `datum` that frees is projected out of every measurement of a part and of the factors. An axis
     without an equation, or that not every point has, is left out with a warning; so are covariates
-    that repeat the errors or are texts, and rows with one of few gaps in a covariate.
+    that repeat the errors, are texts or have gaps.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they claim,
     or points of no axis that an equation is for.
@@ -214,8 +211,7 @@ def residual_table(
     check_repeats(points)
     warned = left_out(points)
     points, repeated = without_repeated(points, model.covariates())
-    points, gaps = without_gaps(points, model.covariates())
-    warned += [*repeated, *gaps, *text_warnings(points)]
+    warned += [*repeated, *text_warnings(points)]
     axes = _axes(model, points, warned)
     lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
     if lost.all() and len(lost):
@@ -365,7 +361,7 @@ def _evaluated(
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: shown[name].shape if name in shown else (1, 1) for name in sensors_of(model)}
     if any(shape[1] == 1 for shape in read.values()):
-        gradients = temperature_gradients(model, places, centre.levers, noise=True)
+        gradients = temperature_noise(model, places, centre.levers)
         for sensor, column in gradients.items():
             # The noise of a reading of its own at every cell is none of the two.
             if read[sensor][1] == 1:

@@ -13,8 +13,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.visits import IntArray
 from mtu_cli.reports import figures
 from mtu_cli.reports.figures import LETTER
-from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import cut, significant, spread
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:

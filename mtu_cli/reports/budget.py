@@ -11,7 +11,7 @@ from mtu_cli.findings import listed
 from mtu_cli.reports import monte_carlo_figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, rows_of
-from mtu_cli.reports.numbers import interval, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import degrees_of_freedom, interval, plus_minus, significant, with_u
 
 SHOWN = 4
 """Outputs of which the verdict states the value."""
@@ -185,7 +185,7 @@ def _factor(item: OutputBudget) -> str:
     """The coverage factor of the first-order interval, whatever U has."""
     if math.isnan(item.dof):
         return "k undefined"
-    of = "normal" if math.isinf(item.dof) else f"t of {item.dof:.3g} dof"
+    of = "normal" if math.isinf(item.dof) else f"t of {degrees_of_freedom(item.dof)} dof"
     return f"k = {significant(item.k_probability, 3)} ({of})"
 
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.findings import listed
-from mtu_cli.reports import close_loop_figures
-from mtu_cli.reports.close_loop_words import effect_text, verdict_text
+from mtu_cli.reports.close_loop_figures import figure, ranked
+from mtu_cli.reports.close_loop_words import effect_text, verdict_text, word_and_unit
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, declare
 from mtu_cli.reports.numbers import significant
@@ -219,35 +219,23 @@ def _effect(x: Of | None) -> Fields:
 def _candidate(name: str, *units: str) -> Fields:
     """Of JSON or, with another name of the name, of CSV and table; a size in each of `units`."""
 
-    def smallest(unit: str, x: Of) -> Any:
-        return x.one.minimum_detectable if x.item.table.unit == unit else None
-
-    def found(x: Of) -> bool:
-        return any(x.one.name == effect.name for effect in x.item.effects)
-
-    sizes = [
-        field
-        for unit in units
-        for field in declare(
-            SMALLEST.replace("UNIT", unit), smallest=partial(smallest, unit), sig2=_sig2
-        )
-    ]
-
     def in_class(x: Of) -> bool:
         return any(x.one.name in effect.class_names for effect in x.item.effects)
 
+    sizes: list[Any] = []
+    for unit in units:
+
+        def smallest(x: Of, unit: str = unit) -> Any:
+            return x.one.minimum_detectable if x.item.table.unit == unit else None
+
+        sizes += declare(SMALLEST.replace("UNIT", unit), smallest=smallest, sig2=_sig2)
     return declare(
         CANDIDATE.replace("NAME", name),
         smallest=sizes,
-        found=found,
+        found=lambda x: any(x.one.name == effect.name for effect in x.item.effects),
         in_class=in_class,
         star=lambda x: "*" if in_class(x) else "",
     )
-
-
-def _table(item: TableResult | None) -> Fields:
-    names = {"names": lambda x: [effect.name for effect in x.effects]}
-    return _fields(TABLE, item, scored=_scored(item), **names)
 
 
 def _each(name: str, result: CloseLoopResult) -> list[Of]:
@@ -263,7 +251,9 @@ RESULTS_FIELDS = declare(
     candidate=lambda x: _candidate("name", x.item.table.unit if x else "um"),
     crossing=declare(CROSSING),
     outlier=lambda x: _fields(OUTLIER, x and x.item),
-    table=_table,
+    table=lambda item: _fields(
+        TABLE, item, scored=_scored(item), names=lambda x: [effect.name for effect in x.effects]
+    ),
     effects=partial(_each, "effects"),
     crossings=partial(_each, "crossings"),
     candidates=partial(_each, "candidates"),
@@ -289,7 +279,7 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         "Undeclared effects",
         (RESULTS_FIELDS, result),
         tables,
-        partial(close_loop_figures.figure, result, first),
+        partial(figure, result, first),
         "\n".join([f"Undeclared effects: {result.verdict}", *sentences]),
         digits,
         also=[(_scored(first), first)],
@@ -303,19 +293,18 @@ def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
         "p_familywise": effect.p_familywise,
         "explained_share": effect.explained_share or None,
     }
-    keys = ("name", "unit", "value", "u", "interval95")
-    rows: list[tuple[Any, ...]] = [
-        (p.name, p.unit, p.value, p.u, p.interval95) for p in effect.of_role("own")
-    ]
+    own, lower = (
+        [(p.name, p.unit, p.value, p.u, p.interval95) for p in effect.of_role(*roles)]
+        for roles in (("own",), ("margin", "level"))
+    )
+    more: list[tuple[Any, ...]] = []
     if (searched := effect.searched) is not None:
-        word, _, unit = searched.name.rpartition("_")
-        ends = _ends(searched.intervals)
-        rows.append((word or searched.name, unit, searched.value, None, ends))
+        word, unit = word_and_unit(searched.name)
+        more.append((word, unit, searched.value, None, _ends(searched.intervals)))
     if effect.ratio is not None:
-        rows.append(("ratio of s", "", round(effect.ratio, 2), None, None))
-    lower = effect.of_role("margin", "level")
-    rows += [(p.name, p.unit, p.value, p.u, p.interval95) for p in lower]
-    for row in rows:
+        more.append(("ratio of s", "", round(effect.ratio, 2), None, None))
+    keys = ("name", "unit", "value", "u", "interval95")
+    for row in (*own, *more, *lower):
         yield {"effect": ""} | first | dict(zip(keys, row, strict=True))
         first = {}
 
@@ -340,28 +329,16 @@ def _before_after(item: TableResult) -> Table:
     ]
     fields = declare("- | 0 | | errors, text\nscores. | 1 | *scores", scores=_scores(item))
     checks = ", ".join(f"{name} p {p:.2g}" for name, p in item.checks)
-    footer = "95 % and largest: of the error vector's length"
-    return Table("Before and after", fields, rows, footer, [f"checks of what is left: {checks}"])
+    return Table("Before and after", fields, rows, notes=[f"checks of what is left: {checks}"])
 
 
 def _candidates(item: TableResult) -> Table:
-    tested = [x for x in item.candidates if x.log_bayes_factor is not None]
-    tested.sort(key=lambda x: -(x.log_bayes_factor or 0.0))
     reasons: dict[str, list[str]] = {}
     for each in item.candidates:
         if each.unavailable:
             reasons.setdefault(each.unavailable, []).append(each.name)
-    footer = (
-        f"{len(tested)} candidates tested, each alone beside the known model; p: of the effect "
-    )
-    footer += "beyond its margins, ln BF: with them"
-    if item.effects:
-        footer += "; *: found, or in the class of an effect"
-    if reasons:
-        footer += f"; {sum(map(len, reasons.values()))} could not be (--detail: why)"
-    notes: Sequence[str] = [
-        f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()
-    ]
+    notes = [f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()]
     of = "" if item.table.component is None else f" of {item.table.component}"
-    fields, rows = _candidate("candidate", item.table.unit), [Of(x, item) for x in tested[:BEST]]
-    return Table(f"Likeliest candidates{of}", fields, rows, footer, notes)
+    fields = _candidate("candidate", item.table.unit)
+    rows, footer = [Of(x, item) for x in ranked(item)[:BEST]], "*: in the class of an effect"
+    return Table(f"Likeliest candidates{of}", fields, rows, footer * bool(item.effects), notes)

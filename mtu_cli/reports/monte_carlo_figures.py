@@ -1,4 +1,4 @@
-"""Pictures of Monte Carlo trials beside the first order: orthogonality, budget, graphs."""
+"""Pictures of Monte Carlo trials beside the first order: angles, budgets, graphs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,9 @@ import numpy as np
 
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
-from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.numbers import significant, with_u
+from mtu_cli.reports.numbers import cut, significant, spread, with_u
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import ARCSEC
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,11 +20,10 @@ if TYPE_CHECKING:
 
     from mtu_cli.analyses.budget import BudgetResult
     from mtu_cli.analyses.graph import GraphSimulation, GridPoint, Sweep
-    from mtu_cli.analyses.orthogonality import OrthogonalityResult
 
 BINS, MARGIN = 50, 0.25
 """Of a histogram; beyond both intervals it shows this part of them."""
-ANGLES, OUTPUTS, COORDINATES = 6, 4, 9
+OUTPUTS, COORDINATES = 4, 9
 """Quantities drawn on one sheet."""
 SHARES, LEAST = 12, 0.05
 """Inputs drawn, the largest shares first, each at least so many percent."""
@@ -76,7 +73,7 @@ def histogram(panel: Axes, item: Trials) -> None:
     panel.locator_params(axis="x", nbins=5)
 
 
-def _sheet(text: str, shown: Sequence[Trials]) -> Figure:
+def histograms(text: str, shown: Sequence[Trials]) -> Figure:
     """A page of histograms."""
     count, columns = max(1, len(shown)), max(1, min(len(shown), 3))
     page = figures.blank(max(6.5, 3.7 * columns), 1.2 + 2.6 * math.ceil(count / columns))
@@ -85,26 +82,6 @@ def _sheet(text: str, shown: Sequence[Trials]) -> Figure:
     figures.legend(page, 2)
     figures.title(page, text)
     return page
-
-
-@figures.styled
-def orthogonality(result: OrthogonalityResult) -> Figure:
-    """Histogram of the trials of every angle, its interval, and the first-order curve."""
-    shown = []
-    for item in result.angles[:ANGLES]:
-        run, model = item.run, item.model
-        first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]
-        mean, u = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0], run.u[0] / ARCSEC
-        shown.append(
-            Trials(
-                run.samples[0] / ARCSEC,
-                (float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)),
-                first,
-                f"{cut(item.id, NAME)}: mean {mean}, u {significant(u)} arcsec",
-                "angle minus 90 degrees, arcsec",
-            )
-        )
-    return _sheet("Angles between rows and columns", shown)
 
 
 @figures.styled
@@ -147,7 +124,7 @@ def simulated(result: GraphSimulation) -> Figure:
         of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
         shown.append(Trials(samples, ends, (0.0, u, math.inf), text, of))
     some = f" ({len(seen)} of {len(varying)})" if len(seen) < len(varying) else ""
-    return _sheet(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}", shown)
+    return histograms(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}", shown)
 
 
 @figures.styled

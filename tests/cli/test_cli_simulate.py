@@ -162,16 +162,8 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--effect", "0.004*dir_x"], "--effect: not NAME: EQUATION: '0.004*dir_x'"),
         (["--effect", "Ez: 0.004"], "--effect: unknown equation: 'Ez'; expected one of: Ex, Ey"),
         (
-            ["--effect", "Ex: 0.0004*(T_spindle_degC-20)"],
-            "unknown name at column 13: 'T_spindle_degC'; expected one of: x, y, z, sequence",
-        ),
-        (
-            ["--effect", "Ex: 1/(x - x)"],
-            "has no finite value at x = 0 in part 1 at feature 'A'",
-        ),
-        (
             ["--covariate", "x_mm: 1"],
-            "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",
+            "--covariate: not the name of a further column: 'x_mm'; expected another name",
         ),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -79,11 +79,12 @@ def close_loop(
             if progress is not None:
                 progress(number * parts + part, len(tables) * parts)
 
-        def diagnose(some: ResidualTable, step: Callable[[], None] = lambda: None) -> Diagnosis:
+        def diagnose(some: ResidualTable) -> Diagnosis:
             candidates = candidates_of(some, library, exclude)
-            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed, step=step)
+            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed)
 
-        result = diagnose(table, lambda: done(0, 1))
+        done(0, 1)
+        result = diagnose(table)
         held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
         return _result(result, held, table, rate=rate, tables=len(tables))
 

@@ -102,11 +102,13 @@ def _groups(
     middle, rise, bend = ends[1], (ends[2] - ends[0]) / 2, ends[2] - 2 * ends[1] + ends[0]
     for first in range(len(terms)):
         K = rise[first]
-        if np.abs(K).min() <= SAME * np.abs(K).max():
+        there = np.abs(K) > SAME * np.abs(K).max(initial=0.0)
+        if not there.any():
             continue
-        s, r = middle / K, rise / K
+        K = K[there]
+        s, r = middle[:, there] / K, rise[:, there] / K
         size = np.abs(s).max(axis=1) + np.abs(r).max(axis=1)
-        alike = np.ptp(s, axis=1) + np.ptp(r, axis=1) + np.abs(bend / K).max(axis=1)
+        alike = np.ptp(s, axis=1) + np.ptp(r, axis=1) + np.abs(bend[:, there] / K).max(axis=1)
         chosen = np.flatnonzero(alike <= SAME * size).tolist()
         alone = np.ptp(K) <= SAME * np.abs(K).max()
         if first not in chosen or (alone and (smooth or len(chosen) < len(terms))):

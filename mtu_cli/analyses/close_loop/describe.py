@@ -42,13 +42,10 @@ def described(
     """
     estimates = dict(zip(found.models.members(found.model), sizes.effects, strict=True))
     offsets = [_offset(found, sizes, offset) for offset in found.offsets]
-    # The level of an axis is written once: as its offset, or with the first effect along it.
-    levels = {key for effect in offsets for key in effect.equations}
     effects = []
     for entry in found.entries:
         estimate = estimates.get(entry.item)
         effect = _smooth(found, entry) if estimate is None else _mean(found, sizes, entry, estimate)
-        effect = _with_levels(found, sizes, effect, levels)
         if compare and estimate is not None:
             member, weights = estimate.member, sizes.fit.weights
             effect = replace(
@@ -58,36 +55,51 @@ def described(
                 experiment=experiment(found, entry, weights),
             )
         effects.append(effect)
+    effects = _with_levels(found, sizes, effects, {key for x in offsets for key in x.equations})
     effects += [_scatter(found, *one) for one in found.scatter]
     return tuple(effects + offsets)
 
 
 def _with_levels(
-    found: Diagnosis, sizes: Estimates, effect: FoundEffect, levels: set[str]
-) -> FoundEffect:
-    """An effect with the level of each axis that is not yet in `levels`."""
-    table = found.design.table
-    if table.fitted_degree >= 0 or table.datum != "none" or effect.candidate.over in OUTLYING:
-        return effect
-    for key in [key for key in effect.equations if key not in levels]:
-        levels.add(key)
-        a, text = table.axes.index(key[1:]), effect.equations[key]
+    found: Diagnosis, sizes: Estimates, effects: list[FoundEffect], offsets: set[str]
+) -> list[FoundEffect]:
+    """The effects with the level of each axis that is no offset by itself: with the effect that it
+    goes with most, as in the file of a machine effects have no covariance with others.
+    """
+    table, C, effects = found.design.table, sizes.covariance, list(effects)
+    if table.fitted_degree >= 0 or table.datum != "none":
+        return effects
+    u = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    for level, axis, row in zip(
+        sizes.levels, table.axes, range(len(C))[-len(table.axes) :], strict=True
+    ):
+        key = f"E{axis}"
+        having = [
+            i
+            for i, effect in enumerate(effects)
+            if key in effect.equations and effect.candidate.over not in OUTLYING
+        ]
+        if key in offsets or not having:
+            continue
+        # Of effects that it goes with as little the strongest, which stands first.
+        r = [np.abs(C[row] / u / u[row])[list(effects[i].rows)].max(initial=0.0) for i in having]
+        i = having[int(np.argmax(np.round(r, 1)))]
+        effect, text = effects[i], effects[i].equations[key]
         taken = {p.name for p in effect.parameters} | names(parse(text)).keys()
-        level = replace(sizes.levels[a], name=free_name(sizes.levels[a].name, taken, "_"))
-        rows = (*effect.rows, len(sizes.covariance) - len(table.axes) + a)
-        covariance = np.pad(effect.covariance, (0, 1))
+        level = replace(level, name=free_name(level.name, taken, "_"))
+        rows, covariance = (*effect.rows, row), np.pad(effect.covariance, (0, 1))
         if len(rows) == len(covariance):
-            covariance = sizes.covariance[np.ix_(rows, rows)]
+            covariance = C[np.ix_(rows, rows)]
         else:  # A smooth effect has no size among those; it is independent of its mean.
             covariance[-1, -1] = level.u**2
-        effect = replace(
+        effects[i] = replace(
             effect,
             parameters=(*effect.parameters, level),
             rows=rows,
             covariance=covariance,
             equations={**effect.equations, key: f"{text} + {level.name}"},
         )
-    return effect
+    return effects
 
 
 def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:

@@ -6,7 +6,7 @@ checks, on null tables made from the model's own residual.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -37,15 +37,10 @@ AT_HAND = 100_000
 
 
 class Gate:
-    """Tests of one table; `rng` draws the null tables, `step` is called for each model."""
+    """Tests of one table; `rng` draws the null tables."""
 
-    def __init__(
-        self,
-        likelihood: Likelihood,
-        rng: np.random.Generator,
-        step: Callable[[], None] = lambda: None,
-    ) -> None:
-        self.likelihood, self.rng, self.step = likelihood, rng, step
+    def __init__(self, likelihood: Likelihood, rng: np.random.Generator) -> None:
+        self.likelihood, self.rng = likelihood, rng
         self.design: Design = likelihood.design
         self.strata = self.design.strata
         self.ratios: dict[Columns, dict[str, float]] = {}
@@ -65,7 +60,6 @@ class Gate:
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
-        self.step()
         design, fit = self.design, self.likelihood.fit(columns)
         Y, cells = self._null(fit)
         at, lp = self._members(columns, fit, Y)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +30,6 @@ def posed(
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
     of_features: FloatArray | None = None,
-    step: Callable[[], None] = lambda: None,
 ) -> Likelihood:
     """The likelihood of a table's errors in its strata with the columns of its candidates, beside
     motions of whole parts that `scatter`, which are lines of their own, the last of each axis;
@@ -38,13 +37,16 @@ def posed(
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     gaps = missing(there, free_lines(table))
-    errors = gaps.of_axes(table.errors)
-    scale = _scale(errors, steps_of(table), gaps.lines)
-    errors, steps = errors / scale, steps_of(table) / scale
+    errors, steps = gaps.of_axes(table.errors), steps_of(table)
+    inner = max(float(np.std(interaction(own, gaps.lines))) for own in np.moveaxis(errors, 2, 0))
+    largest = float(np.abs(errors).max())
+    sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
+    scale = next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
+    errors, steps = errors / scale, steps / scale
     strata = _strata(table, errors, scatter)
     if of_features is not None:
         strata = _with_moved_means(strata, errors, len(scatter), of_features / scale**2)
-    design = design_of(table, strata, candidates, scale, gaps, step)
+    design = design_of(table, strata, candidates, scale, gaps)
     n = _dof(design)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
     y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
@@ -124,27 +126,35 @@ def free_lines(table: ResidualTable) -> FloatArray:
     return np.column_stack([level, _reading_lines(table)]) if table.component else level
 
 
-def _scale(errors: FloatArray, steps: FloatArray, lines: FloatArray) -> float:
-    """A size of the errors: their interaction's standard deviation, else their own."""
-    inner = [float(np.std(interaction(own, lines))) for own in np.moveaxis(errors, 2, 0)]
-    largest = float(np.abs(errors).max())
-    sizes = (max(inner), float(np.std(errors)), float(steps.max()), largest)
-    return next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
-
-
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
-    P, readings = len(errors), table.component is not None
+    """With a line for each motion of whole parts in `moving`, and of readings the bends that passes
+    have of their own: the REML estimate of their variance, from differences between passes.
+    """
+    P, H, A = errors.shape
+    readings = table.component is not None
     lines = _lines(table)
-    for lever in (lever_of(name, table.axes, table.mean_places) for name in moving):
-        if lever is not None:
-            lines = [_with_line(own, lever[:, a]) for a, own in enumerate(lines)]
+    levers = (lever_of(name, table.axes, table.mean_places) for name in moving)
+    for lever in (x for x in levers if x is not None):
+        for a in range(A):
+            rest = lever[:, a] - lever[:, a].mean()
+            rest = rest - lines[a] @ (lines[a].T @ rest)
+            if (size := float(np.linalg.norm(rest))) > SAME:
+                lines[a] = np.column_stack([lines[a], rest / size])
     along = _along(table) if readings and P >= FEWEST_FOR_BENDS else None
-    rough = None if along is None else smooth_covariance(along)
-    result = strata_of(P, lines, features_scatter=not readings, roughness=rough)
-    bends = 0.0 if rough is None else own_bends(result, errors)
-    if not bends:
-        return result
-    return strata_of(P, lines, features_scatter=not readings, roughness=rough, bends=bends)
+    if along is None:
+        return strata_of(P, lines, features_scatter=not readings)
+    rough = smooth_covariance(along)
+    strata = strata_of(P, lines, features_scatter=False, roughness=rough)
+    y = strata.coordinates(errors)
+    _, i, j = np.unravel_index(strata.place, (A, P, H))
+    inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
+    squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
+    grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
+    spread = 1 + grid[:, None] * strata.bends
+    left = np.maximum((squares / spread).sum(axis=1), 1e-300)
+    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
+    bends = float(grid[int(np.argmin(deviance))])
+    return strata_of(P, lines, features_scatter=False, roughness=rough, bends=bends)
 
 
 def _with_moved_means(
@@ -220,19 +230,3 @@ def _reading_lines(table: ResidualTable) -> FloatArray:
     left = np.abs(np.diag(np.linalg.qr(X, mode="r")))
     Q, R = np.linalg.qr(X[:, left > 1e-8 * np.linalg.norm(X, axis=0)])
     return np.asarray((Q * np.sign(np.diag(R)))[:, 1:])
-
-
-def own_bends(strata: Strata, errors: FloatArray) -> float:
-    """The REML estimate of the variance of the parts' own bends over the interaction's, from
-    differences between parts.
-    """
-    P, H, A = strata.shape
-    y = strata.coordinates(errors)
-    _axis, i, j = np.unravel_index(strata.place, (A, P, H))
-    inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
-    squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
-    grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
-    spread = 1 + grid[:, None] * strata.bends
-    left = np.maximum((squares / spread).sum(axis=1), 1e-300)
-    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
-    return float(grid[int(np.argmin(deviance))])

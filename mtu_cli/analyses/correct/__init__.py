@@ -29,8 +29,7 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
-from mtu_cli.model.effect_ranges import guess_warnings
-from mtu_cli.model.features import dof_warnings, outside_warnings
+from mtu_cli.model.features import dof_warnings, guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import no_shared_axis, roundings
 from mtu_cli.model.settings import Settings
@@ -80,12 +79,11 @@ class CorrectResult:
         """The circles, spheres or lengths."""
         return tuple(item for item in self.sizes if item.kind == kind)
 
-    def rms(self, kinds: Collection[Kind]) -> Sides | None:
-        """Root mean square of the errors of all sizes of some kinds before and after; None where
-        none has a reference.
+    def rms(self, kind: Kind) -> Sides | None:
+        """Root mean square of the errors of all sizes of a kind before and after; None where none
+        has a reference.
         """
-        sizes = (item for item in self.sizes if item.kind in kinds)
-        errors = [item.error for item in sizes if isfinite(item.reference)]
+        errors = [item.error for item in self.of_kind(kind) if isfinite(item.reference)]
         if not errors:
             return None
         before, after = np.sqrt(np.mean(np.square(errors), axis=0)).tolist()

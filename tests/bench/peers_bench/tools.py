@@ -62,13 +62,13 @@ def least() -> int:
 
 def mtu_draw(_: Any, trials: int, seed: int, threads: int | None) -> tuple[float, ...]:
     """Also the standard errors of the three that it states."""
-    from mtu_cli.analyses.orthogonality import angle_trials
+    from mtu_cli.model.measurands import AngleTrials
     from mtu_cli.stats.coverage import PROBABILITY
     from mtu_cli.stats.monte_carlo import monte_carlo
     from mtu_cli.stats.validation import CONVERGED_TO
 
     prediction, row, column = _predicted()
-    model = angle_trials("angle", row, column, prediction, independent=True)
+    model = AngleTrials(prediction, "angle", row, column, independent=True)
     found = monte_carlo(
         model, seed=seed, trials=trials, probability=PROBABILITY,
         tolerance_fraction=CONVERGED_TO, threads=threads, keep=0,
@@ -78,10 +78,10 @@ def mtu_draw(_: Any, trials: int, seed: int, threads: int | None) -> tuple[float
 
 
 def mtu_propagate(_: Any) -> tuple[float, float]:
-    from mtu_cli.analyses.orthogonality import angle_trials
+    from mtu_cli.model.measurands import AngleTrials
 
     prediction, row, column = _predicted()
-    model = angle_trials("angle", row, column, prediction, independent=True)
+    model = AngleTrials(prediction, "angle", row, column, independent=True)
     return float(model.linear_mean[0]), float(model.linear_u[0, 0])
 
 

@@ -220,7 +220,8 @@ def test_units_of_readings() -> None:
 # Choice, users' own families, the package.
 
 
-OWN = """
+OWN = """schema: mtu/effects/1
+effects:
 - family: chatter
   says: chatter of {a}
   needs:

@@ -12,11 +12,12 @@ import pytest
 from model_examples import Segment, loaded, readings
 from report_examples import SAYS, Example, example
 
+from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import (
-    machine_figures,
-    prediction_figures,
+    fit_components,
+    predict_points,
 )
 from mtu_cli.reports.figures import blank, figure_bytes, styled
 
@@ -53,7 +54,7 @@ def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
     from matplotlib.collections import EllipseCollection
 
     result = paper.points()
-    (panel,) = prediction_figures.points(result).axes
+    (panel,) = predict_points.figure(result).axes
     (found,) = [item for item in panel.collections if isinstance(item, EllipseCollection)]
     parts = (found.get_offsets(), found.get_widths(), found.get_heights(), found.get_angles())
     drawn = [*zip(*map(np.asarray, parts), strict=True)]
@@ -89,7 +90,7 @@ def test_the_covariance_of_each_feature_is_a_block_of_the_whole(paper: Example) 
 
 def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
     result = paper.points()
-    page = prediction_figures.points(result)
+    page = predict_points.figure(result)
     figure_bytes(page, "png")
     (panel,) = page.axes
     ids = set(result.prediction.ids)
@@ -105,7 +106,7 @@ def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example)
 
 def test_a_panel_a_component(tmp_path: Path) -> None:
     given = example(tmp_path, passes=3, roles=("lbb", "laser"))
-    page = machine_figures.components(given.fit, given.estimates, 2.0, says=SAYS)
+    page = fit_components.figure(fit_result("m", given.fit, given.estimates, says=SAYS))
     shown = [panel for panel in page.axes if panel.axison]
     assert len(shown) == len(given.estimates.components)
     assert all(panel.get_ylabel() in ("um", "arcsec") for panel in shown)
@@ -113,7 +114,7 @@ def test_a_panel_a_component(tmp_path: Path) -> None:
 
 
 def test_band_is_that_of_a_future_reading(paper: Example) -> None:
-    page = machine_figures.components(paper.fit, paper.estimates, 2.0)
+    page = fit_components.figure(fit_result("m", paper.fit, paper.estimates))
     panel = next(p for p in page.axes if p.get_title(loc="left").startswith("dx_x"))
     (band,) = panel.collections
     at_zero = np.asarray(band.get_paths()[0].vertices)
@@ -141,7 +142,7 @@ def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path)
     (item,) = fit.components["a"].instruments
     assert item.passes is not None
     assert (item.fit.n_passes, len(item.passes.keys), len(item.keys_read)) == (7, 7, 8)
-    page = machine_figures.components(fit, estimates_from_fit(known, fit), 2.0)
+    page = fit_components.figure(fit_result("m", fit, estimates_from_fit(known, fit)))
     lines: list[Any] = [line for line in page.axes[0].lines if line.get_marker() in ("<", ">")]
     assert [line.get_marker() for line in lines] == [">", "<"] * 4
     assert [len(line.get_xdata()) for line in lines] == [8, 8, 2, 8, 8, 8, 8, 8]

@@ -20,8 +20,7 @@ from mtu_cli.files.machine import load_machine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.model.fit import thermal_from_report
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.machine_figures import drift as figure
-from mtu_cli.reports.thermal_fit import document
+from mtu_cli.reports.thermal_fit import document, figure
 
 STUDY = CONFIGS / "valdes-ring"
 CONTRACT = {
