@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -147,6 +147,17 @@ def correct(
     if exact := [name for name, size in zip(names, sizes, strict=True) if size.error[0] == 0]:
         given = {"names": exact, "reason": "no error before the correction"}
         warnings.append(finding("not-estimable", quantity="reduction_percent", **given))
+    # A ring of no calibration may have the form that it was made with; 95 % of all together
+    # (Bonferroni).
+    calibrated = [form for form in forms if form.calibrated]
+    left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
+    if left:
+        most = max(left, key=lambda form: form.F)
+        own = {form: f"{form.operation} {form.id}".strip() for form in left}
+        sizes_um = {"rms_um": most.rms / UM, "explained_um": most.explained / UM}
+        form_left = finding("form-left", names=[*dict.fromkeys(own.values())], worst=own[most],
+                            **sizes_um)  # fmt: skip
+        warnings.append(form_left)
     return CorrectResult(
         points=points,
         part=[points.parts[i] for i in points.part],
@@ -162,28 +173,8 @@ def correct(
         sizes=tuple(sizes),
         forms=forms,
         independent=settings.independent,
-        warnings=(*warnings, *form_warnings(forms)),
+        warnings=tuple(warnings),
     )
-
-
-def form_warnings(forms: Collection[FormLeft]) -> list[Finding]:
-    """Of calibrated rings whose form is more than is explained, at 95 % of all together
-    (Bonferroni): a ring of no calibration may have the form that it was made with.
-    """
-    calibrated = [form for form in forms if form.calibrated]
-    left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
-    if not left:
-        return []
-    most = max(left, key=lambda form: form.F)
-    return [
-        finding(
-            "form-left",
-            names=list(dict.fromkeys(f"{form.operation} {form.id}".strip() for form in left)),
-            worst=f"{most.operation} {most.id}".strip(),
-            rms_um=most.rms / UM,
-            explained_um=most.explained / UM,
-        )
-    ]
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> Iterator[Finding]:

@@ -219,17 +219,11 @@ def _temperature(
             raise InputError(problems)
         return result
     if name and name not in at and item.calibrated_mm:
-        near = nearest(name, [*columns, *at])
-        there = f" (there is {' or '.join(map(repr, near))})" if near else ""
-        raise error(
-            "unknown-name",
-            what="temperature",
-            file=part.source.shown,
-            line=part.line_of(*path, "temperature"),
-            path=f"{path[0]}[{path[1]}].temperature",
-            value=name,
-            expected=f"a column of this name{there}, or --at {name}=VALUE",
-        )
+        place = {"file": part.source.shown, "line": part.line_of(*path, "temperature")}
+        near = " or ".join(map(repr, nearest(name, [*columns, *at])))
+        expected = f"a column of this name{near and f' (there is {near})'}, or --at {name}=VALUE"
+        place |= {"path": f"{path[0]}[{path[1]}].temperature", "value": name}
+        raise error("unknown-name", what="temperature", expected=expected, **place)
     return np.full(len(points), at.get(name, nan))
 
 

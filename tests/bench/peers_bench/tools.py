@@ -16,15 +16,13 @@ from peers_bench.problem import EXPRESSION, NAMES, Inputs, angle, predicted
 
 @dataclass(frozen=True, kw_only=True)
 class Tool:
-    """`build` gives a package's model of the angle, `propagate` value and u of it to first order,
-    `draw` (model, trials, seed, threads) u and both ends of the 95 % interval by Monte Carlo; in
-    the form that takes least time.
+    """`build` gives a package's model of the angle, `draw` (model, trials, seed, threads) u and
+    both ends of the 95 % interval by Monte Carlo; in the form that takes least time.
     """
 
     name: str
     build: Callable[[Inputs], Any]
-    propagate: Callable[[Any], tuple[float, float]] | None = None
-    draw: Callable[[Any, int, int, int | None], tuple[float, ...]] | None = None
+    draw: Callable[[Any, int, int, int | None], tuple[float, ...]]
 
     @property
     def installed(self) -> str | None:
@@ -77,14 +75,6 @@ def mtu_draw(_: Any, trials: int, seed: int, threads: int | None) -> tuple[float
     return tuple(float(getattr(found, name)[0]) for name in names)
 
 
-def mtu_propagate(_: Any) -> tuple[float, float]:
-    from mtu_cli.model.measurands import AngleTrials
-
-    prediction, row, column = _predicted()
-    model = AngleTrials(prediction, "angle", row, column, independent=True)
-    return float(model.linear_mean[0]), float(model.linear_u[0, 0])
-
-
 def suncal_callable(inputs: Inputs) -> Any:
     from suncal import ModelCallable
 
@@ -102,11 +92,6 @@ def suncal_draw(model: Any, trials: int, seed: int, _: int | None) -> tuple[floa
     result = model.monte_carlo(samples=trials)
     interval = result.expand("angle", conf=0.95)
     return float(result.uncertainty["angle"]), float(interval.low), float(interval.high)
-
-
-def suncal_propagate(model: Any) -> tuple[float, float]:
-    result = model.calculate_gum()
-    return float(result.expected["angle"]), float(result.uncertainty["angle"])
 
 
 def metrolopy_operators(inputs: Inputs) -> Any:
@@ -142,34 +127,11 @@ def openturns_draw(y: Any, trials: int, seed: int, _: int | None) -> tuple[float
     return float(sample.computeStandardDeviation()[0]), float(low[0]), float(high[0])
 
 
-def openturns_propagate(y: Any) -> tuple[float, float]:
-    import openturns
-
-    moments = openturns.TaylorExpansionMoments(y)
-    return float(moments.getMeanFirstOrder()[0]), math.sqrt(moments.getCovariance()[0, 0])
-
-
-def gtc(inputs: Inputs) -> Any:
-    from GTC import ureal
-
-    return angle([ureal(x, u) for x, u in zip(*inputs, strict=True)])
-
-
-def uncertainties_(inputs: Inputs) -> Any:
-    from uncertainties import ufloat
-
-    return angle([ufloat(x, u) for x, u in zip(*inputs, strict=True)])
-
-
 BARE = Tool(name="bare", build=lambda inputs: inputs, draw=bare_draw)
-OURS = Tool(name="mtu", build=lambda _: None, propagate=mtu_propagate, draw=mtu_draw)
+OURS = Tool(name="mtu", build=lambda _: None, draw=mtu_draw)
 PEERS = (
-    Tool(name="suncal", build=suncal_callable, propagate=suncal_propagate, draw=suncal_draw),
-    Tool(name="metrolopy", build=metrolopy_operators, propagate=lambda y: (y.x, y.u),
-         draw=metrolopy_draw),
-    Tool(name="openturns", build=openturns_symbolic, propagate=openturns_propagate,
-         draw=openturns_draw),
-    Tool(name="GTC", build=gtc, propagate=lambda y: (float(y.x), float(y.u))),
-    Tool(name="uncertainties", build=uncertainties_, propagate=lambda y: (float(y.n), float(y.s))),
-)  # fmt: skip
+    Tool(name="suncal", build=suncal_callable, draw=suncal_draw),
+    Tool(name="metrolopy", build=metrolopy_operators, draw=metrolopy_draw),
+    Tool(name="openturns", build=openturns_symbolic, draw=openturns_draw),
+)
 TOOLS = {tool.name: tool for tool in (BARE, OURS, *PEERS)}

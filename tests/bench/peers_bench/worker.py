@@ -53,7 +53,7 @@ def workers(
     started = [Worker(tool, inputs, threads) for tool in tools]
     try:
         for worker in started if warm else ():
-            worker.ask("drawn" if worker.tool.draw else "first_order")
+            worker.ask("drawn")
         yield started
     finally:
         for worker in started:
@@ -68,17 +68,11 @@ class Work:
 
     def drawn(self, trials: int = 20_000, seed: int = 1) -> dict[str, Any]:
         """One Monte Carlo from the inputs to u and the ends: elapsed and processor time."""
-        assert self.tool.draw is not None
         gc.collect()
         start, used = time.perf_counter(), time.process_time()
         found = self.tool.draw(self.tool.build(self.inputs), trials, seed, self.threads)
         seconds, cpu = time.perf_counter() - start, time.process_time() - used
         return {"seconds": seconds, "cpu": cpu, "found": found}
-
-    def first_order(self) -> dict[str, Any]:
-        """Value and u."""
-        assert self.tool.propagate is not None
-        return {"found": self.tool.propagate(self.tool.build(self.inputs))}
 
     def memory(self, trials: int) -> dict[str, Any]:
         """Largest memory in MiB of a run, beyond that of the process before it."""

@@ -25,17 +25,8 @@ from correct_examples import (
 from made_tables import made_points
 from model_examples import part_of, stated
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.stats import binom
 
 from mtu_cli.analyses.correct import correct, unused_warmth
-from mtu_cli.analyses.correct.scatter import (
-    Kind,
-    PointScatter,
-    Ring,
-    estimate,
-    forms_left,
-)
 from mtu_cli.analyses.correct.sizes import REACH
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
@@ -190,34 +181,6 @@ def test_lengths_and_a_sphere(tmp_path: Path) -> None:
 # The scatter of measured points against a plain likelihood, what it adds to u, and the form left
 
 
-NOISE = 1e-3
-RING: tuple[Kind, str, str] = "circle", "a", ""
-
-
-def ring(points: Floats, K: Floats | None = None, dof: float = np.inf) -> Ring:
-    """A calibrated circle through points (n, 2) with the modelled covariance K along its radii."""
-    fit, n = fit_circle(points), len(points)
-    away = np.column_stack([fit.away, np.zeros(n)])
-    covariance = np.zeros((n, n)) if K is None else K
-    return Ring(of=RING, calibrated=True, residuals=fit.residuals, away=away, K=covariance, dof=dof)
-
-
-def test_unlike_squares_give_the_largest_likelihood() -> None:
-    rng = np.random.default_rng(3)
-    modelled, dof = rng.uniform(0, 4, 40), rng.integers(1, 4, 40).astype(float)
-    sums = (modelled + 1.5) * rng.chisquare(dof)
-
-    def plain(variance: float) -> float:
-        each = modelled + variance
-        return float(np.sum(dof * np.log(each) + sums / each))
-
-    best = minimize_scalar(plain, bounds=(0, 20), method="bounded", options={"xatol": 1e-10})
-    found = estimate(np.array([sums * 1e-6, dof, modelled * 1e-6]), "form")
-    # A minimum is flat: its place is found to some roots of the rounding of its value.
-    place = 10 * np.sqrt(np.finfo(float).eps)
-    assert found.variance == pytest.approx(best.x * 1e-6, rel=place)
-
-
 @pytest.mark.parametrize("repeats", [1, 2])
 def test_the_scatter_of_rings_is_found(tmp_path: Path, repeats: int) -> None:
     """40 rings with 2 um on every coordinate, besides 0.4 and 0.5 um that the model knows."""
@@ -245,34 +208,6 @@ def test_the_scatter_of_rings_is_found(tmp_path: Path, repeats: int) -> None:
     more = result.u_corrected[:, :2] ** 2 - result.u[:, :2] ** 2
     assert more == pytest.approx(np.full((11 * n, 2), scatter.variance), rel=ROUNDING)
     assert codes(result) == []
-
-
-def noisy(rng: np.random.Generator, visits: int, K: Floats | None = None) -> list[Ring]:
-    """Visits of one round ring, on a machine that shifts its points by K in all of them."""
-    true = ring_places()[:, :2]
-    shift = np.zeros(11) if K is None else rng.multivariate_normal(np.zeros(11), K)
-    moved = true + shift[:, None] * (true - [200.0, 180.0]) / 90.0
-    return [ring(moved + NOISE * rng.standard_normal((11, 2)), K) for _ in range(visits)]
-
-
-@pytest.mark.parametrize(("dof", "oval"), [(None, 2.0), (8.0, 0.0)])
-def test_p_of_a_round_ring_is_uniform(dof: float | None, oval: float) -> None:
-    """By repeats and by visits; exact of noise alone, on the safe side beside a modelled oval."""
-    rng, runs = np.random.default_rng(6), 1500
-    angle = 2 * np.pi * np.arange(11) / 11
-    K = None if not oval else (oval * NOISE) ** 2 * np.outer(np.cos(2 * angle), np.cos(2 * angle))
-    p = []
-    for _ in range(runs):
-        scatter = None
-        if dof is not None:
-            variance = NOISE**2 * (rng.chisquare(dof) / dof)
-            scatter = PointScatter(variance=variance, spread=0.0, dof=dof, origin="repeats")
-        (form,) = forms_left(noisy(rng, 1 if dof else 3, K), scatter)
-        p.append(form.p)
-    for level in (0.05, 0.2):
-        below = np.sum(np.array(p) < level)
-        assert below <= binom.ppf(1 - 1e-4, runs, level)
-        assert oval or below >= binom.ppf(1e-4, runs, level)
 
 
 @pytest.mark.parametrize("angle", [0.0, 50e-6])

@@ -12,7 +12,7 @@ from measured_examples import points, study, with_measured
 from scipy.stats import ncx2
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
-from mtu_cli.analyses.anova.parts import radial_quantile
+from mtu_cli.analyses.anova.tables import radial_quantile
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
