@@ -153,9 +153,9 @@ def correct(
     left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
     if left:
         most = max(left, key=lambda form: form.F)
-        own = {form: f"{form.operation} {form.id}".strip() for form in left}
+        called = {form: f"{form.operation} {form.id}".strip() for form in left}
         sizes_um = {"rms_um": most.rms / UM, "explained_um": most.explained / UM}
-        form_left = finding("form-left", names=[*dict.fromkeys(own.values())], worst=own[most],
+        form_left = finding("form-left", names=[*dict.fromkeys(called.values())], worst=called[most],
                             **sizes_um)  # fmt: skip
         warnings.append(form_left)
     return CorrectResult(
