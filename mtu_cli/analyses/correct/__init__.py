@@ -154,10 +154,10 @@ def correct(
     if left:
         most = max(left, key=lambda form: form.F)
         called = {form: f"{form.operation} {form.id}".strip() for form in left}
-        sizes_um = {"rms_um": most.rms / UM, "explained_um": most.explained / UM}
-        form_left = finding("form-left", names=[*dict.fromkeys(called.values())], worst=called[most],
-                            **sizes_um)  # fmt: skip
-        warnings.append(form_left)
+        warnings.append(finding(
+            "form-left", names=[*dict.fromkeys(called.values())], worst=called[most],
+            rms_um=most.rms / UM, explained_um=most.explained / UM,
+        ))  # fmt: skip
     return CorrectResult(
         points=points,
         part=[points.parts[i] for i in points.part],
