@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import gc
+import json
 import math
+import os
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,13 +21,13 @@ from peers_bench.problem import EXPRESSION, NAMES, Inputs, angle, predicted
 
 @dataclass(frozen=True, kw_only=True)
 class Tool:
-    """`build` gives a package's model of the angle, `draw` (model, trials, seed, threads) u and
+    """`build` gives a package's model of the angle, `draw` (model, trials, seed) u and
     both ends of the 95 % interval by Monte Carlo; in the form that takes least time.
     """
 
     name: str
     build: Callable[[Inputs], Any]
-    draw: Callable[[Any, int, int, int | None], tuple[float, ...]]
+    draw: Callable[[Any, int, int], tuple[float, ...]]
 
     @property
     def installed(self) -> str | None:
@@ -36,7 +41,7 @@ class Tool:
 # Only the random numbers: one thread of numpy (SFC64) into an array that stays in cache.
 
 
-def bare_draw(inputs: Inputs, trials: int, seed: int, threads: int | None) -> tuple[float, ...]:
+def bare_draw(inputs: Inputs, trials: int, seed: int) -> tuple[float, ...]:
     rng, chunk = np.random.Generator(np.random.SFC64(seed)), 8192
     block = np.empty((len(inputs.mean), chunk))
     for _ in range(trials // chunk):
@@ -58,7 +63,7 @@ def least() -> int:
     return LEAST_BLOCKS * least_block(PROBABILITY, smooth=True)
 
 
-def mtu_draw(_: Any, trials: int, seed: int, threads: int | None) -> tuple[float, ...]:
+def mtu_draw(_: Any, trials: int, seed: int) -> tuple[float, ...]:
     """Also the standard errors of the three that it states."""
     from mtu_cli.model.measurands import AngleTrials
     from mtu_cli.stats.coverage import PROBABILITY
@@ -69,7 +74,7 @@ def mtu_draw(_: Any, trials: int, seed: int, threads: int | None) -> tuple[float
     model = AngleTrials(prediction, "angle", row, column, independent=True)
     found = monte_carlo(
         model, seed=seed, trials=trials, probability=PROBABILITY,
-        tolerance_fraction=CONVERGED_TO, threads=threads, keep=0,
+        tolerance_fraction=CONVERGED_TO, threads=1, keep=0,
     )  # fmt: skip
     names = ("u", "low", "high", "se_u", "se_low", "se_high")
     return tuple(float(getattr(found, name)[0]) for name in names)
@@ -87,7 +92,7 @@ def suncal_callable(inputs: Inputs) -> Any:
     return model
 
 
-def suncal_draw(model: Any, trials: int, seed: int, _: int | None) -> tuple[float, ...]:
+def suncal_draw(model: Any, trials: int, seed: int) -> tuple[float, ...]:
     np.random.seed(seed)  # noqa: NPY002 - it draws from numpy's one global stream
     result = model.monte_carlo(samples=trials)
     interval = result.expand("angle", conf=0.95)
@@ -100,7 +105,7 @@ def metrolopy_operators(inputs: Inputs) -> Any:
     return angle([metrolopy.gummy(x, u=u) for x, u in zip(*inputs, strict=True)])
 
 
-def metrolopy_draw(y: Any, trials: int, seed: int, _: int | None) -> tuple[float, ...]:
+def metrolopy_draw(y: Any, trials: int, seed: int) -> tuple[float, ...]:
     from metrolopy.distributions import Distribution
 
     Distribution.set_seed(seed)
@@ -118,7 +123,7 @@ def openturns_symbolic(inputs: Inputs) -> Any:
     return openturns.CompositeRandomVector(function, joint)
 
 
-def openturns_draw(y: Any, trials: int, seed: int, _: int | None) -> tuple[float, ...]:
+def openturns_draw(y: Any, trials: int, seed: int) -> tuple[float, ...]:
     import openturns
 
     openturns.RandomGenerator.SetSeed(seed)
@@ -135,3 +140,19 @@ PEERS = (
     Tool(name="openturns", build=openturns_symbolic, draw=openturns_draw),
 )
 TOOLS = {tool.name: tool for tool in (BARE, OURS, *PEERS)}
+Drawn = tuple[float, tuple[float, ...]]
+"""Elapsed time, s; u, low, high, of `mtu` their standard errors, too."""
+
+
+def begin() -> None:
+    """At the start of a package's process: what the package prints is no output of ours."""
+    os.dup2(2, 1)
+
+
+def drawn(name: str, inputs: Path, trials: int, seed: int) -> Drawn:
+    """One Monte Carlo from the inputs to u and the ends, in the package's own process."""
+    tool, given = TOOLS[name], Inputs(*json.loads(inputs.read_text()))
+    gc.collect()
+    start = time.perf_counter()
+    found = tool.draw(tool.build(given), trials, seed)
+    return time.perf_counter() - start, found
