@@ -22,17 +22,17 @@ def called(*arguments: str) -> tuple[int, float, str]:
     """Exit code, processor time (s) and standard error of one call of the installed command."""
     from mtu_cli.cli.main import main
 
-    errors = io.StringIO()
+    out, errors = (io.TextIOWrapper(io.BytesIO(), write_through=True) for _ in range(2))
     before, sys.argv = sys.argv, ["mtu", *arguments]
     start, code = time.process_time(), 0
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(errors):
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
             main()
     except SystemExit as left:
         code = left.code if isinstance(left.code, int) else int(left.code is not None)
     finally:
         sys.argv = before
-    return code, time.process_time() - start, errors.getvalue()
+    return code, time.process_time() - start, errors.buffer.getvalue().decode()
 
 
 def judged(drawn: Drawn, folder: Path, seed: int) -> dict[str, Any]:
