@@ -63,7 +63,7 @@ def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
         seed=settings.seed,
         progress=settings.progress,
     )
-    warnings += [*left_out, *result.warnings, *loop_warnings(result, most)]
+    warnings += [*left_out, *loop_warnings(result, most)]
     files, of_files = _written(inputs, earlier, settings, result)
     found = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
     return Outcome.of(

@@ -223,13 +223,13 @@ def residual_table(
         points = only_rows(points, ~lost)
     layout = _layout(model, points)
     at, cells, columns = covariates or {}, layout.cells, point_columns(points)
-    needed = needed_covariates(model, points, columns, at, at_nominal=True)
+    values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
     shown, more = table_covariates(columns, cells, points, np.arange(len(points)))
-    predicted, common, of_part = cell_model(model, points.nominal, needed.values, cells, shown)
+    predicted, common, of_part = cell_model(model, points.nominal, values, cells, shown)
     first = np.unique(cells.column, return_index=True)[1]
-    once = predict(model, layout.features, points.nominal[first], rows_of(needed.values, first))
-    warned += [*needed.warnings, *more, *outside_warnings(once)]
-    warned += guess_warnings(model, points.nominal, needed.values)
+    once = predict(model, layout.features, points.nominal[first], rows_of(values, first))
+    warned += [*idle, *more, *outside_warnings(once)]
+    warned += guess_warnings(model, points.nominal, values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
     errors = freed_errors(points, errors, axes, datum)[0]
@@ -326,7 +326,7 @@ def _evaluated(
     of_constants, shift = constant_effects(model, places, values, centre)
     mean = centre.J @ theta(model) + centre.remainder + shift
     shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
-    blocks = component_blocks(model, centre.J, centre.levers, centre.columns)
+    blocks = component_blocks(model, centre.J, centre.levers)
     for block in (*blocks, *of_constants):
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
