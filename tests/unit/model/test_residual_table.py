@@ -88,6 +88,10 @@ def test_parts_stand_in_order_of_manufacture(tmp_path: Path) -> None:
     early = next(points.parts[p] for p in points.part if p in (1, 3))
     assert table.parts == (early, "P3" if early == "P1" else "P1", "P2", "P0")
     assert table.covariates["sequence"].ravel().tolist() == [10, 10, 20, 30]
+    x = table.places[..., 0]
+    ranges = {"x": [x.min(), x.max()], "sequence": [10.0, 30.0]}
+    assert table.ranges(["x", "sequence", "unknown"]) == ranges
+    np.testing.assert_allclose(table.mean_places[:, 0], x.mean(axis=0))
     check_against_loop(model, made, table)
 
 
