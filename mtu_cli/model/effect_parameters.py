@@ -161,14 +161,15 @@ def effect_warnings(
         name for name, item in found.items()
         if not np.allclose(item.coefficients, stated[name].coefficients, SAME, 0.0)
     ]  # fmt: skip
-    warnings = []
-    if unknown:
-        facts = {"what": f"effects of {shown}", "reason": f"{file} has no such effects"}
-        warnings.append(finding("not-used", names=unknown, **facts))
-    if changed:
-        facts = {"what": f"values of {file}", "reason": f"those of {shown} replace them"}
-        warnings.append(finding("not-used", names=changed, **facts))
-    return warnings
+    differing = (
+        (unknown, f"effects of {shown}", f"{file} has no such effects"),
+        (changed, f"values of {file}", f"those of {shown} replace them"),
+    )
+    return [
+        finding("not-used", names=names, what=what, reason=reason)
+        for names, what, reason in differing
+        if names
+    ]
 
 
 def searched_warnings(machine: LoadedMachine) -> list[Finding]:

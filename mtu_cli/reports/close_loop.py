@@ -8,16 +8,16 @@ they are in sample): everything is refitted without it. `rms` pools all coordina
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.reports.close_loop_figures import figure, ranked
-from mtu_cli.reports.close_loop_words import effect_text, verdict_text, word_and_unit
+from mtu_cli.reports.close_loop_words import effect_text, verdict_text
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, declare
 from mtu_cli.reports.numbers import significant
@@ -148,13 +148,13 @@ SMALLEST = """
         times in five | would be found / from rms UNIT, sig2()
 """
 SHOWN = """
-    - | effect | | effect, text
-    - | name | | parameter, text
-    - | value | | value ± u, plus-minus, u=u, size=size(unit), unit=
-    - | unit | | unit, text
-    - | interval95 | | 95 % / interval, interval, u=u, size=size(unit)
-    - | p_familywise | | p family- / wise, p
-    - | explained_share | | of squares / %, percent1
+    - | 0 | | effect, text
+    - | 1.name | | parameter, text
+    - | 1.value | | value ± u, plus-minus, u=1.u, size=size(1.unit), unit=
+    - | 1.unit | | unit, text
+    - | 1.interval95 | | 95 % / interval, interval, u=1.u, size=size(1.unit)
+    - | 2.p_familywise | | p family- / wise, p
+    - | 2.explained_share | | of squares / %, percent1
 """
 SCORED_TABLE = """
     - | table.component | | component, text
@@ -271,7 +271,11 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     """The effects, errors before and after, and the likeliest candidates; CSV of all of these."""
     first = next(item for item in result.tables if item.verdict == result.verdict)
     units = dict.fromkeys(item.table.unit for item in result.tables)
-    rows = [row for item in result.tables for effect in item.effects for row in _rows(effect, item)]
+    rows = []
+    for effect, item in _each("effects", result):
+        name = " ".join(filter(None, (item.table.component, effect.name)))
+        for i, own in enumerate(effect.of_role("own", "margin", "level")):
+            rows.append((name, own, effect) if i == 0 else ("", own, None))
     scored = []
     for unit in units:
         items = [item for item in result.tables if item.table.unit == unit]
@@ -294,29 +298,6 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         digits,
         also=[(_scored(first), first)],
     )
-
-
-def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
-    """A row a parameter and value that was searched; of a scatter effect its ratio."""
-    first = {
-        "effect": " ".join(filter(None, (item.table.component, effect.name))),
-        "p_familywise": effect.p_familywise,
-        "explained_share": effect.explained_share or None,
-    }
-    own, lower = (
-        [(p.name, p.unit, p.value, p.u, p.interval95) for p in effect.of_role(*roles)]
-        for roles in (("own",), ("margin", "level"))
-    )
-    more: list[tuple[Any, ...]] = []
-    if (searched := effect.searched) is not None:
-        word, unit = word_and_unit(searched.name)
-        more.append((word, unit, searched.value, None, _ends(searched.intervals)))
-    if effect.ratio is not None:
-        more.append(("ratio of s", "", round(effect.ratio, 2), None, None))
-    keys = ("name", "unit", "value", "u", "interval95")
-    for row in (*own, *more, *lower):
-        yield {"effect": ""} | first | dict(zip(keys, row, strict=True))
-        first = {}
 
 
 def _candidates(item: TableResult) -> Table:

@@ -58,12 +58,12 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
     if effect.covariate is not None:
         words["covariate"] = effect.covariate
     if (searched := effect.searched) is not None:
-        word, unit = word_and_unit(searched.name)
+        word, _, unit = searched.name.rpartition("_")
         # The middles of the ranges that fit alike.
         both = [(low + high) / 2 for low, high in searched.intervals]
         values = both if len(both) > 1 else [searched.value]
         fitting = " or ".join(significant(value, 4) for value in values[:MOST_SEARCHED])
-        words["searched"] = f"{word} {fitting} {unit}".strip()
+        words["searched"] = f"{word or unit} {fitting} {unit if word else ''}".strip()
         # The first part after a step.
         order = item.table.covariates.get("sequence", np.zeros((0, 1)))[:, 0]
         after = np.flatnonzero(order[: len(item.table.parts)] > searched.value)
@@ -88,12 +88,6 @@ def _size(parameter: Parameter, value: float | None = None, u: float | None = No
     scale = PARAMETER_UNITS[parameter.unit].to_internal
     value, u = (parameter.value if value is None else value), (parameter.u if u is None else u)
     return f"{plus_minus(value / scale, u / scale)} {parameter.unit}"
-
-
-def word_and_unit(searched: str) -> tuple[str, str]:
-    """Of the name of what was searched: ``pitch_mm`` -> (``pitch``, ``mm``)."""
-    word, _, unit = searched.rpartition("_")
-    return word or searched, unit
 
 
 def verdict_text(item: TableResult, alpha: float) -> str:

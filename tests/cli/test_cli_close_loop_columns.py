@@ -120,23 +120,18 @@ def test_a_reversal_of_one_step_of_a_dial(tmp_path: Path) -> None:
     assert lost_motion["u"] == pytest.approx(0.5 * math.sqrt(2 / 8 * 100 / 12), rel=0.2)
 
 
-def own_ramp(tmp_path: Path, equation: str) -> Path:
-    path = tmp_path / "ramp.yaml"
-    path.write_text(
-        "schema: mtu/effects/1\neffects:\n  - family: ramp\n    says: it rises\n"
-        "    separates: go back\n    parameters: {level_y: um, own_level: um}\n"
-        f"    equations:\n      E{{a}}: {equation}\n",
-        "utf-8",
-    )
-    return path
-
-
 def test_own_effects_of_the_help_and_one_with_a_constant(
     rows: list[dict[str, str]], tmp_path: Path
 ) -> None:
     (text,) = re.findall(r"```yaml\n(schema: mtu/effects/1\n.*?)```", topic("effects"), re.S)
     (tmp_path / "mine.yaml").write_text(text, "utf-8")
-    ramp = own_ramp(tmp_path, "level_y*(sequence/8)**2 + own_level")
+    ramp = tmp_path / "ramp.yaml"
+    ramp.write_text(
+        "schema: mtu/effects/1\neffects:\n  - family: ramp\n    says: it rises\n"
+        "    parameters: {level_y: um, own_level: um}\n"
+        "    equations:\n      E{a}: level_y*(sequence/8)**2 + own_level\n",
+        "utf-8",
+    )
     points = once(rows)
     found, result = few(tmp_path, points, "--effects", tmp_path / "mine.yaml", "--effects", ramp)
     done(result)

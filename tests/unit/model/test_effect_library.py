@@ -14,8 +14,10 @@ from effect_tables import FloatArray, grid_places, readings_table, shop_covariat
 
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import load_machine
+from mtu_cli.findings import InputError
 from mtu_cli.model.effect_grids import grid_of
 from mtu_cli.model.effect_library import (
+    CONSTANT,
     BoundTemplate,
     Candidate,
     TableData,
@@ -228,7 +230,18 @@ effects:
   says: has no value at one place
   parameters: {k: um}
   equations: {Ex: k*x/(x - x)}
+- family: level
+  says: holds a constant
+  parameters: {k: um/m, shift: um}
+  equations: {Ex: k*x + shift}
 """
+
+
+def test_what_is_excluded_begins_with_a_family() -> None:
+    left = candidates_of(PLANE, effect_library(), ["cyclic", "backlash-x", "backlash-z"])
+    assert {"cyclic-x", "backlash-x", "backlash-y"} & {x.name for x in left} == {"backlash-y"}
+    with pytest.raises(InputError, match="did you mean 'backlash'"):
+        candidates_of(PLANE, effect_library(), ["backlahs"])
 
 
 def test_families_of_the_user(tmp_path: Path) -> None:
@@ -246,6 +259,7 @@ def test_families_of_the_user(tmp_path: Path) -> None:
     assert members[2][1][0][..., 1] == pytest.approx(plain)
     reason = found_on(own, file)["pole"].unavailable
     assert reason == "its equation has no finite value in some places"
+    assert found_on(own, file)["level"].unavailable == CONSTANT
 
 
 # Grids.

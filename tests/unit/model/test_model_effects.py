@@ -99,17 +99,6 @@ def test_the_joint_covariance_of_a_report_counts(tmp_path: Path) -> None:
     assert effect_warnings(machine, estimates.effects, "c.json") == []
 
 
-def test_one_parameter_of_a_report(tmp_path: Path) -> None:
-    """Of an effect that a report knows in part it says nothing; of a whole one it does."""
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
-    bare = predicted(loaded(tmp_path, MACHINE), estimates_from_fit(machine, None))
-    estimates = reported(tmp_path, machine, together(["backlash-x.lost_motion", "turn.angle"]))
-    found = predicted(machine, estimates)
-    own = np.array([[0.1, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]]) * np.outer(F, F)
-    more = jacobian() @ own @ jacobian().T
-    assert found.covariance - bare.covariance == pytest.approx(more, rel=1e-9)
-
-
 def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS)
     own = predicted(machine, estimates_from_fit(machine, None))
@@ -224,20 +213,6 @@ effects:
     assert diagonal[1::2] == pytest.approx(4 * of_a + x**2 * t, rel=1e-12)
     cross = np.array([found.covariance[2 * i, 2 * i + 1] for i in range(3)])
     assert cross == pytest.approx(-3 * of_a - x * y * t, rel=1e-12)
-
-
-def test_two_effects_may_name_a_parameter_alike(tmp_path: Path) -> None:
-    text = """
-effects:
-  - {name: e, parameters: {h: {value: 2, u: 0.1, unit: um}}, equations: {Ex: h}}
-  - {name: f, parameters: {h: {value: 3, u: 0.2, unit: um}}, equations: {Ex: h*step(x - 20)}}
-"""
-    plain = predict(stated(tmp_path, DECLARED), NAMED, PLACES)
-    found = predict(stated(tmp_path, DECLARED + text), NAMED, PLACES)
-    more = found.mean - plain.mean
-    assert more[0::2] == pytest.approx([2e-3, 5e-3, 5e-3])
-    wider = np.diag(found.covariance - plain.covariance)[0::2]
-    assert wider == pytest.approx([0.01e-6, 0.05e-6, 0.05e-6])
 
 
 def test_a_component_of_an_effect_counts_as_one_of_the_machine(tmp_path: Path) -> None:

@@ -88,6 +88,10 @@ def test_parts_stand_in_order_of_manufacture(tmp_path: Path) -> None:
     early = next(points.parts[p] for p in points.part if p in (1, 3))
     assert table.parts == (early, "P3" if early == "P1" else "P1", "P2", "P0")
     assert table.covariates["sequence"].ravel().tolist() == [10, 10, 20, 30]
+    x = table.places[..., 0]
+    ranges = {"x": [x.min(), x.max()], "sequence": [10.0, 30.0]}
+    assert table.ranges(["x", "sequence", "unknown"]) == ranges
+    np.testing.assert_allclose(table.mean_places[:, 0], x.mean(axis=0))
     check_against_loop(model, made, table)
 
 
@@ -179,33 +183,6 @@ def _name(points: Points, i: int, operations: int) -> str:
     return name if operations == 1 else f"{points.operations[points.operation[i]]} {name}"
 
 
-@pytest.mark.parametrize("datum", FREE)
-@pytest.mark.parametrize("machine", [MACHINE, MACHINE.replace(" + 0.002*dir_x", " + sq*dir_x")])
-def test_factors_are_projected(tmp_path: Path, datum: Datum, machine: str) -> None:
-    model = stated(tmp_path, machine)
-    points = whole_parts(measured(5, 6, 2))
-    plain, _ = residual_table(model, points, {})
-    free, _ = residual_table(model, points, {}, datum)
-    P, _, A = plain.errors.shape
-    for before, after in ((plain.common, free.common), (plain.of_part, free.of_part)):
-        for p in range(P):
-            h = np.flatnonzero(plain.repeats[p])
-            axes = np.eye(A)
-            columns = [np.tile(axes[k], len(h)) for k in range(A)]
-            if datum == ROTATION:
-                x, y = (plain.places[p, h, k] for k in (0, 1))
-                columns.append(np.column_stack([-(y - y.mean()), x - x.mean()]).ravel())
-            X = np.column_stack(columns)
-            M = np.eye(len(X)) - X @ np.linalg.pinv(X)
-            wide = (np.broadcast_to(f, (P, *f.shape[1:]))[p, h] for f in (before, after))
-            F, E = (own.reshape(len(h) * A, own.shape[-1]) for own in wide)
-            size = np.abs(F @ F.T).max()
-            np.testing.assert_allclose(E @ E.T, M @ F @ F.T @ M, rtol=0, atol=1e-10 * size)
-    complete, _ = residual_table(model, measured(5, 6, 2), {}, datum)
-    # What a direction shifts a part by is free.
-    assert len(complete.common) == len(complete.of_part) == 1
-
-
 def test_measurements_that_the_motions_take_whole_are_left_out(tmp_path: Path) -> None:
     model = stated(tmp_path, MACHINE)
     points = measured(4, 5, 2)
@@ -240,18 +217,6 @@ def test_a_ring_may_be_freed_of_centre_and_diameter(tmp_path: Path) -> None:
 
 
 # A part's coordinate system projected out: rigid motions in, nothing out.
-
-
-def test_the_freedoms_are_small_rigid_motions() -> None:
-    """Against the motion itself: turned about the centre by a small angle and shifted."""
-    places = np.array([[10.0, 20.0, 5.0], [110.0, 25.0, 5.0], [15.0, 220.0, 5.0]])
-    F = freedoms(places, (0, 1, 2), "offset,rotation")
-    assert F.shape == (9, 4)
-    angle, shift = 1e-7, np.array([0.1, -0.2, 0.3])
-    R = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    centre = places.mean(axis=0)
-    moved = centre + (places - centre) @ R.T + shift - places
-    assert F @ [*shift, angle] == pytest.approx(moved.ravel(), abs=1e-11)
 
 
 @pytest.mark.parametrize("datum", get_args(Datum))
