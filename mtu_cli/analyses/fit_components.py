@@ -45,7 +45,6 @@ class Line:
     coefficients: FloatArray
     covariance: FloatArray
     passes_read: int | None = None
-    runs_read: int | None = None
     n: int | None = None
     dof: int | None = None
     s_repeat: float
@@ -143,21 +142,23 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
     fit = machine.components.get(estimate.name)
     items = () if fit is None else fit.instruments
     centre = float(np.concatenate([item.position for item in items]).mean()) if items else 0.0
-    T = estimate.shape.at_centre(centre)
-    moment, halves = T @ estimate.pass_covariance @ T.T, _turned(estimate.half_differences, T)
-    D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
+    T, moment, halves = (
+        estimate.shape.at_centre(centre), estimate.pass_covariance, estimate.half_differences
+    )  # fmt: skip
     if len(items) == 1:
         # Where some pass has one position only the level varies from pass to pass, not the slope.
         own = items[0].fit
-        centre, P = float(own.center), np.eye(min(2, len(T[0])), len(own.D))
-        D, moment = P @ own.D @ P.T, P @ own.D_moment @ P.T
-        halves = _turned(own.half_differences, P)
+        centre, T = float(own.center), np.eye(min(2, len(T[0])), len(own.D))
+        moment, halves = own.D_moment, own.half_differences
+    moment, halves = T @ moment @ T.T, None if halves is None else T @ halves @ T.T
+    D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
+    if len(items) == 1:
+        D = T @ items[0].fit.D @ T.T
     lines = tuple(_line(estimate, item, centre, machine) for item in items)
     passes = [each.passes_read for each in lines]
     known: dict[str, Any] = {
         "source": "readings" if items else "machine file",
         "passes_read": sum(filter(None, passes)) if passes and all(passes) else None,
-        "runs_read": sum(each.runs_read or 0 for each in lines) or None,
         "n": sum(len(item.error) for item in items) or None,
         "agreement_p": None if fit is None else fit.agreement_p,
     }
@@ -202,7 +203,6 @@ def _line(
         coefficients=b,
         covariance=fit.covariance,
         passes_read=len(item.keys_read) or None,
-        runs_read=None if item.read is None else len(np.unique(item.read.runs)),
         n=len(item.error),
         dof=int(fit.plain.dof),
         s_repeat=s_repeat,
@@ -216,10 +216,6 @@ def _line(
         n_passes=fit.n_passes if fit.separated else None,
         s=float(np.sqrt(fit.plain.s2)),
     )
-
-
-def _turned(D: FloatArray | None, T: FloatArray) -> FloatArray | None:
-    return None if D is None else T @ D @ T.T
 
 
 def _scatter(

@@ -14,7 +14,6 @@ from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measurands import Line, angle_error, check_square, differences, length_error
 from mtu_cli.model.visits import (
-    IntArray,
     Visits,
     axes_of,
     distinct,
@@ -25,7 +24,6 @@ from mtu_cli.model.visits import (
 from mtu_cli.stats.anova import Cells, cells_of, only
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import SEEN, rounding_variance
-from mtu_cli.stats.threads import workers
 
 Label = tuple[str, str, str]
 """Operation, name, axis; "" where there is none."""
@@ -76,16 +74,11 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
     """
     operations, operation = operations_of(points)
     features, parts, axes = len(points.features), len(points.parts), axes_of(points)
+    check_repeats(points)
     used, table = distinct(operation.astype(np.int64) * features + points.feature)
     cell = table * parts + points.part
-    check_repeats(points, cell)
-
-    def along(axis: int) -> Cells:
-        errors = points.measured[:, axis] - points.nominal[:, axis]
-        return cells_of(errors, cell, len(used), parts, spare=True)
-
-    with workers(3) as pool:
-        found = list(pool.map(along, axes))
+    errors = points.measured - points.nominal
+    found = [cells_of(errors[:, k], cell, len(used), parts, spare=True) for k in axes]
     each = {x.name: [getattr(cells, x.name) for cells in found] for x in fields(Cells)}
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(
@@ -100,12 +93,11 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
     )
 
 
-def check_repeats(points: Points, cell: IntArray | None = None) -> None:
-    """Raises InputError for a feature twice in one repeat of one part, each a `cell` (n,)."""
-    if cell is None:
-        _, operation = operations_of(points)
-        features, parts = len(points.features), len(points.parts)
-        cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
+def check_repeats(points: Points) -> None:
+    """Raises InputError for a feature twice in one repeat of one part."""
+    _, operation = operations_of(points)
+    features, parts = len(points.features), len(points.parts)
+    cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
     given = points.repeat >= 0
     if given.any():
         numbers, code = distinct(points.repeat)

@@ -95,7 +95,6 @@ COMPONENT = """
     n | | number of readings
     n_passes | estimate.n_passes | passes in the mean square between passes
     passes_read | | passes of the readings | passes / read, count, detail
-    - | runs_read | runs | runs / read, count, detail
     coefficients | | ascending powers of mm; of a table its values at at_mm | -, json, size=size()
     covariance | | of the coefficients | -, json, size=size2()
     covariance_independent | estimate.independent_covariance | s^2 (X'X)^-1, all readings as \

@@ -87,6 +87,15 @@ def test_instruments_are_weighted_by_the_variance_of_their_level() -> None:
     shares = np.array([W[0] ** 2, 2 * W[1] ** 2])
     assert found.pass_dof == pytest.approx(shares.sum() ** 2 / (shares**2 / [4, 9]).sum())
     assert found.repeat_dof == 90
+    # They differ by 2 units of u 1.7.
+    assert 0.2 < agreement(first, second) < 0.9
+
+
+def test_instruments_need_one_shape() -> None:
+    both = [segment(np.random.default_rng(1), role=role) for role in ("lbb", "laser")]
+    assert fit(*both).agreement_p is not None
+    with pytest.raises(InputError, match="several instruments, which need one shape"):
+        fit(*both, component=Component(of="x", unit="um", degree="auto"))
 
 
 @pytest.mark.parametrize("passes", [2, 5])

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from machine_trials import COMPONENTS, Drift, machine, read_machine
+from machine_trials import COMPONENTS, POINTS, Drift, machine, read_machine
 from model_examples import Segment, loaded, readings, stated
 from scipy import stats
 from support import read_components
@@ -25,6 +25,7 @@ from mtu_cli.model.fit import (
     fit_warnings,
 )
 from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.prediction import predict
 from mtu_cli.reports.fit_components import document
 
 
@@ -37,6 +38,19 @@ def reported(folder: Path, known: object, fit: MachineFit) -> Path:
     path = folder / "components.json"
     path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
     return path
+
+
+def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path) -> None:
+    known = machine(tmp_path)
+    fit = fit_machine(known, read_machine(np.random.default_rng(1), Drift(1.0, common=True)))
+    direct = estimates_from_fit(known, fit)
+    again = estimates_from_report(known, read_components(reported(tmp_path, known, fit)))
+    one, two = (predict(build_model(known, e), list("abc"), POINTS) for e in (direct, again))
+    A = np.random.default_rng(2).normal(size=(5, 6))
+    assert two.mean == pytest.approx(one.mean, rel=1e-12)
+    assert two.variance(A).total == pytest.approx(one.variance(A).total, rel=1e-8)
+    assert two.variance(A).dof == pytest.approx(one.variance(A).dof, rel=1e-6)
+    assert two.independent_variance == pytest.approx(one.independent_variance, rel=1e-9)
 
 
 def test_a_component_with_nothing_is_listed_and_not_predicted(tmp_path: Path) -> None:

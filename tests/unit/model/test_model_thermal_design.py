@@ -235,3 +235,7 @@ def test_a_report_of_another_machine(tmp_path: Path, stated_machine: LoadedMachi
         ("results.components.pos_y", "contradicts"),
         ("results.components.yaw_y", "contradicts"),
     ]
+    found = thermal_from_report(stated_machine, report(tmp_path, pos_y=DRIFT))
+    assert set(found) == {"pos_y", "yaw_y"}
+    np.testing.assert_allclose(found["pos_y"].coefficients, [[1.5e-3, 2e-3], [3e-3, 4e-3]])
+    assert (found["pos_y"].leftover_dof, found["pos_y"].coefficient_dof) == (12.5, np.inf)
