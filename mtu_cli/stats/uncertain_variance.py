@@ -185,7 +185,13 @@ def sum_tails(sizes: FloatArray, dof: float, x: FloatArray) -> tuple[FloatArray,
     share = sizes / largest
     above = x > 0
     target = np.where(above, x, 1.0) / (dof * largest)
-    u = _saddlepoint(share, target)
+    # u with sum share/(1 + (u - 1) share) = target, which falls as u grows.
+    low, high = np.full(len(target), -BRACKET), np.full(len(target), BRACKET)
+    for _ in range(STEPS):
+        middle = (low + high) / 2
+        value = (share / (1.0 + (np.exp(middle)[:, None] - 1.0) * share)).sum(axis=1)
+        low, high = np.where(value > target, middle, low), np.where(value > target, high, middle)
+    u = np.exp((low + high) / 2)
     # 1 - 2 z sizes, z the saddlepoint.
     left = 1.0 + (u[:, None] - 1.0) * share
     z = (1.0 - u) / (2.0 * largest)
@@ -214,14 +220,3 @@ def mean_square_tails(
     # Where no scatter is expected any is more.
     high, low = np.where(positive, high, 0.0), np.where(positive, low, 1.0)
     return float(high @ weights), float(low @ weights)
-
-
-def _saddlepoint(share: FloatArray, target: FloatArray) -> FloatArray:
-    """u (k,) with sum share/(1 + (u - 1) share) = target, which falls as u grows."""
-    low, high = np.full(len(target), -BRACKET), np.full(len(target), BRACKET)
-    for _ in range(STEPS):
-        middle = (low + high) / 2
-        value = (share / (1.0 + (np.exp(middle)[:, None] - 1.0) * share)).sum(axis=1)
-        more = value > target
-        low, high = np.where(more, middle, low), np.where(more, high, middle)
-    return np.exp((low + high) / 2)
