@@ -222,7 +222,10 @@ class _Net:
         self.nominal.update({name: start_value(self.places[name]) for name in marked})
         for step in chain.from_iterable(self.rounds):
             self.check_value(step)
-            self.check_unit(step)
+            for name in step.outputs:
+                if self.units[name] is None or self.places[name].kind == "vector":
+                    with self.faults.collected(("transitions", step.index, "formula")):
+                        self.units[name] = step.unit(self.units)
 
     def step(self, index: int, item: Transition) -> Step | None:
         """A transition against its signature; None with its faults, and where it makes a place a
@@ -384,19 +387,3 @@ class _Net:
                 what, where = f"{step.do} of {listed(step.outputs)}", f" at nominal: {error}"
                 path = ("transitions", step.index)
                 self.faults.add(path, "no-finite-value", what=what, where=where)
-
-    def check_unit(self, step: Step) -> None:
-        """Dimensions of formulas, and lengths where lengths are meant: an input of which nothing
-        tells the unit counts as one.
-        """
-        path = ("transitions", step.index)
-        for name in step.outputs:
-            if self.units[name] is None or self.places[name].kind == "vector":
-                with self.faults.collected((*path, "formula")):
-                    self.units[name] = step.unit(self.units)
-        unit = self.units[step.inputs[-1]] if step.use.length else None
-        if unit not in (None, "mm"):
-            kind = f"a length, as {step.do} takes here"
-            given = {"value": step.inputs[-1], "expected": f"a place in mm, not in {unit}"}
-            own = (*path, "in", len(step.inputs) - 1)
-            self.faults.add(own, "wrong-type", kind=kind, **given)

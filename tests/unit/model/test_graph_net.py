@@ -11,7 +11,6 @@ from graph_examples import graph_of, shipped
 
 from mtu_cli.files.contract import json_schema
 from mtu_cli.files.graph_contract import TransitionKind
-from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
@@ -74,32 +73,6 @@ UNITS = {"x": "mm", "y": "mm", "a": "rad", "q": "mm^4", "k": "1", "c": None}
 )  # fmt: skip
 def test_unit_of_a_formula(formula: str, unit: str | None) -> None:
     assert formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS) == unit
-
-
-LENGTHS = """
-places:
-  x: {kind: coordinate, axis: x, nominal_mm: 1}
-  A: {kind: point, nominal_mm: [6, 0, 0], known: true}
-  O: {kind: point, nominal_mm: [0, 0, 0], known: true}
-  e: {kind: vector}
-  f: {kind: vector}
-  r: {kind: constant, value: 5, UNIT}
-  out: {kind: point}
-transitions:
-  - {do: meas, out: x}
-  - {do: unit_v, in: [O, A], out: e}
-  - {do: ratio, in: [e, r], out: f}
-  - {do: displace, in: [A, f], out: out}
-report: [x, A, e, f, out]
-"""
-
-
-@pytest.mark.parametrize("unit", ["unit: mm", "says: nothing of its unit"])
-def test_a_multiple_of_a_direction_is_what_its_factor_is(unit: str, tmp_path: Path) -> None:
-    """A unit vector times 5 mm displaces a point."""
-    assert graph_of(tmp_path, LENGTHS.replace("UNIT", unit)).nominal["out"][0, 0] == 11
-    with pytest.raises(InputError, match="not a length, as displace takes here: 'f'"):
-        graph_of(tmp_path, LENGTHS.replace("UNIT", "unit: rad"))
 
 
 # What is drawn has the covariance that the file states.
