@@ -176,7 +176,6 @@ CATALOGUE: dict[str, Kind] = {
         "{what}: {off} mm from nominal, more than a machine errs: {looks} ({rows})", True
     ),
     "alike": _warning("{what}: {names}", True),
-    "implausible-size": _warning("{what} is hardly meant; probably {meant}", True),
     # Measured parts.
     "few-parts": _warning("too few parts ({parts} for {items}): {consequence}"),
     "no-repeats": _warning("no part was measured twice ({items}): {consequence}"),
@@ -199,10 +198,6 @@ CATALOGUE: dict[str, Kind] = {
     "outliers-set-aside": _warning("excluded as outliers from the search{of}: {entries}"),
     "max-effects": _warning(
         "the search{of} stopped at {most}, and more would pass (--max-effects)"
-    ),
-    "datum-freed": _warning(
-        "the best-fit alignment ({datum}) was removed from each part; it takes these effects with "
-        "it: {unseen}"
     ),
     "effect-not-written": _warning("{effect} is not added to the machine: {reason}"),
     "nothing-added": _warning("no effect is added: what is written is the machine as it was"),
