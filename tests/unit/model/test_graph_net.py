@@ -14,22 +14,8 @@ from mtu_cli.files.graph_contract import TransitionKind
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
-from mtu_cli.model.graph.net import firing_order
 from mtu_cli.model.graph.propagation import GraphTrials
-from mtu_cli.model.graph.transitions import TRANSITIONS, Step, formula_unit
-
-
-def step(index: int, inputs: str, outputs: str) -> Step:
-    (use,) = TRANSITIONS["middle"]
-    return Step(index=index, do="middle", use=use, inputs=tuple(inputs), outputs=tuple(outputs))
-
-
-def test_token_rule() -> None:
-    """Each fires once all its inputs are marked; what waits for a cycle never does."""
-    steps = [step(0, "cd", "e"), step(1, "a", "c"), step(2, "", "d"), step(3, "ab", "f")]
-    steps += [step(4, "gx", "h"), step(5, "h", "g"), step(6, "h", "i"), step(7, "aa", "j")]
-    rounds = firing_order(steps, "abx")
-    assert [[item.index for item in fired] for fired in rounds] == [[1, 2, 3, 7], [0]]
+from mtu_cli.model.graph.transitions import TRANSITIONS, formula_unit
 
 
 def test_every_transition_is_in_the_contract_and_in_the_help() -> None:

@@ -103,18 +103,6 @@ def test_equal_repeats_have_exactly_no_variance(n: int) -> None:
     assert np.isnan(table.p[0])
 
 
-def test_what_cannot_be_had_is_nan() -> None:
-    no_repeats = one_way(drawn((1, 1, 1), 1, 1.0, 1.0, 1))
-    assert np.isnan([no_repeats.ms_within[0], no_repeats.F[0], no_repeats.p[0]]).all()
-    assert np.isfinite(no_repeats.ms_between[0])
-    one_part = one_way(drawn((4,), 1, 1.0, 1.0, 1))
-    assert np.isnan([one_part.ms_between[0], one_part.F[0], one_part.n0[0]]).all()
-    assert np.isfinite(one_part.ms_within[0])
-    single = one_way(drawn((1,), 1, 1.0, 1.0, 1))
-    assert np.isfinite(single.mean[0])
-    assert np.isnan(part_interval(drawn((4,), 1, 1.0, 1.0, 1), one_part)).all()
-
-
 # Components of variance by REML against statsmodels, closed forms and the edges.
 
 

@@ -7,7 +7,6 @@ import pytest
 
 from mtu_cli.stats.coverage import (
     coverage_factor,
-    effective_dof,
     numerical_tolerance,
     welch_satterthwaite,
 )
@@ -24,23 +23,6 @@ def test_infinite_degrees_of_freedom() -> None:
     assert welch_satterthwaite(v, np.array([math.inf, math.inf])) == math.inf
     assert welch_satterthwaite(v, np.array([5.0, math.inf])) == pytest.approx(5.0 * 16.0)
     assert welch_satterthwaite(np.zeros(2), np.array([5.0, 5.0])) == math.inf
-
-
-def test_many_variances_at_once() -> None:
-    """Columns as one by one; GUM H.1.6 is the first, the last has no finite mean square."""
-    u = np.array([[25.0, 9.7, 2.9, 16.6], [3.0, 1.0, 2.0, 5.0], [0.0, 0.0, 4.0, 0.0]])
-    dof = np.array([18.0, 25.6, math.inf, 2.0])
-    found = effective_dof((u**2).sum(axis=1), (u**2).T, dof)
-    assert found == pytest.approx([welch_satterthwaite(own**2, dof) for own in u], rel=1e-12)
-    assert found[2] == math.inf
-
-
-def test_subtracted_mean_squares() -> None:
-    """(MS_1 - MS_2) with 3 - 1: 2^2/(9/6 + 1/4), by columns and by shares of 2."""
-    squares, dof = np.array([3.0, -1.0]), np.array([6.0, 4.0])
-    assert effective_dof(np.array([2.0]), squares[:, None], dof) == pytest.approx([4 / 1.75])
-    assert welch_satterthwaite(squares / 2, dof) == pytest.approx(4 / 1.75)
-    assert welch_satterthwaite(squares / 2, np.full(2, math.inf)) == math.inf
 
 
 @pytest.mark.parametrize(

@@ -73,23 +73,6 @@ def test_a_row_shifted_by_four_sigma_is_found(rho: float) -> None:
     assert others <= 0.15 * runs
 
 
-def test_a_small_group_is_not_drowned_by_a_large_one() -> None:
-    """Three lengths beside many features: their row is judged by its own distribution."""
-    rng = np.random.default_rng(5)
-    table = rng.standard_normal((ROWS, 63))
-    groups = np.r_[np.zeros(60, np.int64), np.ones(3, np.int64)]
-    table[11, 60:] = [9.0, -9.0, 9.0]
-    assert outstanding_rows(table, groups, 1).by_row[11] <= 0.05
-
-
-def test_constant_columns_and_few_rows() -> None:
-    table = np.ones((5, 4))
-    found = outstanding_rows(table, np.zeros(4, np.int64), 1)
-    assert (found.by_row > 0.5).all()
-    assert (found.by_cell > 0.5).all()
-    assert outstanding_rows(clean(1, 0)[:4], GROUPS, 1).by_row.shape == (4,)
-
-
 def test_large_tables_by_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rotation, "ENTRIES", 0)
     table = clean(6, 0.3)

@@ -21,7 +21,7 @@ from mtu_cli.stats.compressed import (
     together,
 )
 from mtu_cli.stats.lag import first_order_lag
-from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.least_squares import FloatArray
 
 # Lags.
 
@@ -108,25 +108,6 @@ def test_the_factor_holds_all_inner_products_and_means(n: int) -> None:
     products = Z[:-1] - Z.mean(axis=0), Z[1:] - Z.mean(axis=0)
     left = (products[0].T @ products[1])[1:, 1:]
     assert (np.abs(centred.lag[1:, 1:] - left) <= 1e-9 * size[1:, 1:]).all()
-
-
-def test_pieces_together_in_any_order_and_grouping() -> None:
-    """Also of sensors that move together, of a condition of 1e7."""
-    rng = np.random.default_rng(7)
-    X = 6 + rng.normal(size=(97, 1)).cumsum(axis=0) + 1e-6 * rng.normal(size=(97, 3))
-    Z = np.column_stack([np.ones(97), X, X @ [1.0, -3.0, 2.5] + 1e-7 * rng.normal(size=97)])
-    ends = [0, 1, 3, 30, 31, 97]
-    pieces = [compress(Z[a:b]) for a, b in pairwise(ends)]
-    left = together(pieces)
-    # Consecutive rows of two pieces are no pair: four products are missing.
-    missing = sum(np.outer(Z[b - 1], Z[b]) for b in ends[1:-1])
-    direct = least_squares(Z[:, :4], Z[:, 4])
-    for found in (left, together([together(pieces[3:]), together(pieces[:3][::-1])])):
-        assert (found.n, found.pairs) == (97, 97 - len(pieces))
-        assert found.lag + missing == pytest.approx(compress(Z).lag, rel=1e-12)
-        fit = least_squares(found.factor[:, :4], found.factor[:, 4])
-        assert fit.coefficients[1:] == pytest.approx(direct.coefficients[1:], rel=1e-6)
-        assert fit.rss == pytest.approx(direct.rss, rel=1e-6)
 
 
 # Ridge paths.
