@@ -8,7 +8,7 @@ inputs hold one.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain
@@ -175,19 +175,6 @@ def firing_order(steps: Iterable[Step], marked: Iterable[str]) -> Rounds:
     return tuple(rounds)
 
 
-def cycle_of(before: Mapping[str, Sequence[str]]) -> list[str]:
-    """A cycle of places, from the first back to it; `before`: the inputs of what makes each.
-
-    >>> cycle_of({"a": ["b"], "b": ["a"], "c": ["a"]}), cycle_of({"c": ["a"]})
-    (['a', 'b', 'a'], [])
-    """
-    try:
-        TopologicalSorter(before).prepare()
-    except CycleError as error:
-        return list(error.args[1])
-    return []
-
-
 class _Net:
     """The checks of one file, of the sound part of its contract; `known` are the names of all
     places, faulty ones included; of transitions that cannot be read nobody knows what they name.
@@ -345,7 +332,12 @@ class _Net:
             for name in item.out:
                 before.setdefault(name, []).extend(item.in_)
         uncut: dict[str, list[str]] = before
-        while cycle := cycle_of(uncut):
+        while True:
+            try:
+                TopologicalSorter(uncut).prepare()
+                break
+            except CycleError as error:
+                cycle: list[str] = error.args[1]
             index = self.makers[cycle[1]][0]
             faults.add(("transitions", index), "graph-cycle", places=" -> ".join(cycle))
             uncut = {
