@@ -11,11 +11,73 @@ from graph_examples import graph_of, shipped
 
 from mtu_cli.files.contract import json_schema
 from mtu_cli.files.graph_contract import TransitionKind
+from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
 from mtu_cli.model.graph.propagation import GraphTrials
 from mtu_cli.model.graph.transitions import TRANSITIONS, formula_unit
+
+
+def faults(folder: Path, text: str) -> list[tuple[int | None, str | None, str]]:
+    """Line, path and code of every fault."""
+    with pytest.raises(InputError) as caught:
+        graph_of(folder, text)
+    return [(item.line, item.path, item.code) for item in caught.value.findings]
+
+
+def test_faults_of_the_net(tmp_path: Path) -> None:
+    """A place made twice, a cycle, parallel planes, a wrong kind: all at once, with their lines."""
+    text = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3], known: true}
+  Q: {kind: point, nominal_mm: [4, 2, 3], known: true}
+  R: {kind: point, nominal_mm: [4, 9, 3], known: true}
+  x: {kind: coordinate, nominal_mm: 3}
+  a: {kind: constant, u: 1}
+  b: {kind: constant}
+  n: {kind: plane}
+  m: {kind: plane}
+  L: {kind: line}
+transitions:
+  - {do: ratio, in: [b, b], out: a}
+  - {do: ratio, in: [a, a], out: b}
+  - {do: plane, in: [P, Q, R], out: n}
+  - {do: plane, in: [R, Q, P], out: m}
+  - {do: line, in: [n, m], out: L}
+  - {do: plane, in: [P, R, Q], out: m}
+  - {do: meas, out: x, along: x}
+  - {do: compute, in: [x], out: x}
+"""
+    assert faults(tmp_path, text) == [
+        (8, "places.x", "missing-key"),
+        (9, "places.a.u", "incomplete"),
+        (16, "transitions[1]", "graph-cycle"),
+        (19, "transitions[4]", "no-finite-value"),
+        (20, "transitions[5].out", "contradicts"),
+        (21, "transitions[6].along", "misplaced"),
+        (21, "transitions[6]", "graph-cycle"),
+        (22, "transitions[7]", "missing-key"),
+        (22, "transitions[7].out", "wrong-connection"),
+        (22, "transitions[7].out", "contradicts"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("formula", "code", "column"),
+    [
+        ("P.u + v.i*P_x", "unknown-name", 1),
+        ("P + v.i*P_x", "unknown-name", 1),
+        ("P.x + v.i*P_x.value", "unknown-name", 11),
+        ("P.x*P_x*v.i*N.x", "unknown-name", 13),
+        ("P.x*P_x", "unused-place", None),
+    ],
+)
+def test_faults_of_names(formula: str, code: str, column: int | None, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        graph_of(tmp_path, FORMULA.replace("FORMULA", formula))
+    (found,) = caught.value.findings
+    assert (found.line, found.code, found.column) == (13, code, column)
 
 
 def test_every_transition_is_in_the_contract_and_in_the_help() -> None:

@@ -17,6 +17,7 @@ from mtu_cli.stats.outliers import (
     OUTLYING_P,
     deviation_p,
     outlying,
+    polished,
     spikes,
 )
 from mtu_cli.stats.rotation import outstanding_rows
@@ -162,3 +163,15 @@ def test_a_last_digit_is_no_outlier() -> None:
     curve = np.where(np.arange(40) == 20, 1.0, 0.0)
     assert not spikes(curve, r=1 / 12)[0].any()
     assert spikes(30 * curve, r=1 / 12)[0].sum() == 1
+
+
+def test_a_polish_leaves_what_is_neither_of_row_nor_of_column() -> None:
+    """Levels of rows and columns and slopes of rows are taken out, one slip is not."""
+    x = np.arange(5.0)
+    table = np.arange(6.0)[:, None] + x**2 + np.outer([0, 1, 2, 3, 4, 5.0], x)
+    table[2, 3] += 9.0
+    table[4, 0] = np.nan
+    left = polished(table, x)
+    assert left[2, 3] == pytest.approx(9.0, abs=0.5)
+    left[2, 3] = 0.0
+    assert np.nanmax(np.abs(left)) < 0.5
