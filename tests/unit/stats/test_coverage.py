@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.special import fdtrc, stdtrit
 
 from mtu_cli.stats.coverage import (
     coverage_factor,
@@ -11,6 +12,7 @@ from mtu_cli.stats.coverage import (
     numerical_tolerance,
     welch_satterthwaite,
 )
+from mtu_cli.stats.family import hotelling_p
 
 
 def test_welch_satterthwaite_of_gum_h1() -> None:
@@ -70,3 +72,11 @@ def test_a_ratio_of_two_estimates() -> None:
         spread = V[0, 0] - 2 * x * V[0, 1] + x**2 * V[1, 1]
         assert (2 - 4 * x) ** 2 == pytest.approx(coverage_factor(0.95) ** 2 * spread)
     assert fieller(2.0, 0.1, V)[2] is None
+
+
+def test_hotelling_of_one_estimate_is_students_t() -> None:
+    """And of three it is F of 3 and nu - 2 degrees of freedom."""
+    t = float(stdtrit(7.0, 0.975))
+    assert hotelling_p(t**2, 1, 7.0) == pytest.approx(0.05)
+    assert hotelling_p(9.0, 3, 8.0) == pytest.approx(float(fdtrc(3, 6, 9.0 * 6 / 24)))
+    assert hotelling_p(9.0, 3, 2.0) == 1.0

@@ -201,3 +201,18 @@ def test_error_rate_on_noise_that_follows_itself() -> None:
     error = np.sqrt(0.05 * 0.95 / draws)
     assert 0.05 - 4 * error < entered / draws < 0.08 + 4 * error
     assert naive / draws > 0.3
+
+
+def test_exact_fits_columns_of_nothing_and_too_few_readings() -> None:
+    rng = np.random.default_rng(1)
+    X, one = rng.normal(size=(30, 5)) + 20, np.ones(30)
+    Z = np.column_stack([one, X, 2 * X[:, 1] - X[:, 3] + 4])
+    assert stepwise(independent(Z)) == (2, 4)
+    # What is left of a slow column is rounding, which may follow itself: it must not hide it.
+    x = np.linspace(20.0, 26.0, 500)
+    for slope in np.geomspace(1e-5, 1e3, 10):
+        assert stepwise(compress(np.column_stack([np.ones(500), x, slope * x + 0.3]))) == (1,)
+    for columns in ([one, X[:, 0]], [one, X[:, 0], 3 * one], [one, 7 * one, X[:, 0]]):
+        assert stepwise(compress(np.column_stack(columns))) == ()
+    for n in (1, 2):
+        assert stepwise(compress(np.array([[1.0, 1, 1], [1, 2, 4]])[:n])) == ()
