@@ -55,12 +55,6 @@ def t_quantile(probability: FloatArray, dof: float) -> FloatArray:
     return np.asarray(result, dtype=np.float64)
 
 
-def t_quantiles(probability: FloatArray, dof: FloatArray) -> FloatArray:
-    """The same (k, n) for several `dof` (k,); those that are equal are calculated once."""
-    values, which = np.unique(dof, return_inverse=True)
-    return np.array([t_quantile(probability, float(value)) for value in values])[which]
-
-
 def fieller(
     a: float,
     b: float,

@@ -43,15 +43,14 @@ class Use:
     `takes`, `makes`: its places in their order, as people read it: ``2 coordinate x, optional
     constant``. `construct`: the arrays of its outputs from those of its inputs; of a `fit` from the
     nominal inputs, where it starts. `unit` of what it makes: "same" as its first input, a "product"
-    of both, or that of a "formula". `length`: whether its last input must be one. `guard`: a test
-    of nominal inputs (.., ), and what is wrong where they pass it: they determine nothing.
+    of both, or that of a "formula". `guard`: a test of nominal inputs (.., ), and what is wrong
+    where they pass it: they determine nothing.
     """
 
     takes: str
     makes: str
     construct: Callable[..., Any] | None = None
     unit: str = "mm"
-    length: bool = False
     guard: tuple[Callable[..., Any], str] | None = None
     fit: Callable[[Sequence[FloatArray]], fits.Construction] | None = None
 
@@ -109,8 +108,8 @@ NO_CORNER = (
 TRANSITIONS: dict[str, tuple[Use, ...]] = {
     "meas": (Use("", "coordinate"), Use("", "point")),
     "displace": (
-        *(Use(f"coordinate {a}, constant", f"coordinate {a}", np.add, length=True) for a in "xyz"),
-        Use("point, vector", "point", np.add, length=True),
+        *(Use(f"coordinate {a}, constant", f"coordinate {a}", np.add) for a in "xyz"),
+        Use("point, vector", "point", np.add),
     ),
     "middle": (Use("point, point", "point", lambda p, q: 0.5 * (p + q)),),
     "vector": (Use("point, point", "vector", lambda p, q: q - p),),
@@ -132,18 +131,13 @@ TRANSITIONS: dict[str, tuple[Use, ...]] = {
             "2 coordinate x, 2 coordinate y, coordinate z, constant",
             "point",
             lambda x1, x2, y1, y2, z1, r: make.hole(x1, x2, y1, y2, z1 - r),
-            length=True,
         ),
     ),
-    "hole": (
-        Use("2 coordinate x, 2 coordinate y, optional constant", "point", make.hole, length=True),
-    ),
+    "hole": (Use("2 coordinate x, 2 coordinate y, optional constant", "point", make.hole),),
     "circle": (Use("3 or more of point", "point, optional constant", fit=fits.circle_through),),
     "sphere": (
         Use("4 or more of point", "point, optional constant", fit=fits.sphere_through),
-        Use(
-            "4 or more of point, constant", "point", fit=fits.sphere_of_radius_through, length=True
-        ),
+        Use("4 or more of point, constant", "point", fit=fits.sphere_of_radius_through),
     ),
     "line": (
         Use("point, point", "line", lambda p, q: make.along(p, q - p), guard=ONE_POINT),

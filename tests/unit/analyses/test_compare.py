@@ -314,7 +314,7 @@ def p_of(ratio: FloatArray, correlation: FloatArray, df: float, dof: float = np.
 
 @pytest.mark.parametrize("T", [1.2, 1.5, 0.7])
 def test_independent_items_are_one_chi_squared(T: float) -> None:
-    """30 items of 4 degrees of freedom: chi-squared of 120, to 1 in 1000 (`sum_tails`)."""
+    """30 items of 4 degrees of freedom: chi-squared of 120, to 1 in 1000."""
     found = p_of(np.full(30, T), np.eye(30), 4.0)
     tail = min(stats.chi2.sf(120 * T, 120), stats.chi2.cdf(120 * T, 120))
     assert found == pytest.approx(2 * tail, rel=1e-3)

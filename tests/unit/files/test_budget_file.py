@@ -74,13 +74,6 @@ def test_standard_uncertainties(entry: str, u: float, dof: float) -> None:
     assert found.dof == pytest.approx(dof)
 
 
-def test_values() -> None:
-    assert quantity("{low: 2, high: 5, distribution: rectangular}").value == 3.5
-    assert quantity("{readings: [1, 2, 6]}").value == 3.0
-    exact = quantity("9.81")
-    assert (exact.value, exact.u, exact.type) == (9.81, 0.0, "")
-
-
 # An entry, and code and place of each of its faults.
 FAULTY = [
     ("{low: 2, high: 1, distribution: rectangular}", "wrong-value", ".low"),
@@ -129,21 +122,6 @@ def test_all_faults_at_once() -> None:
         "appears-twice", "wrong-value",
     ):  # fmt: skip
         assert code in codes
-
-
-@pytest.mark.parametrize(
-    ("text", "codes"),
-    [
-        ("equation: a\nequations: {y: a}", ["exclusive"]),
-        ("equations: {a: 2*a}", ["name-taken"]),
-        ("equations: {R: a}\nunits: {r: ohm}", ["unknown-name"]),
-        ("equation: a + b + c", ["unknown-name", "unknown-name"]),
-        ("equation: a\nquantity: {unit: um}", ["wrong-unit"]),
-    ],
-)
-def test_faults_of_equations(text: str, codes: list[str]) -> None:
-    found = findings(f"{text}\ninputs: {{a: {{value: 1, u: 1, unit: mm}}}}\n")
-    assert [each.code for each in found] == codes
 
 
 @pytest.mark.parametrize(

@@ -15,22 +15,70 @@ from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
-from mtu_cli.model.graph.net import firing_order
+from mtu_cli.model.graph.net import load_graph
 from mtu_cli.model.graph.propagation import GraphTrials
-from mtu_cli.model.graph.transitions import TRANSITIONS, Step, formula_unit
+from mtu_cli.model.graph.transitions import TRANSITIONS, formula_unit
 
 
-def step(index: int, inputs: str, outputs: str) -> Step:
-    (use,) = TRANSITIONS["middle"]
-    return Step(index=index, do="middle", use=use, inputs=tuple(inputs), outputs=tuple(outputs))
+def faults(folder: Path, text: str) -> list[tuple[int | None, str | None, str]]:
+    """Line, path and code of every fault."""
+    with pytest.raises(InputError) as caught:
+        graph_of(folder, text)
+    return [(item.line, item.path, item.code) for item in caught.value.findings]
 
 
-def test_token_rule() -> None:
-    """Each fires once all its inputs are marked; what waits for a cycle never does."""
-    steps = [step(0, "cd", "e"), step(1, "a", "c"), step(2, "", "d"), step(3, "ab", "f")]
-    steps += [step(4, "gx", "h"), step(5, "h", "g"), step(6, "h", "i"), step(7, "aa", "j")]
-    rounds = firing_order(steps, "abx")
-    assert [[item.index for item in fired] for fired in rounds] == [[1, 2, 3, 7], [0]]
+def test_faults_of_the_net(tmp_path: Path) -> None:
+    """A place made twice, a cycle, parallel planes, a wrong kind: all at once, with their lines."""
+    text = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3], known: true}
+  Q: {kind: point, nominal_mm: [4, 2, 3], known: true}
+  R: {kind: point, nominal_mm: [4, 9, 3], known: true}
+  x: {kind: coordinate, nominal_mm: 3}
+  a: {kind: constant, u: 1}
+  b: {kind: constant}
+  n: {kind: plane}
+  m: {kind: plane}
+  L: {kind: line}
+transitions:
+  - {do: ratio, in: [b, b], out: a}
+  - {do: ratio, in: [a, a], out: b}
+  - {do: plane, in: [P, Q, R], out: n}
+  - {do: plane, in: [R, Q, P], out: m}
+  - {do: line, in: [n, m], out: L}
+  - {do: plane, in: [P, R, Q], out: m}
+  - {do: meas, out: x, along: x}
+  - {do: compute, in: [x], out: x}
+"""
+    assert faults(tmp_path, text) == [
+        (8, "places.x", "missing-key"),
+        (9, "places.a.u", "incomplete"),
+        (16, "transitions[1]", "graph-cycle"),
+        (19, "transitions[4]", "no-finite-value"),
+        (20, "transitions[5].out", "contradicts"),
+        (21, "transitions[6].along", "misplaced"),
+        (21, "transitions[6]", "graph-cycle"),
+        (22, "transitions[7]", "missing-key"),
+        (22, "transitions[7].out", "wrong-connection"),
+        (22, "transitions[7].out", "contradicts"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("formula", "code", "column"),
+    [
+        ("P.u + v.i*P_x", "unknown-name", 1),
+        ("P + v.i*P_x", "unknown-name", 1),
+        ("P.x + v.i*P_x.value", "unknown-name", 11),
+        ("P.x*P_x*v.i*N.x", "unknown-name", 13),
+        ("P.x*P_x", "unused-place", None),
+    ],
+)
+def test_faults_of_names(formula: str, code: str, column: int | None, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        graph_of(tmp_path, FORMULA.replace("FORMULA", formula))
+    (found,) = caught.value.findings
+    assert (found.line, found.code, found.column) == (13, code, column)
 
 
 def test_every_transition_is_in_the_contract_and_in_the_help() -> None:
@@ -38,6 +86,16 @@ def test_every_transition_is_in_the_contract_and_in_the_help() -> None:
     assert json_schema("graph")["$defs"]["Transition"]["properties"]["do"]["enum"] == [*TRANSITIONS]
     text = (Path(__file__).parents[3] / "mtu_cli" / "help" / "graph.md").read_text("utf-8")
     assert [do for do in TRANSITIONS if f"`{do}`" not in text] == []
+
+
+BAD = Path(__file__).parents[2] / "cli" / "invalid"
+
+
+@pytest.mark.parametrize("folder", ["net", "places", "transitions", "degenerate", "formulas"])
+def test_every_fault_of_a_bad_file_has_its_line(folder: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_graph(BAD / f"graph-{folder}" / "graph.yaml")
+    assert all(item.line for item in caught.value.findings)
 
 
 FORMULA = """
@@ -74,32 +132,6 @@ UNITS = {"x": "mm", "y": "mm", "a": "rad", "q": "mm^4", "k": "1", "c": None}
 )  # fmt: skip
 def test_unit_of_a_formula(formula: str, unit: str | None) -> None:
     assert formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS) == unit
-
-
-LENGTHS = """
-places:
-  x: {kind: coordinate, axis: x, nominal_mm: 1}
-  A: {kind: point, nominal_mm: [6, 0, 0], known: true}
-  O: {kind: point, nominal_mm: [0, 0, 0], known: true}
-  e: {kind: vector}
-  f: {kind: vector}
-  r: {kind: constant, value: 5, UNIT}
-  out: {kind: point}
-transitions:
-  - {do: meas, out: x}
-  - {do: unit_v, in: [O, A], out: e}
-  - {do: ratio, in: [e, r], out: f}
-  - {do: displace, in: [A, f], out: out}
-report: [x, A, e, f, out]
-"""
-
-
-@pytest.mark.parametrize("unit", ["unit: mm", "says: nothing of its unit"])
-def test_a_multiple_of_a_direction_is_what_its_factor_is(unit: str, tmp_path: Path) -> None:
-    """A unit vector times 5 mm displaces a point."""
-    assert graph_of(tmp_path, LENGTHS.replace("UNIT", unit)).nominal["out"][0, 0] == 11
-    with pytest.raises(InputError, match="not a length, as displace takes here: 'f'"):
-        graph_of(tmp_path, LENGTHS.replace("UNIT", "unit: rad"))
 
 
 # What is drawn has the covariance that the file states.

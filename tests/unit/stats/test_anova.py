@@ -94,6 +94,15 @@ def test_interval_covers_with_its_empty_ones_as_misses(
     assert empty.any()
 
 
+def test_interval_is_exact_without_repeat_scatter() -> None:
+    """Equal repeats: the parts' variance has its chi-squared interval (Student 1908)."""
+    values, part = simulated((2,) * 6, 1, 1.0, 0.0, 9)
+    found = cells(values, part, 6)
+    # Quantiles of chi-squared with 5 degrees of freedom, from printed tables.
+    expected = 5 * np.var(values[0][::2], ddof=1) / np.array([12.833, 0.8312])
+    np.testing.assert_allclose(part_interval(found, one_way(found))[0], expected, rtol=1e-4)
+
+
 @pytest.mark.parametrize("n", [2, 3, 7, 2001])
 def test_equal_repeats_have_exactly_no_variance(n: int) -> None:
     values = np.repeat([0.1, 183.8437, 1e6 / 3], n)
@@ -101,18 +110,6 @@ def test_equal_repeats_have_exactly_no_variance(n: int) -> None:
     assert table.ms_within[0] == 0
     assert np.isnan(table.F[0])
     assert np.isnan(table.p[0])
-
-
-def test_what_cannot_be_had_is_nan() -> None:
-    no_repeats = one_way(drawn((1, 1, 1), 1, 1.0, 1.0, 1))
-    assert np.isnan([no_repeats.ms_within[0], no_repeats.F[0], no_repeats.p[0]]).all()
-    assert np.isfinite(no_repeats.ms_between[0])
-    one_part = one_way(drawn((4,), 1, 1.0, 1.0, 1))
-    assert np.isnan([one_part.ms_between[0], one_part.F[0], one_part.n0[0]]).all()
-    assert np.isfinite(one_part.ms_within[0])
-    single = one_way(drawn((1,), 1, 1.0, 1.0, 1))
-    assert np.isfinite(single.mean[0])
-    assert np.isnan(part_interval(drawn((4,), 1, 1.0, 1.0, 1), one_part)).all()
 
 
 # Components of variance by REML against statsmodels, closed forms and the edges.

@@ -17,6 +17,7 @@ from mtu_cli.stats.outliers import (
     OUTLYING_P,
     deviation_p,
     outlying,
+    polished,
     spikes,
 )
 from mtu_cli.stats.rotation import outstanding_rows
@@ -71,23 +72,6 @@ def test_a_row_shifted_by_four_sigma_is_found(rho: float) -> None:
         others += int(np.delete(rows, 4).any())
     assert found >= 0.95 * runs
     assert others <= 0.15 * runs
-
-
-def test_a_small_group_is_not_drowned_by_a_large_one() -> None:
-    """Three lengths beside many features: their row is judged by its own distribution."""
-    rng = np.random.default_rng(5)
-    table = rng.standard_normal((ROWS, 63))
-    groups = np.r_[np.zeros(60, np.int64), np.ones(3, np.int64)]
-    table[11, 60:] = [9.0, -9.0, 9.0]
-    assert outstanding_rows(table, groups, 1).by_row[11] <= 0.05
-
-
-def test_constant_columns_and_few_rows() -> None:
-    table = np.ones((5, 4))
-    found = outstanding_rows(table, np.zeros(4, np.int64), 1)
-    assert (found.by_row > 0.5).all()
-    assert (found.by_cell > 0.5).all()
-    assert outstanding_rows(clean(1, 0)[:4], GROUPS, 1).by_row.shape == (4,)
 
 
 def test_large_tables_by_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -179,3 +163,15 @@ def test_a_last_digit_is_no_outlier() -> None:
     curve = np.where(np.arange(40) == 20, 1.0, 0.0)
     assert not spikes(curve, r=1 / 12)[0].any()
     assert spikes(30 * curve, r=1 / 12)[0].sum() == 1
+
+
+def test_a_polish_leaves_what_is_neither_of_row_nor_of_column() -> None:
+    """Levels of rows and columns and slopes of rows are taken out, one slip is not."""
+    x = np.arange(5.0)
+    table = np.arange(6.0)[:, None] + x**2 + np.outer([0, 1, 2, 3, 4, 5.0], x)
+    table[2, 3] += 9.0
+    table[4, 0] = np.nan
+    left = polished(table, x)
+    assert left[2, 3] == pytest.approx(9.0, abs=0.5)
+    left[2, 3] = 0.0
+    assert np.nanmax(np.abs(left)) < 0.5

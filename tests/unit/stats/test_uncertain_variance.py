@@ -86,18 +86,6 @@ def test_no_more_false_alarms_than_said(truth: tuple[float, float, float]) -> No
     assert (p < 0.05).mean() > 0.005
 
 
-def test_nothing_known_to_scatter() -> None:
-    variance = uncertain_variance(np.zeros((2, 3)), np.array([4.0, np.inf]))
-    found = t_tail(np.array([0.0, 1e-9, -3.0]), variance)
-    assert found == pytest.approx([np.nan, 0.0, 0.0], nan_ok=True)
-    high, low = f_tails(np.array([0.0, 2.0, np.nan]), np.array([4.0, 4.0, 0.0]), variance)
-    assert high == pytest.approx([np.nan, 0.0, np.nan], nan_ok=True)
-    assert low == pytest.approx([np.nan, 1.0, np.nan], nan_ok=True)
-
-
-# Sums of chi-squared variables: against one of them, a closed form, and draws.
-
-
 @pytest.mark.parametrize("nu", [4.0, 12.0])
 def test_a_mean_square_against_one_of_few_readings_is_fishers(nu: float) -> None:
     """A hundredth for the nodes of the variance."""
