@@ -115,15 +115,15 @@ def correct(
     if {AXES[k] for k in measured}.isdisjoint(model.axes):
         raise no_shared_axis(model, points, measured)
     columns, places = point_columns(points), points.measured
-    needed = needed_covariates(model, points, columns, at)
+    values, idle = needed_covariates(model, points, columns, at)
     rows = RowErrors(
         model=model,
         points=points,
         places=np.where(np.isnan(places), points.nominal, places),
-        covariates=needed.values,
+        covariates=values,
         independent=settings.independent,
     )
-    warnings = [*needed.warnings, *guess_warnings(model, rows.places, needed.values)]
+    warnings = [*idle, *guess_warnings(model, rows.places, values)]
     warnings += _axis_warnings(model, points)
     error, u = rows.errors()
     corrected = places - np.nan_to_num(error)
