@@ -176,7 +176,6 @@ CATALOGUE: dict[str, Kind] = {
         "{what}: {off} mm from nominal, more than a machine errs: {looks} ({rows})", True
     ),
     "alike": _warning("{what}: {names}", True),
-    "implausible-size": _warning("{what} is hardly meant; probably {meant}", True),
     # Measured parts.
     "few-parts": _warning("too few parts ({parts} for {items}): {consequence}"),
     "no-repeats": _warning("no part was measured twice ({items}): {consequence}"),

@@ -1,27 +1,15 @@
-"""Names, places and sizes that are hardly meant, in parts, machines and tables."""
+"""Names and places that are hardly meant, in parts and tables."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.polynomial import polynomial
 
 from mtu_cli.checks import Data, DocumentData, Floats, Odd, PointsData, ReadingsData, Rows, check
-from mtu_cli.checks.plausible import (
-    BEYOND,
-    CONSTANT_TRAVELS,
-    NARROW,
-    POSITIONS,
-    TOLERANCE_UM,
-    TRAVEL_MM,
-    kind_of,
-    largest,
-)
+from mtu_cli.checks.plausible import BEYOND, NARROW, POSITIONS
 from mtu_cli.files.points import SAME_MM
-from mtu_cli.units import UNITS
 
 Position = tuple[Sequence[str], str, Floats, Rows, str]
 NONE = np.arange(0)
@@ -97,43 +85,3 @@ def _positions(data: Data) -> Iterator[Position]:
     for axis, values in zip("xyz", nominal.T, strict=True):
         if names and np.isfinite(values).all():
             yield names, axis, values, np.arange(len(names)), column.format(axis)
-
-
-@check("implausible-size", of=("part", "machine"))
-def sizes(data: DocumentData) -> Iterator[Odd]:
-    """Tolerances, travels, constants and coefficients whose unit is hardly the one stated."""
-    of_part = hasattr(data.loaded, "part")
-    for path, what, meant in _of_part(data.loaded) if of_part else _of_machine(data.loaded):
-        yield Odd(NONE, {"what": what, "meant": meant}, path=path)
-
-
-def _of_part(loaded: Any) -> Iterator[tuple[Any, str, str]]:
-    for i, entry in enumerate(loaded.part.lengths):
-        if (zone := entry.tolerance) and (half := (zone.high - zone.low) / 2) < TOLERANCE_UM:
-            yield ("lengths", i, "tolerance_um"), f"a tolerance of {half:g} um", "mm"
-    for name, entry in loaded.part.features.items():
-        if (entry.position_um or np.inf) < TOLERANCE_UM:
-            what = f"a zone of {entry.position_um:g} um"
-            yield ("features", name, "position_um"), what, "mm"
-
-
-def _of_machine(loaded: Any) -> Iterator[tuple[Any, str, str]]:
-    machine = loaded.machine
-    travels = {axis: abs(high - low) for axis, (low, high) in machine.travels.items()}
-    for axis, travel in travels.items():
-        if travel < TRAVEL_MM:
-            yield ("axes", axis, "travel_mm"), f"a travel of {travel:g} mm", "metres"
-    most = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
-    for name, constant in machine.constants.items():
-        value = float(getattr(constant, "value", constant))
-        if abs(value) > most:
-            yield ("constants", name), f"a constant of {value:g} mm", "um"
-    for name, component in machine.components.items():
-        low, high = machine.travels.get(component.of, (0.0, 0.0))
-        position, unit = np.linspace(low, high, 9), UNITS[component.unit]
-        errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))
-        if component.is_table and component.coefficients:
-            position, errors = np.array(component.at_mm), np.abs(component.coefficients)
-        if (errors * unit.to_internal > largest(kind_of(unit.dimension), position)).any():
-            what = f"errors of up to {errors.max():.3g} {component.unit}"
-            yield ("components", name, "coefficients"), what, "a smaller unit"

@@ -121,18 +121,6 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     return Source(role=role, path=path, shown=shown, sha256=digest, synthetic=made), content
 
 
-def begins_with(path: Path, mark: str) -> bool:
-    """Whether a file begins so, blank lines left out; as if it did where there is nothing in it but
-    blanks, or no such file.
-    """
-    try:
-        content = path.read_bytes() if path.is_file() else b""
-    except OSError:
-        return False
-    start = content.removeprefix(codecs.BOM_UTF8).lstrip()
-    return not start or start.startswith(mark.encode())
-
-
 def near_name(path: Path) -> tuple[str, ...]:
     """The file in the folder that is nearly called so, if there is one."""
     try:
