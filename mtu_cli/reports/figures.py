@@ -29,7 +29,6 @@ GREY = "#8a929c"
 BLUE = "#1f5fa8"
 ORANGE = "#d9772b"
 RED = "#b3261e"
-GREEN = "#3d8b57"
 PALE = "#c9dcf0"
 
 LETTER = 0.066
