@@ -195,7 +195,7 @@ CAPABILITY = declare(
 UNUSUAL = declare(
     """
     part | | its name | part, text
-    where. | where | *place | json
+    where. | where | *place
     *deviation
     p_familywise | p | p over all parts and tables | p, p
     singles[] | singles | *place

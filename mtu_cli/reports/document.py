@@ -177,7 +177,7 @@ def described(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
     for each in fields:
         path = f"{within}{each.path}"
         if isinstance(each, Group):
-            member = (".<name>" if each.named else "[]") * int(each.many)
+            member = (".<name>" if each.named else "[]") * each.many
             yield from described(fields_of(each.fields), f"{path}{member}.")
         elif each.path:
             yield path, each.meaning

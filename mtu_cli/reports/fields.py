@@ -39,7 +39,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -214,34 +214,22 @@ class Group:
 
     path: str
     fields: Sequence[Field | Group] | Callable[[Any], Sequence[Field | Group]]
-    value: Value | None = None
+    value: Value
     _: KW_ONLY
-    many: int = False
+    many: int = 0
     named: bool = False
-    csv: bool = True
-
-    def part(self, item: Any) -> Any:
-        """What the figures are of."""
-        return read(item, self.path if self.value is None else self.value)
 
     def json(self, item: Any) -> Any:
         """A document, null, or with `many` a list or an object of documents."""
-        part = self.part(item)
-        return None if part is None else self._each(part, int(self.many))
 
-    def _each(self, part: Any, depth: int) -> Any:
-        if not depth:
-            return record(self.fields, part)
-        if isinstance(part, Mapping):
-            return {name: self._each(each, depth - 1) for name, each in part.items()}
-        return [self._each(each, depth - 1) for each in part]
+        def document(part: Any, depth: int) -> Any:
+            if part is None or not depth:
+                return None if part is None else record(self.fields, part)
+            if isinstance(part, Mapping):
+                return {name: document(each, depth - 1) for name, each in part.items()}
+            return [document(each, depth - 1) for each in part]
 
-    def leaves(self) -> Iterator[Field]:
-        """Its figures as those of the whole item."""
-        for field in () if self.many else leaves(fields_of(self.fields)):
-            path = f"{self.path}.{field.path}" if field.path else ""
-            csv, within = field.csv if self.csv else "", (self.part, *field.within)
-            yield replace(field, path=path, csv=csv, within=within)
+        return document(read(item, self.value), self.many)
 
 
 Fields = Sequence[Field | Group]
@@ -281,7 +269,7 @@ def _declared(text: str, known: Mapping[str, Any]) -> Iterator[Field | Group]:
         named = path.count("{}")
         fields = _known(meaning[1:], known) if meaning else list(_declared(inner, known))
         many = path.count("[]") + named
-        yield Group(name, fields, of, many=many, named=bool(named), csv=cell != "json")
+        yield Group(name, fields, of, many=many, named=bool(named))
 
 
 def _known(name: str, known: Mapping[str, Any]) -> Any:
@@ -332,32 +320,30 @@ def leaves(fields: Fields) -> Iterator[Field]:
     for each in fields:
         if isinstance(each, Field):
             yield each
-        else:
-            yield from each.leaves()
+        elif not each.many:
+            part = partial(read, value=each.value)
+            for field in leaves(fields_of(each.fields)):
+                path = f"{each.path}.{field.path}" if field.path else ""
+                yield replace(field, path=path, within=(part, *field.within))
 
 
 def read(item: Any, value: Value | None) -> Any:
-    """A quantity of an item: by a function, or by the name of an attribute."""
-    if value is None:
-        return None
-    return _getter(value)(item) if isinstance(value, str) else value(item)
+    """A quantity of an item: by a function, or by the path of an attribute."""
+    if not isinstance(value, str):
+        return None if value is None else value(item)
+    for name in _names(value):
+        if item is None:
+            return None
+        if isinstance(name, int):
+            item = item[name] if name < len(item) else None
+        else:
+            item = item.get(name) if isinstance(item, Mapping) else getattr(item, name)
+    return item
 
 
 @cache
-def _getter(path: str) -> Callable[[Any], Any]:
-    names = [name for name in path.split(".") if name]
-
-    def found(item: Any) -> Any:
-        for name in names:
-            if item is None:
-                return None
-            if name.isdigit():
-                item = item[int(name)] if int(name) < len(item) else None
-            else:
-                item = item.get(name) if isinstance(item, Mapping) else getattr(item, name)
-        return item
-
-    return found
+def _names(path: str) -> list[str | int]:
+    return [int(name) if name.isdigit() else name for name in path.split(".") if name]
 
 
 def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any]:

@@ -29,7 +29,6 @@ GREY = "#8a929c"
 BLUE = "#1f5fa8"
 ORANGE = "#d9772b"
 RED = "#b3261e"
-GREEN = "#3d8b57"
 PALE = "#c9dcf0"
 
 LETTER = 0.066
@@ -178,7 +177,9 @@ def listing(
     return page
 
 
-def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequence[str]) -> None:
+def bars(
+    panel: Axes, names: Sequence[str], values: Sequence[float] | FloatArray, texts: Sequence[str]
+) -> None:
     """A bar a row from top to bottom, negative ones in another colour, its text at its end."""
     rows = range(len(values))
     colours = [BLUE if value >= 0 else ORANGE for value in values]
@@ -187,7 +188,7 @@ def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequ
     panel.set_yticks(rows, names)
     panel.set_ylim(max(len(values), 1) - 0.4, -0.6)
     # Texts of negative bars would reach the names.
-    panel.margins(x=0.16 if min(values, default=0.0) >= 0 else 0.32)
+    panel.margins(x=0.16 if all(value >= 0 for value in values) else 0.32)
     panel.axvline(0.0, color=GREY, linewidth=0.8)
     panel.grid(axis="y", visible=False)
 

@@ -212,26 +212,19 @@ def document(result: FitResult, digits: int = 2) -> Document:
         footer += f"; not fitted, without readings: {missing}"
     shown = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]
     table = Table(f"Components of {result.machine}", fields, components, footer, shown=shown)
-    # The tests that are significant, those that are not, and those that no readings allow.
     tests = [(x.label, own.tests) for x in components for own in x.instruments]
-    found: list[str] = []
-    quiet: list[str] = []
-    missing_tests: list[str] = []
+    found, untested = [], []
     for name, words in TESTS.items():
         made = [(label, own[name].significant) for label, own in tests if name in own]
-        if names := [label for label, sure in made if sure]:
-            found.append(f"{words} of {listed(names)}")
-        else:
-            (quiet if made else missing_tests).append(words)
-    verdict = f"No {' or '.join(quiet)} is significant." if quiet else ""
-    if found:
-        verdict = f"Significant: {'; '.join(found)}."
-    if missing_tests:
-        untested = ", ".join(missing_tests)
-        verdict += f" Not tested, as the readings do not allow it: {untested}."
+        if names := listed(dict.fromkeys(label for label, sure in made if sure)):
+            found.append(f"{words} of {names}")
+        untested += [] if made else [words]
+    verdict = f"Significant: {'; '.join(found)}." if found else "No test is significant."
+    if untested:
+        verdict += f" Not tested, as the readings do not allow it: {', '.join(untested)}."
     shown_as = results(fields), result
     figure_ = partial(figure, result)
-    return Document("Components", shown_as, [table], figure_, verdict.strip(), digits)
+    return Document("Components", shown_as, [table], figure_, verdict, digits)
 
 
 @figures.styled

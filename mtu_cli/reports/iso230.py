@@ -28,7 +28,6 @@ from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED, blank, legend,
 from mtu_cli.reports.numbers import with_u
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Page
 
 MAIN = ("A", "E", "R", "M", "B", "B_mean")
@@ -229,41 +228,40 @@ def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
 
 @styled
 def diagram(result: Iso230Result) -> Page:
-    """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings."""
+    """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
+    limits as long as the range that their figure may have.
+    """
     axes = list(result.axes.values())
     columns = 1 if len(axes) == 1 else 2
     lines = math.ceil(len(axes) / columns)
     page = blank(8.0 if columns == 1 else 11.0, 4.4 if lines == 1 else 3.4 * lines + 0.6)
     for panel, axis in zip(panels_of(page, len(axes), columns), axes, strict=False):
-        _panel(panel, axis)
+        count, means, s = axis.of_runs
+        means, s = means / axis.size, s / axis.size
+        panel.axhline(0.0, color=GREY, linewidth=0.8)
+        for i, (colour, side, marker) in enumerate(((BLUE, -1, "^"), (ORANGE, 1, "v"))):
+            if not count[i].any():
+                continue
+            for run in axis.readings[i].T / axis.size:
+                at = axis.targets + side * 0.006 * axis.travel
+                panel.plot(at, run, ".", color=colour, alpha=0.35, ms=3.5)
+            panel.errorbar(
+                axis.targets, means[i], yerr=2 * np.nan_to_num(s[i]), color=colour, marker=marker,
+                ms=5, capsize=3, elinewidth=1.0, label=f"mean {WAYS[i]}, 2 s",
+            )  # fmt: skip
+        both = means.mean(axis=0)
+        if np.isfinite(both).any():
+            panel.plot(axis.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
+        middle = (np.nanmax(means) + np.nanmin(means)) / 2
+        limits = {x.name: x.limit / x.size for x in axis.figures.values() if x.limit is not None}
+        for i, (name, limit) in enumerate(limits.items(), 1):
+            place = axis.targets.max() + 0.05 * i * axis.travel
+            panel.errorbar(
+                place, middle, limit / 2, color=RED, capsize=4, elinewidth=2.0, label="limit"
+            )
+            panel.annotate(name, (place, middle), (4, 0), textcoords="offset points", color=RED)
+        panel.set_title(f"{axis.name}: {_stated(axis, 2)} {axis.unit}")
+        panel.set_xlabel(f"target, {'deg' if axis.rotary else 'mm'}")
+        panel.set_ylabel(f"deviation, {axis.unit}")
     legend(page)
     return page
-
-
-def _panel(panel: Axes, axis: Axis) -> None:
-    count, means, s = axis.of_runs
-    shift = 0.006 * axis.travel
-    panel.axhline(0.0, color=GREY, linewidth=0.8)
-    for i, (colour, side, marker) in enumerate(((BLUE, -1, "^"), (ORANGE, 1, "v"))):
-        if not count[i].any():
-            continue
-        for run in axis.readings[i].T / axis.size:
-            panel.plot(axis.targets + side * shift, run, ".", color=colour, alpha=0.35, ms=3.5)
-        panel.errorbar(
-            axis.targets, means[i] / axis.size, yerr=2 * np.nan_to_num(s[i]) / axis.size,
-            color=colour, marker=marker, ms=5, capsize=3, elinewidth=1.0,
-            label=f"mean {WAYS[i]}, 2 s",
-        )  # fmt: skip
-    both = means.mean(axis=0) / axis.size
-    if np.isfinite(both).any():
-        panel.plot(axis.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
-    middle = (np.nanmax(means) + np.nanmin(means)) / (2 * axis.size)
-    limited = [x for x in axis.figures.values() if x.limit is not None]
-    for i, each in enumerate(limited, 1):
-        # As long as the range that the figure may have.
-        at, limit = axis.targets.max() + 0.05 * i * axis.travel, (each.limit or 0.0) / each.size
-        panel.errorbar(at, middle, limit / 2, color=RED, capsize=4, elinewidth=2.0, label="limit")
-        panel.annotate(each.name, (at, middle), (4, 0), textcoords="offset points", color=RED)
-    panel.set_title(f"{axis.name}: {_stated(axis, 2)} {axis.unit}")
-    panel.set_xlabel(f"target, {'deg' if axis.rotary else 'mm'}")
-    panel.set_ylabel(f"deviation, {axis.unit}")

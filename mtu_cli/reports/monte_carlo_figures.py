@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -25,8 +25,8 @@ BINS, MARGIN = 50, 0.25
 """Of a histogram; beyond both intervals it shows this part of them."""
 OUTPUTS, COORDINATES = 4, 9
 """Quantities drawn on one sheet."""
-SHARES, LEAST = 12, 0.05
-"""Inputs drawn, the largest shares first, each at least so many percent."""
+SHARES = 12
+"""Inputs drawn, the largest shares first."""
 SEEN = 1e-3
 """Coordinates drawn have at least this part of the largest u of their unit."""
 NAME, TITLE = 24, 50
@@ -56,8 +56,10 @@ def histogram(panel: Axes, item: Trials) -> None:
     known = [*item.ends, *first_ends]
     room = max(MARGIN * (max(known) - min(known)), 1e-6 * max(map(abs, known)), 1e-300)
     limits = min(known) - room, max(known) + room
-    style: dict[str, Any] = {"color": figures.PALE, "label": "Monte Carlo trials"}
-    panel.hist(item.samples, BINS, range=limits, density=True, histtype="stepfilled", **style)
+    panel.hist(
+        item.samples, BINS, range=limits, density=True, histtype="stepfilled",
+        color=figures.PALE, label="Monte Carlo trials",
+    )  # fmt: skip
     if u > 0.0:
         from scipy.stats import t
 
@@ -93,12 +95,11 @@ def budget(result: BudgetResult) -> Figure:
     panels = page.subplots(len(shown), 2, squeeze=False)
     for (left, right), item, samples in zip(panels, shown, run.samples, strict=False):
         name, unit = cut(item.name, NAME), f" {item.unit}" if item.unit else ""
-        # The largest shares of the variance; none where there is no first order.
+        # None where there is no first order.
         shares = np.nan_to_num(100.0 * item.share)
         order = np.argsort(-np.abs(shares), kind="stable")[:SHARES].tolist()
-        bars = {cut(result.given.quantities[i].name, NAME): float(shares[i]) for i in order}
-        bars = {input_: share for input_, share in bars.items() if abs(share) >= LEAST}
-        figures.bars(left, list(bars), list(bars.values()), [f"{x:.1f}" for x in bars.values()])
+        names = [cut(result.given.quantities[i].name, NAME) for i in order]
+        figures.bars(left, names, shares[order], [f"{shares[i]:.1f}" for i in order])
         left.set(xlabel="share of u², %", title=f"{name}: shares of the variance")
         text = f"{name} = {with_u(item.value, item.u or None)[0]}{unit}\nu = {significant(item.u)}"
         text += f", by Monte Carlo {significant(item.of_run('u'))}{unit}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from mtu_cli.cli.options import Options
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.model.fit import thermal_from_report
-from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.thermal_fit import document, figure
 
 STUDY = CONFIGS / "valdes-ring"
@@ -99,21 +97,3 @@ def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
     assert starts == sorted(starts)
     assert (len(lines), len({*starts})) == (32, 4)
     assert lines[0].get_color() != lines[2].get_color()
-
-
-def test_nothing_is_written_over_anything(fit: ThermalFit) -> None:
-    page = figure(fit)
-    figure_bytes(page, "png")
-    boxes: list[Any] = []
-    for panel in page.axes:
-        texts: list[Any] = [*panel.texts, panel.xaxis.label, panel.yaxis.label]
-        texts += [panel._left_title]  # type: ignore[attr-defined]  # where the house writes titles
-        for axis in (panel.xaxis, panel.yaxis):
-            low, high = sorted(axis.get_view_interval())
-            texts += [x.label1 for x in axis.get_major_ticks() if low <= x.get_loc() <= high]
-        boxes += [text.get_window_extent() for text in texts if text.get_text()]
-        legend = panel.get_legend()
-        boxes += [] if legend is None else [legend.get_window_extent()]
-    assert len(boxes) > 30
-    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
-    assert all(box.x0 >= 0 and box.x1 <= page.bbox.x1 for box in boxes)
