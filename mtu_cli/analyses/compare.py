@@ -336,7 +336,7 @@ def predict_operations(
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
     stated = {name: x for name, x in point_columns(points).items() if name not in given}
-    values = needed_covariates(model, points, stated, given).values
+    values, _ = needed_covariates(model, points, stated, given)
     warnings: list[Finding] = []
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
     vary = any(np.ndim(values[name]) for name in model.covariates())
@@ -509,7 +509,9 @@ def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArr
     """The test of the scatter of features A E with their tables and `expected` MS_between."""
     df, weights, within = t.df_between, t.n0 / expected, t.ms_within / expected
     # Of part means relative to their variance; the CMM is in the variances alone.
-    correlation = (A @ prediction.scatter @ A.T) * np.sqrt(weights * weights[:, None])
+    correlation = (A @ prediction.assembled(coefficients=0.0) @ A.T) * np.sqrt(
+        weights * weights[:, None]
+    )
     np.fill_diagonal(correlation, 1.0)
     squares = prediction.variance(A).squares
     times = [1.0 if each is None else each.independent(weights)

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -461,9 +461,11 @@ def warnings_of(axis: Axis) -> Iterator[Finding]:
     if mask.any() and axis.rows is not None:
         lines = tuple(sorted(axis.rows[mask].tolist()))
         far = float(np.abs(off[mask]).max()) / axis.size
-        off_by: dict[str, Any] = {"what": axis.name, "unit": axis.unit, "beside": "the other runs"}
-        off_by |= {"off": far, "count": int(mask.sum()), "s": scatter / axis.size, "rows": lines}
-        yield finding("outlying-value", file=axis.file, row=lines[0], column="error", **off_by)
+        yield finding(
+            "outlying-value", file=axis.file, row=lines[0], column="error", what=axis.name,
+            unit=axis.unit, beside="the other runs", off=far, count=int(mask.sum()),
+            s=scatter / axis.size, rows=lines,
+        )  # fmt: skip
 
 
 def evaluate_all(

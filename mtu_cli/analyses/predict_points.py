@@ -55,11 +55,6 @@ class PointsResult:
             return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
         return rescaled(self.prediction.assembled(drawable=True, by_point=True), variance)
 
-    def of_axis(self, values: FloatArray, axis: str) -> FloatArray:
-        """What belongs to one axis, (features,), of `values` (rows,)."""
-        axes = self.prediction.axes
-        return values[axes.index(axis) :: len(axes)]
-
 
 def predict_points(
     model: MachineModel,

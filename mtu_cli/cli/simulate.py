@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,7 +25,7 @@ from mtu_cli.cli.options import (
 )
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, number_of, within
 from mtu_cli.files.contract import A_NAME, is_name
-from mtu_cli.files.covariates import is_covariate
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.source import SYNTHETIC
 from mtu_cli.findings import InputError, error
 from mtu_cli.formats.base import Imported
@@ -279,6 +279,18 @@ def _drift_test(
         within(option, (low, high), known.bounds or (low, high), unit)
         return low, high
 
+    sensors = {sensor for drift in drifts for sensor in drift.sensors}
+
+    def sensor_of(name: str, sensor: str) -> str:
+        known_name("--twin", "sensor", sensor, sorted(sensors))
+        if name in sensors or not is_temperature(name):
+            place = {"path": "--twin", "value": name, "expected": "a new one, such as T_18_degC"}
+            raise error("wrong-type", kind="the name of a further sensor", **place)
+        return sensor
+
+    form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
+    # Second sensors at the places of others.
+    twins = assigned("--twin", options.twin, ":", form, example, sensor_of)
     low, high = span("room", "degC")
     plan = DriftPlan(
         reference=machine.reference_temperature_degC,
@@ -298,7 +310,7 @@ def _drift_test(
         noise={LENGTH: options.reading_noise_um * UM, ANGLE: options.reading_noise_arcsec * ARCSEC},
         settled={name: values * units[name] for name, values in asked.items()},
         limits={LENGTH: options.most_drift_um * UM, ANGLE: options.most_drift_arcsec * ARCSEC},
-        twins=_twins(options.twin, {sensor for drift in drifts for sensor in drift.sensors}),
+        twins=tuple(twins.items()),
     )
     return drifts, plan
 
@@ -339,19 +351,3 @@ def _by_component(
 
     known, what = [drift.component for drift in drifts], "component with a thermal model"
     return assigned(option, texts, ":", "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, known, what)
-
-
-def _twins(texts: Iterable[str] | None, sensors: Collection[str]) -> tuple[tuple[str, str], ...]:
-    """Second sensors at the places of others."""
-
-    def sensor_of(name: str, sensor: str) -> str:
-        known_name("--twin", "sensor", sensor, sorted(sensors))
-        if name in sensors:
-            raise error("name-taken", path="--twin", taken="another sensor", value=name)
-        if not is_covariate(name) or not name.startswith("T_"):
-            kind = "the name of a temperature"
-            raise error("wrong-type", path="--twin", kind=kind, value=name, expected="T_18_degC")
-        return sensor
-
-    form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
-    return tuple(assigned("--twin", texts, ":", form, example, sensor_of).items())

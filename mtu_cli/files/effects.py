@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import BeforeValidator, Field
 
 from mtu_cli.files.contract import (
     IDENTIFIER,
@@ -25,7 +25,6 @@ from mtu_cli.files.contract import (
     check_contract,
     optional,
     present,
-    wrong,
 )
 from mtu_cli.files.covariates import (
     COVARIATES,
@@ -66,24 +65,6 @@ Text = Annotated[str, Field(min_length=1)]
 FamilyName = Annotated[str, Field(pattern="^[a-z][a-z0-9-]*$")]
 EffectEquations = Annotated[dict[Name, EquationText], Field(min_length=1)]
 EffectParameters = Annotated[dict[Name, ParameterUnitName], Field(min_length=1)]
-WORDS = (
-    "A", "B", "value", "size", "twice", "wave", "searched", "at", "covariate", "chosen", "values",
-    "row", "column",
-)  # fmt: skip
-"""What a sentence may name of an effect: its axes, its parameter with u, the same without sign,
-twice that, the root of the sum of squares of its parameters, what was searched, the first part
-after a step, the column it depends on, the feature or part, all parameters; part or pass, feature
-or position.
-"""
-
-
-def _sentence(text: str) -> str:
-    if not set(re.findall(r"{([^{}]*)}", text)) <= {*WORDS}:
-        raise wrong(f"names in braces that are one of: {', '.join(WORDS)}")
-    return text
-
-
-Sentence = Annotated[str, AfterValidator(_sentence)]
 Kind = Literal["mean", "offset", "outlier", "scatter"]
 
 
@@ -136,12 +117,14 @@ class Family(Contract):
     separates_readings: Text | None = optional(
         "The same of readings of a component, where it is not the same"
     )
-    sentence: Sentence = optional(
-        "What it does, with its size: {A} {B} its axes; (gains|loses) by the sign of the first "
+    sentence: str = optional(
+        "What it does, with its size: {A} {B} its axes, {value} {size} {twice} its parameter, "
+        "{wave} the root of the sum of squares, {searched} {at} {covariate} {chosen} {values}, "
+        "{row} part or pass, {column} feature or position; (gains|loses) by the sign of the first "
         "parameter",
         "",
     )
-    sentence_readings: Sentence = optional("The same of readings of a component", "")
+    sentence_readings: str = optional("The same of readings of a component", "")
     kind: Kind = optional("What of the errors it changes", "mean")
     over: Literal["feature", "part", "operation"] | None = optional(
         "`chosen` is 1 on one of these, 0 on the others"

@@ -12,8 +12,6 @@ from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings, l
 from mtu_cli.formats.grid import Faults, number
 
 UNITS = {"rtl": "um", "rta": "mrad"}
-TARGET_UNITS = {"rtl": "mm", "rta": "degrees or mm"}
-OWNERS = {"rtl": "Linear", "rta": "Angular"}
 NO_SENSOR = -10.0
 SHOWN = ("HEADER", "USER-TEXT", "ENVIRONMENT")
 """Sections whose entries `mtu inspect` shows as they stand."""
@@ -47,22 +45,6 @@ def _entries(lines: Lines) -> dict[str, tuple[int, str]]:
     return {
         re.sub(r"[\s-]+", " ", match[1]): (row, match[2].strip()) for row, match in matches if match
     }
-
-
-def _targets(lines: Lines, faults: Faults) -> list[float]:
-    """All numbers from ``Targets :`` to the next key, however they are wrapped and signed."""
-    result: list[float] = []
-    inside = False
-    for row, line in lines:
-        if key := _KEY.match(line):
-            inside, line = key[1].lower().startswith("targets"), key[2]
-        for cell in line.split() if inside else ():
-            value = number(cell, ".")
-            if value is None:
-                faults.cell(row, "Targets", cell)
-            else:
-                result.append(value)
-    return result
 
 
 def _deviations(lines: Lines, targets: int, faults: Faults) -> dict[tuple[int, int], Any]:
@@ -104,7 +86,16 @@ def read(file: RawFile, ask: Ask) -> Imported:
             faults.add(file.finding("missing-input", **facts))
     faults.raise_if_any()
     head = _entries(sections["TARGET DATA"] + sections.get("RUNS", []))
-    targets = _targets(sections["TARGET DATA"], faults)
+    # All numbers from ``Targets :`` to the next key, however they are wrapped and signed.
+    targets, inside = list[float](), False
+    for row, line in sections["TARGET DATA"]:
+        named = _KEY.match(line)
+        inside = named[1].lower().startswith("targets") if named else inside
+        for cell in (named[2] if named else line).split() if inside else ():
+            if (value := number(cell, ".")) is None:
+                faults.cell(row, "Targets", cell)
+            else:
+                targets.append(value)
     values = _deviations(sections["DEVIATIONS"], len(targets), faults)
     runs = len({run for run, _ in values})
     for key, count, what in (("Target count", len(targets), "targets"),
@@ -126,7 +117,8 @@ def read(file: RawFile, ask: Ask) -> Imported:
          "forward" if one_way or run % 2 else "reverse", value)
         for (run, index), (row, value) in values.items() if run % 2 or not padded
     ))  # fmt: skip
-    result.says = [f"targets in {TARGET_UNITS[kind]}, deviations in {UNITS[kind]}",
+    place = "mm" if kind == "rtl" else "degrees or mm"
+    result.says = [f"targets in {place}, deviations in {UNITS[kind]}",
                   "one-way runs" if one_way else "odd runs forward, even runs reverse"]  # fmt: skip
     shown = _entries([line for name in SHOWN for line in sections.get(name, [])])
     for name, (_, text) in shown.items():
@@ -211,8 +203,9 @@ def run_file(data: Imported) -> bytes:
         (p if one_way else 2 * p - (way == "forward"), targets.index(x) + 1, value)
         for p, way, x, value in zip(*cells, strict=True)
     ]
+    owner = "Linear" if kind == "rtl" else "Angular"
     lines = [
-        *("HEADER::", f"File type  : {kind}", f"Owner      : {OWNERS[kind]}", "Version no : 1"),
+        *("HEADER::", f"File type  : {kind}", f"Owner      : {owner}", "Version no : 1"),
         *("TARGET DATA::", "Filetype  : ISO", f"Target-count: {len(targets)}", "Targets :"),
         *(" ".join(f"{x:.6f}" for x in targets[i : i + 5]) for i in range(0, len(targets), 5)),
         *(f"Flags: 0 {int(one_way)} 2 0", "USER-TEXT::", "RUNS::"),

@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -19,9 +19,6 @@ from mtu_cli.formats.grid import Columns, Row, grid_of, number, said
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.wide import way_of
 from mtu_cli.units import UNITS, plain_unit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
 NUMBERS = ("error", "position_mm", "x_mm", "y_mm", "z_mm", "nominal_x_mm", "nominal_y_mm",
@@ -119,7 +116,20 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         table = whole.dropna(subset=[unpivot.into])
         result.drop("empty cells", len(whole) - len(table))
     faults.raise_if_any()
-    table = _worked(profile, table)
+    factors = dict(profile.scale)
+    for name, text in profile.units.items():
+        if name == "error":
+            table = table.assign(unit=plain_unit(text))
+        else:
+            factors[name] = factors.get(name, 1.0) * UNITS[plain_unit(text)].to_internal
+    for name, by in factors.items():
+        if name in table and table[name].dtype.kind in "if":
+            table[name] = table[name] * by
+    for name, other in profile.subtract.items():
+        if {name, other} <= {*table} and table[name].dtype.kind in "if":
+            table[name] = table[name] - table[other]
+    subtracted = {*profile.subtract.values()} - {*profile.columns}
+    table = table.drop(columns=[*subtracted & {*table}])
     if kind != "points" and len(table):
         if ask.component:
             table["component"] = ask.component
@@ -175,21 +185,3 @@ def _turned(unpivot: Unpivot, ask: Ask) -> Iterator[dict[str, Any]]:
         passes[way] += 1
         own = {"": name, unpivot.names: passes[way] if unpivot.names == "pass" else name}
         yield own | ({"direction": way} if way else {})
-
-
-def _worked(profile: Profile, table: pd.DataFrame) -> pd.DataFrame:
-    """Scaled to the units of the contract, and less what is subtracted."""
-    factors = dict(profile.scale)
-    for name, text in profile.units.items():
-        unit = plain_unit(text)
-        if name == "error":
-            table = table.assign(unit=unit)
-        else:
-            factors[name] = factors.get(name, 1.0) * UNITS[unit].to_internal
-    for name, by in factors.items():
-        if name in table and table[name].dtype.kind in "if":
-            table[name] = table[name] * by
-    for name, other in profile.subtract.items():
-        if {name, other} <= {*table} and table[name].dtype.kind in "if":
-            table[name] = table[name] - table[other]
-    return table.drop(columns=[*({*profile.subtract.values()} - {*profile.columns}) & {*table}])

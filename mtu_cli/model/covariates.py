@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -40,13 +40,6 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
     return named | points.covariates
 
 
-class Needed(NamedTuple):
-    """What the model's equations need, by name: one value a measurement (n,), or one for all."""
-
-    values: Values
-    warnings: tuple[Finding, ...]
-
-
 def needed_covariates(
     model: MachineModel,
     points: Points,
@@ -54,9 +47,10 @@ def needed_covariates(
     at: Mapping[str, float],
     *,
     at_nominal: bool = False,
-) -> Needed:
-    """The model's covariates at every point; the points' own `columns` come before `at`. A model
-    that is asked `at_nominal` places has no use for measured coordinates in their place.
+) -> tuple[Values, list[Finding]]:
+    """The model's covariates, one value a point (n,) or one for all; the points' own `columns` come
+    before `at`, which is warned of. A model that is asked `at_nominal` places has no use for
+    measured coordinates in their place.
 
     Times are added where a drift lags behind its temperatures.
 
@@ -86,8 +80,7 @@ def needed_covariates(
         raise InputError(problems)
     reason = "the points have the column"
     idle = [name for name in asked if name in columns and name in at]
-    warnings = [finding("not-used", what="--at", names=[name], reason=reason) for name in idle]
-    return Needed(values=values, warnings=tuple(warnings))
+    return values, [finding("not-used", what="--at", names=[x], reason=reason) for x in idle]
 
 
 def _row(measured: Points | Readings, i: int) -> dict[str, Any]:
@@ -148,7 +141,6 @@ every point is no chance: about one in four at each (2/3 of the density of a nor
 """
 DRAWN_MM = 0.1
 """The coarsest digit that a nominal place is written to."""
-MEASURED, NOMINAL = "what was measured", "the nominal place"
 
 
 def table_covariates(
@@ -201,38 +193,29 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
     digit of both: in um, with the other sign, or as the diameter of a position.
     """
     numeric = {k: x for k, x in points.covariates.items() if k not in needed and x.dtype != object}
-    written = list(_written(points)) if numeric else []
+    axes, errors = list(axes_of(points)), points.measured - points.nominal
+    digit = max((step_of(points.measured[:, k]) for k in axes), default=0.0)
+    # What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit, and
+    # the coarsest digit that they are repeated to; nominal places last, as measured ones are near.
+    written = [(f"the error along {AXES[k]}", errors[:, k], digit, np.inf) for k in axes]
+    written += [(f"the coordinate {AXES[k]}", points.measured[:, k], digit, np.inf) for k in axes]
+    for count in range(2, len(axes) + 1):
+        length = np.linalg.norm(errors[:, axes[:count]], axis=1)
+        written.append(("the length of the error", length, count * digit, np.inf))
+    written += [(f"the nominal {AXES[k]}", points.nominal[:, k], 0.0, DRAWN_MM) for k in axes]
     repeated = {
-        name: found
+        name: what
         for name, column in numeric.items()
-        if (found := next((x for x in written if _repeats(column.astype(float), *x[2:])), None))
+        for what, values, last, coarsest in written
+        if _repeats(column.astype(float), values, last, coarsest)
     }
     warned = []
-    for what in (MEASURED, NOMINAL):
-        if own := [f"{name!r} ({x[1]})" for name, x in repeated.items() if x[0] == what]:
-            reason = f"they repeat {what}"
-            warned.append(finding("not-tested", what="effects", items=own, reason=reason))
+    if repeated:
+        items = [f"{name!r} ({what})" for name, what in repeated.items()]
+        reason = "they repeat what was measured, or its nominal place"
+        warned = [finding("not-tested", what="effects", items=items, reason=reason)]
     left = {name: column for name, column in points.covariates.items() if name not in repeated}
     return (replace(points, covariates=left) if repeated else points), warned
-
-
-def _written(points: Points) -> Iterator[tuple[str, str, FloatArray, float, float]]:
-    """What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit,
-    and the coarsest digit that they are repeated to.
-    """
-    axes = axes_of(points)
-    errors = points.measured[:, axes] - points.nominal[:, axes]
-    digit = max((step_of(points.measured[:, axis]) for axis in axes), default=0.0)
-    for axis in axes:
-        # Before the coordinate as measured, which is near it; its own distances are no digits.
-        yield NOMINAL, f"the nominal {AXES[axis]}", points.nominal[:, axis], 0.0, DRAWN_MM
-    for k, axis in enumerate(axes):
-        yield MEASURED, f"the error along {AXES[axis]}", errors[:, k], digit, np.inf
-        measured = points.measured[:, axis]
-        yield MEASURED, f"the coordinate {AXES[axis]}", measured, digit, np.inf
-    for count in range(2, len(axes) + 1):
-        length = np.sqrt((errors[:, :count] ** 2).sum(axis=1))
-        yield MEASURED, "the length of the error", length, count * digit, np.inf
 
 
 def _repeats(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:

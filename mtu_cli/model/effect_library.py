@@ -71,22 +71,6 @@ def effect_library(paths: Sequence[Path] = ()) -> EffectLibrary:
     return whole
 
 
-def check_excluded(exclude: Collection[str], library: EffectLibrary) -> None:
-    """Raises InputError for names that are neither a family's nor begin with one: backlash-z is no
-    mistake where the data has no z.
-    """
-    known = list(dict.fromkeys(family.family.family for family in library.families))
-    expected = f"a family ({', '.join(known)}) or one of its effects, such as backlash-x"
-    facts = {"what": "effect to exclude", "expected": expected}
-    faults = [
-        finding("unknown-name", value=name, meant=nearest(name, known), **facts)
-        for name in exclude
-        if not any(f"{name}-".startswith(f"{family}-") for family in known)
-    ]
-    if faults:
-        raise InputError(faults)
-
-
 # Columns of a table.
 
 STEADY_K = 0.05
@@ -453,7 +437,16 @@ def candidates_of(
 
     Raises InputError for a name in `exclude` that the library does not have.
     """
-    check_excluded(exclude, library)
+    known = list(dict.fromkeys(family.family.family for family in library.families))
+    expected = f"a family ({', '.join(known)}) or one of its effects, such as backlash-x"
+    # backlash-z is no mistake where the data has no z.
+    if faults := [
+        finding("unknown-name", value=name, meant=nearest(name, known),
+                what="effect to exclude", expected=expected)
+        for name in exclude
+        if not any(f"{name}-".startswith(f"{family}-") for family in known)
+    ]:  # fmt: skip
+        raise InputError(faults)
     data = TableData.of(table)
     candidates = (
         _candidate(family, binding, data)

@@ -243,54 +243,42 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
     def each(name: str) -> FloatArray:
         return np.array([getattr(item, name) for item in estimates])
 
+    def pooled(values: FloatArray, dofs: FloatArray) -> FloatArray:
+        """Mean weighted by degrees of freedom; those without any have no say."""
+        weights = np.where(np.isinf(dofs), 1e9, dofs)
+        return np.average(values, axis=0, weights=weights) if weights.any() else 0 * values[0]
+
     passes, repeats, n = each("pass_dof"), each("repeat_dof"), np.array(counts, np.float64)
-    D = _pooled(each("pass_covariance"), passes)
-    W = _weights(estimates, D, n)
-    covariance = _weighted(each("covariance"), W**2)
+    D = pooled(each("pass_covariance"), passes)
     ranges = [item.position_range for item in estimates if item.position_range is not None]
+    # By the variance of the level in the middle of the range.
+    x = np.mean(ranges or 0.0) ** np.arange(len(D))
+    drift = max(float(x @ D @ x), 0.0)
+    of_passes = np.array([drift / item.n_passes if item.n_passes else 0.0 for item in estimates])
+    variance = of_passes + each("s_repeat") ** 2 / n
+    # One reading a pass has no repeatability of its own to weigh it by.
+    W = 1.0 / variance if (variance > 0).all() else n
+    W = W / W.sum()
+    covariance = np.tensordot(W**2, each("covariance"), axes=1)
     # Welch-Satterthwaite over the mean squares behind C, by its trace; 0 where no instrument tells
     # passes apart: then one mean square stands behind all.
     by_trace = np.array([np.sum(np.diag(own) / np.diag(covariance)) for own in each("covariance")])
     dof = welch_satterthwaite(W**2 * by_trace, np.where(passes != 0, passes, repeats))
-    s, plain = each("independent_s"), n - len(first.coefficients)
+    plain = n - len(first.coefficients)
     return ComponentEstimate(
         name=first.name,
         of=first.of,
         unit=first.unit,
-        coefficients=_weighted(each("coefficients"), W),
+        coefficients=W @ each("coefficients"),
         covariance=covariance,
         pass_covariance=D,
-        s_repeat=float(np.sqrt(_pooled(each("s_repeat") ** 2, repeats))),
+        s_repeat=float(np.sqrt(pooled(each("s_repeat") ** 2, repeats))),
         pass_dof=dof if passes.any() else 0.0,
         repeat_dof=float(repeats.sum()),
-        independent_covariance=_weighted(each("independent_covariance"), W**2),
-        independent_s=float(np.sqrt(_pooled(s**2, plain))),
+        independent_covariance=np.tensordot(W**2, each("independent_covariance"), axes=1),
+        independent_s=float(np.sqrt(pooled(each("independent_s") ** 2, plain))),
         position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
     )
-
-
-def _weights(estimates: Sequence[ComponentEstimate], D: FloatArray, n: FloatArray) -> FloatArray:
-    """W (instruments,), summing to 1, by the variance of the level in the middle of the range."""
-    middle = np.mean([np.mean(item.position_range or (0.0, 0.0)) for item in estimates])
-    x = middle ** np.arange(len(D))
-    drift = max(float(x @ D @ x), 0.0)
-    of_passes = np.array([drift / item.n_passes if item.n_passes else 0.0 for item in estimates])
-    variance = of_passes + np.array([item.s_repeat**2 for item in estimates]) / n
-    # One reading a pass has no repeatability of its own to weigh it by.
-    known = variance if (variance > 0).all() else 1.0 / n
-    return (1.0 / known) / np.sum(1.0 / known)
-
-
-def _weighted(values: Sequence[FloatArray] | FloatArray, weights: FloatArray) -> FloatArray:
-    return np.tensordot(weights, np.array(values), axes=1)
-
-
-def _pooled(values: Sequence[FloatArray] | FloatArray, dofs: FloatArray) -> FloatArray:
-    """Mean weighted by degrees of freedom; those without any have no say."""
-    finite = np.where(np.isinf(dofs), 1e9, dofs)
-    if finite.sum() == 0:
-        return np.zeros_like(values[0])
-    return _weighted(values, finite / finite.sum())
 
 
 def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:

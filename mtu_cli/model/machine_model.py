@@ -245,26 +245,25 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
     """Raises InputError for `missing` components, and for one too few readings leave without
     scatter.
     """
-    shown, problems = machine.source.shown, []
+    shown = machine.source.shown
     if not terms and not missing:
         raise error("not-applicable", reason="no equation contains a component", file=shown)
-
-    def add(name: str, code: str, what: str, expected: str) -> None:
-        place = {"path": f"components.{name}", "file": shown, "expected": expected}
-        line = machine.line_of("components", name)
-        problems.append(finding(code, what=what, line=line, **place))
-
-    for name in missing:
-        expected = "readings of it (--lbb, --laser), coefficients here, or a components report (-c)"
-        add(
-            name, "missing-input", f"an estimate of {name}", f"{expected}; with -m no study is read"
-        )
+    known = "readings of it (--lbb, --laser), coefficients here, or a components report (-c)"
+    known += "; with -m no study is read"
+    needs = [(name, "missing-input", f"an estimate of {name}", known) for name in missing]
+    more = "more readings of it, best in several passes"
     for item in (term.estimate for term in terms):
         if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat)):
             what = f"as many readings of {item.name!r} as coefficients"
-            add(item.name, "too-little-data", what, "more readings of it, best in several passes")
-    if problems:
-        raise InputError(problems)
+            needs.append((item.name, "too-little-data", what, more))
+    if needs:
+        raise InputError(
+            finding(
+                code, what=what, expected=expected, file=shown, path=f"components.{name}",
+                line=machine.line_of("components", name),
+            )
+            for name, code, what, expected in needs
+        )  # fmt: skip
 
 
 def missing_covariates(

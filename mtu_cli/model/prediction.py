@@ -82,7 +82,7 @@ def constant_effects(
         change = (up.J - down.J) / 2
         if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
             levers = (up.levers - down.levers) / 2
-            blocks += component_blocks(model, change, levers, centre.columns)
+            blocks += component_blocks(model, change, levers)
     return blocks, shift
 
 
@@ -121,11 +121,6 @@ class Prediction:
     def drawable(self) -> FloatArray:
         """The same without the negative part of any D: a covariance, somewhat too large."""
         return self.assembled(drawable=True)
-
-    @cached_property
-    def scatter(self) -> FloatArray:
-        """The part of the covariance that differs from one part to the next: passes and visits."""
-        return self.assembled(coefficients=0.0)
 
     def assembled(
         self, *, drawable: bool = False, coefficients: float = 1.0, by_point: bool = False
@@ -177,11 +172,7 @@ class Prediction:
         """
         found = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         parts = np.array([part for part, _ in found])
-        behind = MeanSquares(
-            of_mean=np.concatenate([own.of_mean for _, own in found]),
-            of_part=np.concatenate([own.of_part for _, own in found]),
-            dof=np.concatenate([own.dof for _, own in found]),
-        )
+        behind = MeanSquares(*map(np.concatenate, zip(*(own for _, own in found), strict=True)))
         by_block, split = parts.sum(axis=1), parts.sum(axis=0)
         total = by_block.sum(axis=0)
         squares = behind.of_mean + behind.of_part
@@ -213,7 +204,7 @@ def predict(
     if missing := missing_covariates(model, given):
         raise InputError(missing)
     rows = design(model, points, given)
-    blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
+    blocks = component_blocks(model, rows.J, rows.levers)
     of_constants, shift = constant_effects(model, points, given, rows)
     others = temperature_blocks(model, points, given, rows.levers)
     others += [*table_blocks(model, points, rows.levers), *of_constants]

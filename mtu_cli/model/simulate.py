@@ -48,7 +48,7 @@ def pass_root(model: MachineModel) -> FloatArray:
     K = columns[-1].stop
     result, every = np.zeros((K, K)), np.arange(K)
     place = {term.estimate.name: every[own] for term, own in zip(model.terms, columns, strict=True)}
-    for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns))), columns):
+    for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns)))):
         if not np.isfinite(block.D).all():
             raise error(
                 "too-little-data",

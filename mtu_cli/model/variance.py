@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -38,8 +37,7 @@ class Block:
     half_differences: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeanSquares:
+class MeanSquares(NamedTuple):
     """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
     (K, m) is what each adds to the variance of the mean over all future parts, that of the
     coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
@@ -224,14 +222,12 @@ def normal_block(name: str, F: FloatArray, *, of_part: bool = False) -> Block:
     )
 
 
-def component_blocks(
-    model: MachineModel, J: FloatArray, levers: FloatArray, columns: Sequence[slice]
-) -> list[Block]:
+def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> list[Block]:
     """One block a group of components that share passes, one for every other component.
 
-    `J` (rows, K) and `levers` (rows, c) as `design` gives them, `columns` of each term in J.
+    `J` (rows, K) and `levers` (rows, c) as `design` gives them.
     """
-    at = {term.estimate.name: t for t, term in enumerate(model.terms)}
+    at, columns = {term.estimate.name: t for t, term in enumerate(model.terms)}, model.columns
     groups: list[tuple[list[str], JointPasses | None]] = []
     for group in model.joint:
         kept = [name for name in group.components if name in at]

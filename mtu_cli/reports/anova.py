@@ -136,10 +136,8 @@ TOTAL = declare(
     operation | stated(operation) | null: not stated | operation, text
     axis | | x, y or z | axis, text
     features | | number of features | features, count
-    mean_error_um | mean | mean of the mean errors | mean error, u=rounding
+    mean_error_um | mean | mean of the mean errors | mean error, u=spread
     s_mean_errors_um | spread | their standard deviation | feature s
-    largest_mean_error_um | largest | the largest | largest, u=rounding
-    largest_at | worst | of which feature | at, text
     mean_var_part_um2 | part | mean variance from part to part
     mean_var_repeat_um2 | repeat | mean variance of repeated measurement
     mean_var_both_um2 | both | mean variance of both, without repeats

@@ -156,14 +156,18 @@ SHOWN = """
     - | p_familywise | | p family- / wise, p
     - | explained_share | | of squares / %, percent1
 """
-SEVERAL = """
+SCORED_TABLE = """
     - | table.component | | component, text
     - | verdict | | verdict, text
-    - | names() | | effects, text
     before_UNIT | before.rms | | before, sig2()
     after_UNIT | after.rms | | after, sig2()
     floor_UNIT | floor | | repeatability, sig2()
+    - | checks() | | checks of / what is left, text, unit=, detail
 """
+
+
+def _checks(item: TableResult) -> str:
+    return ", ".join(f"{name} p {p:.2g}" for name, p in item.checks)
 
 
 def _sig2(value: Any, u: None, digits: int) -> str:
@@ -268,10 +272,16 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     first = next(item for item in result.tables if item.verdict == result.verdict)
     units = dict.fromkeys(item.table.unit for item in result.tables)
     rows = [row for item in result.tables for effect in item.effects for row in _rows(effect, item)]
+    scored = []
+    for unit in units:
+        items = [item for item in result.tables if item.table.unit == unit]
+        by = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
+        title = f"Rms error of {listed(by)}"
+        scored.append(Table(title, _fields(SCORED_TABLE, items[0], checks=_checks), items))
     tables = [
         Table("", _candidate("candidate", *units), _each("candidates", result), shown=()),
         Table("Effects", declare(SHOWN, size=_size_of), rows),
-        *([_before_after(first)] if len(result.tables) == 1 else _by_component(result)),
+        *scored,
         _candidates(first),
     ]
     sentences = [verdict_text(x, result.alpha) for x in result.tables if x.effects or x is first]
@@ -307,29 +317,6 @@ def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
     for row in (*own, *more, *lower):
         yield {"effect": ""} | first | dict(zip(keys, row, strict=True))
         first = {}
-
-
-def _by_component(result: CloseLoopResult) -> Iterator[Table]:
-    """A line a component, in a table for each unit."""
-    names = {"names": lambda item: listed(effect.name for effect in item.effects)}
-    for unit in dict.fromkeys(item.table.unit for item in result.tables):
-        items = [item for item in result.tables if item.table.unit == unit]
-        yield Table("Rms error of held-out passes", _fields(SEVERAL, items[0], **names), items)
-
-
-def _before_after(item: TableResult) -> Table:
-    lines = [("all data", item.in_sample_before, item.in_sample_after)]
-    if item.held_out is not None:
-        lines.insert(0, (f"held-out {item.held_out}", item.before, item.after))
-    both = ("before", "after") if item.effects else ("before",)
-    rows = [
-        (f"{label}, {side}", scores)
-        for label, *pair in lines
-        for side, scores in zip(both, pair, strict=False)
-    ]
-    fields = declare("- | 0 | | errors, text\nscores. | 1 | *scores", scores=_scores(item))
-    checks = ", ".join(f"{name} p {p:.2g}" for name, p in item.checks)
-    return Table("Before and after", fields, rows, notes=[f"checks of what is left: {checks}"])
 
 
 def _candidates(item: TableResult) -> Table:

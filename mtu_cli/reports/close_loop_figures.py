@@ -14,7 +14,7 @@ from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Jud
 from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Maps, Side, draw, sheet
+from mtu_cli.reports.arrows import Maps, Sheet, Side
 from mtu_cli.reports.numbers import cut, p_value
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
@@ -41,14 +41,14 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     both = [item.table.errors / scale, (item.table.errors - item.explained) / scale]
     errors = both[: 1 + bool(item.effects)]
     maps = _maps(item, errors)
-    drawn = None if maps is None else sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
+    drawn = None if maps is None else Sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
     above = 0.0 if drawn is None else drawn.height
     page = figures.blank(WIDTH, above + HIGH + 0.4)
     ratios = [HIGH] if drawn is None else [above, HIGH]
     grid = page.add_gridspec(len(ratios), 1, height_ratios=ratios)
     *upper, lower = (page.add_subfigure(grid[i]) for i in range(len(ratios)))
     if drawn is not None:
-        draw(upper[0], drawn, f"Mean errors of the {item.nouns[1]}s")
+        drawn.draw(upper[0], f"Mean errors of the {item.nouns[1]}s")
     shown = item.effects[:EFFECTS] or (None,)
     panels = lower.subplots(1, len(shown) + 1, squeeze=False)[0]
     for panel, effect in zip(panels, shown, strict=False):

@@ -35,11 +35,12 @@ def effect_text(effect: FoundEffect, item: TableResult) -> str:
     if not template or not effect.parameters or not used <= words.keys():
         template = "{says}: {values}" if words["values"] else "{says}"
     positive = not effect.parameters or effect.parameters[0].value >= 0
-    return CHOICE.sub(r"\1" if positive else r"\2", template).format_map(words)
+    chosen = CHOICE.sub(r"\1" if positive else r"\2", template)
+    return re.sub(r"{(\w+)}", lambda found: words[found[1]], chosen)
 
 
 def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
-    """What sentences may name of an effect (`files.effects.WORDS`)."""
+    """What sentences may name of an effect (`files.effects.Family`)."""
     row, column = item.nouns
     words = {"says": effect.candidate.says, "row": row, "column": column}
     axis = effect.candidate.axis

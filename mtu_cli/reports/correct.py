@@ -164,7 +164,7 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
         sizes = result.of_kind(kind)
         title = f"{name.capitalize()} before and after"
         tables.insert(1, Table(title, SIZES[kind], sizes, errors, detail=len(sizes) > SHOWN))
-        if rms := result.rms([kind]):
+        if rms := result.rms(kind):
             before, after = (significant(value / UM) for value in rms)
             changes = "reduces" if rms[1] <= rms[0] else "increases"
             verdict = (

@@ -13,7 +13,7 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
 from mtu_cli.reports.fields import declare, rows_of
 from mtu_cli.reports.figures import Intervals
-from mtu_cli.reports.numbers import chance, percent, plus_minus, significant
+from mtu_cli.reports.numbers import percent, plus_minus, significant
 from mtu_cli.units import UM
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
         names = listed(name for name, probability in known.items() if probability == low)
         verdict = f"The least probability of conformance is {percent(low)} %, of {names}"
         if joint is not None:
-            verdict += f"; of all in one part {chance(joint.probability, joint.se)} %"
+            verdict += f"; of all in one part {percent(joint.probability)} %"
     else:
         worst = int(np.argmax(result.variance))
         U = significant(result.coverage_factor * np.sqrt(result.variance[worst]) / UM)

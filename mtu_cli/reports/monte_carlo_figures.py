@@ -88,7 +88,7 @@ def histograms(text: str, shown: Sequence[Trials]) -> Figure:
 def budget(result: BudgetResult) -> Figure:
     """For every output a bar an input, and beside it the histogram of the trials."""
     shown, run = result.outputs[:OUTPUTS], result.run
-    height = max(2.4, 0.26 * (1 + min(SHARES, len(result.inputs))) + 1.2)
+    height = max(2.4, 0.26 * (1 + min(SHARES, len(result.given.quantities))) + 1.2)
     page = figures.blank(10.0, 0.9 + len(shown) * height)
     panels = page.subplots(len(shown), 2, squeeze=False)
     for (left, right), item, samples in zip(panels, shown, run.samples, strict=False):
@@ -96,7 +96,7 @@ def budget(result: BudgetResult) -> Figure:
         # The largest shares of the variance; none where there is no first order.
         shares = np.nan_to_num(100.0 * item.share)
         order = np.argsort(-np.abs(shares), kind="stable")[:SHARES].tolist()
-        bars = {cut(result.inputs[i].name, NAME): float(shares[i]) for i in order}
+        bars = {cut(result.given.quantities[i].name, NAME): float(shares[i]) for i in order}
         bars = {input_: share for input_, share in bars.items() if abs(share) >= LEAST}
         figures.bars(left, list(bars), list(bars.values()), [f"{x:.1f}" for x in bars.values()])
         left.set(xlabel="share of u², %", title=f"{name}: shares of the variance")

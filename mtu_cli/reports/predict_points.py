@@ -12,7 +12,7 @@ import numpy as np
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Maps, Side, page_of
+from mtu_cli.reports.arrows import Maps, Sheet, Side
 from mtu_cli.reports.document import DAGGER, KIND, OUTSIDE, Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, rows_of
 from mtu_cli.reports.figures import Intervals
@@ -143,7 +143,10 @@ def figure(result: PointsResult) -> Figure:
         side = Side("", figures.BLUE, errors, covariance)
         maps = Maps(ids, result.points, axes, (("", (side,)),), k)
         inside = 100 * (1 - math.exp(-(k**2) / 2))
-        return page_of(maps, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
+        sheet = Sheet(maps)
+        page = figures.blank(sheet.width, sheet.height)
+        sheet.draw(page, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
+        return page
     U = k * np.sqrt(result.variance) / UM
     shown = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
     return figures.listing(f"{title} ± {k:g} u", _names(result), shown, "um")

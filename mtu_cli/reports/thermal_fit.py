@@ -96,33 +96,28 @@ RESULTS = declare(
 )
 ROW = declare(
     """
-    - | drift.name | name of the component | component, text, csv=component
+    - | drift.name | name of the component | -, csv=component
     - | drift.estimate.of | its axis | -, csv=of
-    - | drift.unit.name | of the figures | unit, text, csv=unit
+    - | drift.unit.name | of the figures | -, csv=unit
     - | drift.model | stepwise, ridge or lagged | -, csv=model
     - | drift.estimate.degree | of the polynomial in position | -, csv=degree
-    - | at.position | observed position | position, exact, unit=mm, csv=position_mm
-    - | sensor | of the model; empty: it has none | sensor, text, csv=sensor
+    - | at.position | observed position | -, csv=position_mm
+    - | sensor | of the model; empty: it has none | -, csv=sensor
     - | stands_for | sensors that move as it does | -, csv=stands_for
     - | at.value | drift per degC | -, size=drift.unit.to_internal, csv=gradient_per_degC
-    - | gradient() | | gradient / per degC, plus-minus, u=at.u, size=drift.unit.to_internal
     - | at.u | its standard uncertainty | -, size=drift.unit.to_internal, csv=u_gradient_per_degC
     - | at.interval | its 95 % interval \
-        | 95 % interval / per degC, interval, u=at.u, size=drift.unit.to_internal, \
-        csv=interval95_gradient
+        | -, interval, size=drift.unit.to_internal, csv=interval95_gradient
     - | separable | false: its gradient is known together with other sensors' only \
         | -, csv=separable
-    - | inseparable() | | sepa- / rable, text
-    - | at.by | u from the scatter of cycles, or the model of the errors | u by, text, csv=u_by
+    - | at.by | u from the scatter of cycles, or the model of the errors | -, csv=u_by
     - | share | rms of its part of the modelled drift \
-        | rms / part, sig3, size=drift.unit.to_internal, csv=share_rms
-    - | lag | time constant; 0: none | lag, unit=min, csv=time_constant_min
-    - | vif | variance inflation factor; empty: infinite | VIF, sig3, csv=vif
+        | -, size=drift.unit.to_internal, csv=share_rms
+    - | lag | time constant; 0: none | -, csv=time_constant_min
+    - | vif | variance inflation factor; empty: infinite | -, csv=vif
     - | temperatures.0 | lowest temperature read | -, csv=temperature_low_degC
     - | temperatures.1 | highest temperature read | -, csv=temperature_high_degC
-    """,
-    gradient=lambda x: x["at"].value if "at" in x and (x["at"].value or x["at"].u) else None,
-    inseparable=lambda x: None if x.get("separable", True) else "no",
+    """
 )
 
 
@@ -148,13 +143,6 @@ def rows(item: ComponentDrift) -> Iterator[dict[str, Any]]:
         }
 
 
-def _leading(item: ComponentDrift) -> str:
-    """The sensors with the largest parts; T_spindle_degC is spindle."""
-    by_share = sorted(item.estimate.sensors, key=lambda name: -item.shares.get(name, 0.0))
-    names = [name.removeprefix("T_").removesuffix("_degC") for name in by_share]
-    return ", ".join([*names[:LEADING], *(["..."] if len(names) > LEADING else [])])
-
-
 MODEL = declare(
     """
     - | name | | component, text
@@ -173,7 +161,11 @@ MODEL = declare(
     - | lag1 | | autocorr., detail
     - | normality_p | | normal / p, p, detail
     """,
-    leading=_leading,
+    # T_spindle_degC is spindle.
+    leading=lambda x: ", ".join(
+        name.removeprefix("T_").removesuffix("_degC")
+        for name in sorted(x.estimate.sensors, key=lambda name: -x.shares.get(name, 0.0))[:LEADING]
+    ),
     reduction=lambda value, u, digits: fixed(100 * value, 0),
 )
 
@@ -181,20 +173,20 @@ MODEL = declare(
 def document(fit: ThermalFit, digits: int = 2) -> Document:
     """One row a component; in the CSV one a component, observed position and sensor."""
     items = list(fit.components.values())
-    gradients = [row for item in items for row in rows(item)]
     footer = (
         f"rms of the drift without and with temperatures above {fit.reference:g} degC; held out: "
         "cycles not in the fit"
     )
     if any(item.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
-    models = Table("Thermal models", ROW, gradients, footer, shown=items, shown_fields=MODEL)
-    footer = (
-        "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
-        "separable: known together only (warnings)"
+    models = Table(
+        "Thermal models",
+        ROW,
+        [row for item in items for row in rows(item)],
+        footer,
+        shown=items,
+        shown_fields=MODEL,
     )
-    known = [row for row in gradients if "sensor" in row]
-    sensors = Table("Gradients of the sensors", ROW, known, footer, detail=True)
     held = {item.name: item.held_out.reduction for item in items if item.held_out is not None}
     held = {name: reduction for name, reduction in held.items() if math.isfinite(reduction)}
     verdict = "No cycle is held out: the fit alone does not validate the models."
@@ -206,8 +198,8 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
             f"{fixed(100 * held[least], 0)} %{' or more' * (len(held) > 1)} (least: {least})"
             f"{f'; not validated: {others}' if others else ''}."
         )
-    tables, figure_ = [models, sensors], partial(figure, fit)
-    return Document("Thermal models", (RESULTS, fit), tables, figure_, verdict, digits)
+    figure_ = partial(figure, fit)
+    return Document("Thermal models", (RESULTS, fit), [models], figure_, verdict, digits)
 
 
 @figures.styled

@@ -82,16 +82,6 @@ def test_a_copy_of_the_direction_makes_a_class(rows: list[dict[str, str]], tmp_p
     assert (tmp_path / "new.yaml").exists()
 
 
-def test_every_row_a_part_of_its_own(rows: list[dict[str, str]], tmp_path: Path) -> None:
-    """As where the column of the part counts the rows: parts and features say the same then."""
-    points = [row | {"part": str(i), "sequence": str(i)} for i, row in enumerate(rows[:48])]
-    found, result = few(tmp_path, points)
-    assert found is None
-    assert "48 of 48 parts have one of the features" in done(result, 2).stderr
-    assert "in column 'part'" in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-
-
 @pytest.mark.parametrize("shift", [0.0, 0.01])
 def test_errors_without_any_scatter(shift: float, tmp_path: Path) -> None:
     places = {"A": (0, 0), "B": (100, 0), "C": (200, 0), "D": (0, 80), "E": (0, 160)}

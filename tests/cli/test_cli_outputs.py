@@ -10,7 +10,6 @@ from cli_runner import prepared
 
 from mtu_cli.cli.emit import Outcome, check_outputs, execute, warning_lines
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.findings import InputError, finding
 
@@ -89,16 +88,3 @@ def test_warnings_are_said_once_and_notes_not_with_quiet(
     for quiet in (True, False):
         execute(Options("lengths", {"quiet": quiet}), lambda *_: Outcome(warnings=[note]))
         assert ("not-estimable" in capsys.readouterr().err) != quiet
-
-
-@pytest.mark.parametrize("name", ["dir_z=0", "dir_x=2", "dir_*=0.5"])
-def test_a_direction_is_forth_or_back(name: str, small: Path) -> None:
-    """As a column of points is."""
-    text = (small / "machine.yaml").read_text()
-    (small / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
-    for sign in ("-1", "-", "reverse"):
-        assert Inputs(Options("lengths", {"at": [f"dir_*={sign}"]})).at == {"dir_*": -1.0}
-    modelled(Inputs(Options("lengths", {"at": ["dir_*=-1"]})))
-    words = r"--at dir_[xz]: out of range: '.*'; expected -1 or \+1"
-    with pytest.raises(InputError, match=words):
-        modelled(Inputs(Options("lengths", {"at": [name]})))

@@ -8,16 +8,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.anova.parts import (
+from mtu_cli.analyses.anova.tables import (
     FEWEST_PARTS,
+    METHODS,
+    Analysed,
     Capability,
+    Kind,
+    Method,
     Trend,
     UnusualPart,
+    analysed,
     capabilities,
     trends,
     unusual_parts,
 )
-from mtu_cli.analyses.anova.tables import METHODS, Analysed, Kind, Method, analysed
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
@@ -52,11 +56,9 @@ __all__ = ["METHODS", "Analysed", "AnovaResult", "Method", "analyse_variance"]
 class Total(NamedTuple):
     """All features of an operation along an axis; mm and mm^2, nan where undefined.
 
-    `mean` of the features' mean errors, their standard deviation `spread` and the `largest` of
-    them (with its sign), at feature `worst`. Mean variances `part` and `repeat` by the chosen
-    method, `both` where they are not separable. Of `tested` features `differ` from part to part
-    with the error rate held over all features. `rounding` is the uncertainty by which the means
-    are worth printing.
+    `mean` of the features' mean errors and their standard deviation `spread`. Mean variances
+    `part` and `repeat` by the chosen method, `both` where they are not separable. Of `tested`
+    features `differ` from part to part with the error rate held over all features.
     """
 
     operation: str
@@ -64,14 +66,11 @@ class Total(NamedTuple):
     features: int
     mean: float
     spread: float
-    largest: float
-    worst: str
     part: float
     repeat: float
     both: float
     differ: int
     tested: int
-    rounding: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,22 +166,17 @@ def _totals(found: Analysed) -> tuple[Total, ...]:
         variances = found.components.part, found.components.repeat, found.both
         known = [each[rows][np.isfinite(each[rows])] for each in variances]
         part, repeat, both = (float(x.mean()) if len(x) else np.nan for x in known)
-        scatter = np.array([np.sqrt(part), np.sqrt(repeat), np.sqrt(both), spread])
-        worst = int(np.argmax(np.abs(mean)))
         total = Total(
             operation=operation,
             axis=axis,
             features=len(rows),
             mean=float(mean.mean()),
             spread=spread,
-            largest=float(mean[worst]),
-            worst=found.labels[rows[worst]][1],
             part=part,
             repeat=repeat,
             both=both,
             differ=int((found.p_parts[rows] <= FAMILY_RATE).sum()),
             tested=int(np.isfinite(found.one_way.F[rows]).sum()),
-            rounding=float(np.fmax.reduce(scatter) / np.sqrt(len(found.tables.parts))),
         )
         result.append(total)
     return tuple(result)

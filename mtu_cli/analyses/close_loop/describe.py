@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, Member
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, Offset
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.estimate import (
     Estimate,
     Estimates,
@@ -40,24 +40,66 @@ def described(
     """All effects of a diagnosis, the strongest first; `compare`: with the share of squares that
     each explains, its aliases and the experiment that separates it from its rivals.
     """
+    design, table = found.design, found.design.table
+    candidates = {candidate.name: candidate for candidate in design.candidates}
     estimates = dict(zip(found.models.members(found.model), sizes.effects, strict=True))
-    offsets = [_offset(found, sizes, offset) for offset in found.offsets]
-    effects = []
+    effects, offsets = list[FoundEffect](), list[FoundEffect]()
     for entry in found.entries:
-        estimate = estimates.get(entry.item)
-        effect = _smooth(found, entry) if estimate is None else _mean(found, sizes, entry, estimate)
-        if compare and estimate is not None:
-            member, weights = estimate.member, sizes.fit.weights
+        judged: dict[str, Any] = {
+            "p_familywise": entry.p,
+            "log_bayes_factor": entry.gain,
+            "posterior": entry.posterior,
+            "classes": tuple((name, p) for name, _, p in entry.credible),
+        }
+        if (estimate := estimates.get(entry.item)) is None:
+            effects.append(_smooth(found, entry, judged))
+            continue
+        member, rows, form = estimate.member, estimate.rows, estimate.member.form
+        effect = FoundEffect(
+            candidate=candidates[entry.name],
+            covariate=form.covariate,
+            parameters=estimate.sizes,
+            covariance=sizes.covariance[np.ix_(rows, rows)],
+            rows=rows,
+            equations=_equations(estimate),
+            chosen=None if form.chosen is None else form.chosen[member.chosen or 0],
+            searched=estimate.searched,
+            **judged,
+        )
+        if compare:
             effect = replace(
                 effect,
                 explained_share=_explained(found.likelihood, sizes, member),
-                aliases=aliases(found.design, weights, member),
-                experiment=experiment(found, entry, weights),
+                aliases=aliases(design, sizes.fit.weights, member),
+                experiment=experiment(found, entry, sizes.fit.weights),
             )
-        effects.append(effect)
+        effects.append(_as_table(effect, table))
+    for offset in found.offsets:
+        a = design.axis(candidates[offset.name])
+        level = replace(sizes.levels[a], name="shift", role="own")
+        offsets.append(
+            FoundEffect(
+                candidate=candidates[offset.name],
+                parameters=(level,),
+                covariance=np.array([[level.u**2]]),
+                rows=(len(sizes.covariance) - len(table.axes) + a,),
+                equations={f"E{table.axes[a]}": level.name},
+                p_familywise=offset.p,
+                posterior=offset.credible[0][1],
+                classes=offset.credible,
+            )
+        )
     effects = _with_levels(found, sizes, effects, {key for x in offsets for key in x.equations})
-    effects += [_scatter(found, *one) for one in found.scatter]
-    return tuple(effects + offsets)
+    for name, p, ratio in found.scatter:
+        # Of operations that which scatters more.
+        chosen = table.operations[1 if ratio > 1 else 0] if name == "operation-scatter" else None
+        effects.append(
+            FoundEffect(
+                candidate=candidates[name], covariance=np.zeros((0, 0)), equations={},
+                chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
+            )
+        )  # fmt: skip
+    return (*effects, *offsets)
 
 
 def _with_levels(
@@ -131,36 +173,6 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
     )
 
 
-def _candidate(found: Diagnosis, name: str) -> Candidate:
-    return next(c for c in found.design.candidates if c.name == name)
-
-
-def _judged(entry: Entry) -> dict[str, Any]:
-    """What the models say of an effect."""
-    return {
-        "p_familywise": entry.p,
-        "log_bayes_factor": entry.gain,
-        "posterior": entry.posterior,
-        "classes": tuple((name, p) for name, _, p in entry.credible),
-    }
-
-
-def _mean(found: Diagnosis, sizes: Estimates, entry: Entry, estimate: Estimate) -> FoundEffect:
-    form, rows = estimate.member.form, estimate.rows
-    effect = FoundEffect(
-        candidate=_candidate(found, entry.name),
-        covariate=form.covariate,
-        parameters=estimate.sizes,
-        covariance=sizes.covariance[np.ix_(rows, rows)],
-        rows=rows,
-        equations=_equations(estimate),
-        chosen=None if form.chosen is None else form.chosen[estimate.member.chosen or 0],
-        searched=estimate.searched,
-        **_judged(entry),
-    )
-    return _as_table(effect, found.design.table)
-
-
 def _equations(estimate: Estimate) -> dict[str, str]:
     """The equations of an effect with its margins, and the change of what was searched: by its
     logarithm, the sizes in proportion.
@@ -216,14 +228,14 @@ def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, .
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in alike))
 
 
-def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
+def _smooth(found: Diagnosis, entry: Entry, judged: dict[str, Any]) -> FoundEffect:
     design, like = found.design, found.likelihood
     kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in found.model if item != entry.item)
     table = smooth_effect(like, like.fit(found.models.columns(rest)), kernel)
     J = table.values / max(table.rms, 1e-300) / len(table.values)
     u2 = max(float(J @ table.covariance @ J), 0.0)
-    rms = {"name": "rms", "unit": design.table.unit, "value": table.rms, "u": u2**0.5}
+    rms = Parameter(name="rms", unit=design.table.unit, value=table.rms, u=u2**0.5, dof=table.dof)
     candidate = Candidate(
         name=entry.name,
         family=kernel.family,
@@ -235,36 +247,9 @@ def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
     axis = design.table.axes[design.strata.axis[kernel.strata[0]]]
     return FoundEffect(
         candidate=candidate,
-        parameters=(Parameter(**rms, dof=table.dof),),
+        parameters=(rms,),
         covariance=np.array([[u2]]),
         equations={f"E{axis}": component_of(entry.name)},
         table=table,
-        **_judged(entry),
-    )
-
-
-def _scatter(found: Diagnosis, name: str, p: float, ratio: float) -> FoundEffect:
-    """A scatter effect; of operations that which scatters more."""
-    chosen = None
-    if name == "operation-scatter":
-        chosen = found.design.table.operations[1 if ratio > 1 else 0]
-    return FoundEffect(
-        candidate=_candidate(found, name), covariance=np.zeros((0, 0)), equations={},
-        chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
-    )  # fmt: skip
-
-
-def _offset(found: Diagnosis, sizes: Estimates, offset: Offset) -> FoundEffect:
-    axes, candidate = found.design.table.axes, _candidate(found, offset.name)
-    a = axes.index(candidate.axis or axes[0])
-    level = sizes.levels[a]
-    return FoundEffect(
-        candidate=candidate,
-        parameters=(replace(level, name="shift", role="own"),),
-        covariance=np.array([[level.u**2]]),
-        rows=(len(sizes.covariance) - len(axes) + a,),
-        equations={f"E{axes[a]}": "shift"},
-        p_familywise=offset.p,
-        posterior=offset.credible[0][1],
-        classes=offset.credible,
+        **judged,
     )

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import Columns
 from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
     FEATURE,
@@ -23,6 +22,13 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import line, wiener
 from mtu_cli.stats.least_squares import FloatArray
 
+EMPTY = 1e-9
+"""Share of a column's size below which what is left of it in the strata is rounding."""
+DIGITS = 6
+MARKS = 3
+"""Projections by which a column is known."""
+PADDING = 0
+"""Index of the column of zeros that fills models of unequal size up."""
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""
 FINE = 8
@@ -48,6 +54,115 @@ FEWEST_PLACES = 6
 """Different places along an axis from which on a smooth profile is a candidate."""
 RANK = 1e-4
 """Share of a kernel's largest eigenvalue below which its directions are left out."""
+
+
+class Columns:
+    """Unit columns, each stored in the strata where it is not zero.
+
+    A column that is there already, but for sign and size, is not added again.
+    """
+
+    def __init__(self, strata: Strata) -> None:
+        self.strata = strata
+        self.count = 0
+        S, N, A = len(strata.slices), int(strata.sizes.sum()), strata.shape[2]
+        self._values = [np.zeros((1, int(n))) for n in strata.sizes]
+        self._rows = np.zeros((S, 0), int)
+        """Where a column stands among the values of a stratum; the first row there is zero."""
+        self._products = [np.zeros((1, 1))] * S
+        """Of all rows of a stratum with each other."""
+        self._means = np.zeros((0, A))
+        self._known: dict[bytes, int] = {}
+        self._new: list[tuple[IntArray, FloatArray, FloatArray]] = []
+        self._marks = np.random.default_rng(0).normal(size=(N, MARKS))
+        self.add_alone(np.zeros(0, np.int64), np.zeros((1, 0)), np.zeros((1, A)))
+
+    def add(
+        self, at: IntArray, X: FloatArray, means: FloatArray, sizes: FloatArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Indices and factors (m,) of columns: x = factor * unit column; NONE and nan where nothing
+        of one is left.
+
+        `X` (m, n) at the coordinates `at` (n,), `means` (m, A) of the table, `sizes` (m,) their
+        norms over the table.
+        """
+        norms = np.linalg.norm(X, axis=1)
+        indices, factors = np.full(len(X), NONE), np.full(len(X), np.nan)
+        left = np.flatnonzero((norms > EMPTY * sizes) & (norms > 0))
+        units = X[left] / norms[left, None]
+        marks = units @ self._marks[at]
+        signs = np.where(marks[:, 0] < 0, -1.0, 1.0)
+        factors[left] = norms[left] * signs
+        keys = np.round(marks * signs[:, None], DIGITS)
+        new: list[int] = []
+        for i, key in enumerate(keys):
+            indices[left[i]] = self._known.setdefault(key.tobytes(), self.count + len(new))
+            if indices[left[i]] == self.count + len(new):
+                new.append(i)
+        if new:
+            own = left[new]
+            self.add_alone(at, units[new] * signs[new, None], means[own] / factors[own, None])
+        return indices, factors
+
+    def add_alone(self, at: IntArray, units: FloatArray, means: FloatArray) -> IntArray:
+        """Indices (m,) of unit columns (m, n) at the coordinates `at` (n,), with means (m, A); no
+        others share them, for they have priors of their own.
+        """
+        self._new.append((at, units, means))
+        self.count += len(units)
+        return np.arange(self.count - len(units), self.count)
+
+    @property
+    def means(self) -> FloatArray:
+        """The means (K, A) of the unit columns over the table."""
+        self._settle()
+        return self._means
+
+    def cross(self, one: IntArray, other: IntArray) -> FloatArray:
+        """Cross products (S, ...) in each stratum of columns with these indices."""
+        self._settle()
+        pairs = zip(self._products, self._rows, strict=True)
+        return np.array([products[rows[one], rows[other]] for products, rows in pairs])
+
+    def products(self, Y: FloatArray) -> FloatArray:
+        """(S, K, B) products of all columns in each stratum with coordinates Y (B, N), in Y's
+        precision.
+        """
+        self._settle()
+        result = np.zeros((len(self._values), self.count, len(Y)))
+        for s, part in enumerate(self.strata.slices):
+            there = self._rows[s] > 0
+            result[s, there] = self._values[s][1:].astype(Y.dtype) @ Y[:, part].T
+        return result
+
+    def dense(self, indices: Sequence[int]) -> FloatArray:
+        """Columns as coordinates (k, N)."""
+        self._settle()
+        pairs = zip(self._values, self._rows[:, list(indices)], strict=True)
+        return np.concatenate([values[own] for values, own in pairs], axis=1)
+
+    def _settle(self) -> None:
+        """Takes new columns into the strata."""
+        if not self._new:
+            return
+        self._means = np.concatenate([self._means, *(means for _, _, means in self._new)])
+        rows = np.zeros((len(self._values), self.count), int)
+        rows[:, : self._rows.shape[1]] = self._rows
+        for s, part in enumerate(self.strata.slices):
+            blocks, first = [self._values[s]], self._rows.shape[1]
+            old = used = len(self._values[s])
+            for at, units, _ in self._new:
+                low, high = np.searchsorted(at, [part.start, part.stop])
+                there = np.flatnonzero(units[:, low:high].any(axis=1))
+                rows[s, first + there] = used + np.arange(len(there))
+                blocks.append(np.zeros((len(there), part.stop - part.start)))
+                blocks[-1][:, at[low:high] - part.start] = units[there, low:high]
+                first, used = first + len(units), used + len(there)
+            self._values[s] = values = np.concatenate(blocks)
+            across = values[:old] @ values[old:].T
+            inner = values[old:] @ values[old:].T
+            self._products[s] = np.block([[self._products[s], across], [across.T, inner]])
+        self._rows, self._new = rows, []
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -97,28 +212,63 @@ class Kernel:
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
 
 
-@dataclass(kw_only=True)
 class Design:
-    """Candidates, members and kernels of a table."""
+    """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
 
-    table: ResidualTable
-    strata: Strata
-    scale: float
-    """Errors count in units of it, mm."""
-    candidates: tuple[Candidate, ...]
-    columns: Columns
-    gaps: Missing
-    members: list[Member] = field(default_factory=list)
-    tested: int = 0
-    """Members of the grid; finer ones follow them."""
-    kernels: tuple[Kernel, ...] = ()
-    common: tuple[int, ...] = ()
-    """Columns in every model: the polynomial that the readings have lost, and the coefficients."""
-    deviations: dict[int, float] = field(default_factory=dict)
-    """Prior standard deviations of columns: of the coefficients, and of random functions."""
-    mean_variance: FloatArray
-    """Of the mean along each axis (A,), by the coefficients."""
-    _around: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    The first members, which are `tested`, are those of the grid; finer ones follow them. `common`
+    columns are in every model: the polynomial that the readings have lost, and the coefficients.
+    `deviations` are prior standard deviations of columns: of the coefficients, and of random
+    functions; `mean_variance` (A,) is that of the mean by the coefficients.
+    """
+
+    def __init__(
+        self,
+        table: ResidualTable,
+        strata: Strata,
+        candidates: Sequence[Candidate],
+        scale: float,
+        gaps: Missing,
+    ) -> None:
+        self.table, self.strata, self.scale, self.gaps = table, strata, scale, gaps
+        self.candidates, self.columns = tuple(candidates), Columns(strata)
+        self.members = list[Member]()
+        self.deviations: dict[int, float] = {}
+        self._around: dict[int, tuple[int, ...]] = {}
+        common = list[int]()
+        for power in fitted_powers(table).T:
+            at, X = strata.of_levers([{0: power[None, None]}], 1)
+            indices, _ = self.columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
+            common += [int(i) for i in indices if i != NONE]
+        factors = [
+            {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
+            for k in range(table.common.shape[3])
+        ]
+        if factors:
+            at, X = strata.of_levers(factors, 1)
+            U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
+            kept = sizes > LEAST_KNOWN * scale
+            means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
+            indices = self.columns.add_alone(at, units[kept], means)
+            common += indices.tolist()
+            deviations = (sizes[kept] / scale).tolist()
+            self.deviations = dict(zip(indices.tolist(), deviations, strict=True))
+        self.common = tuple(common)
+        self.mean_variance = (table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2
+        for c, candidate in enumerate(candidates):
+            if candidate.kind in ("scatter", "offset"):
+                continue
+            distinct = _distinct(
+                [
+                    item
+                    for form in candidate.forms
+                    for item in _spaced(evaluated(self, form, grid_values(form)))
+                ]
+            )
+            total = sum(item.prior for item in distinct)
+            for item in distinct:
+                add(self, c, item, item.prior / total)
+        self.tested = len(self.members)
+        self.kernels = tuple(_kernels(table, strata))
 
     @property
     def of(self) -> IntArray:
@@ -334,61 +484,6 @@ def _distinct(placed: list[Member]) -> list[Member]:
             near = single[group[:n]] & (squares[:n, n] > k * np.cos(least) ** 2)
             single[i] = not near.any() or _angles(products[:n, :, n][near]).min() >= least
     return [item for item, alone in zip(placed, single, strict=True) if alone]
-
-
-def design_of(
-    table: ResidualTable,
-    strata: Strata,
-    candidates: Sequence[Candidate],
-    scale: float,
-    gaps: Missing,
-) -> Design:
-    """The columns of all candidates that a table can test; errors are in units of `scale` (mm)."""
-    columns = Columns(strata)
-    common, deviations = list[int](), dict[int, float]()
-    for power in fitted_powers(table).T:
-        at, X = strata.of_levers([{0: power[None, None]}], 1)
-        indices, _ = columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
-        common += [int(i) for i in indices if i != NONE]
-    factors = [
-        {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
-        for k in range(table.common.shape[3])
-    ]
-    if factors:
-        at, X = strata.of_levers(factors, 1)
-        U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
-        kept = sizes > LEAST_KNOWN * scale
-        means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
-        indices = columns.add_alone(at, units[kept], means)
-        common += indices.tolist()
-        deviations = dict(zip(indices.tolist(), (sizes[kept] / scale).tolist(), strict=True))
-    design = Design(
-        table=table,
-        strata=strata,
-        scale=scale,
-        candidates=tuple(candidates),
-        columns=columns,
-        gaps=gaps,
-        common=tuple(common),
-        deviations=deviations,
-        mean_variance=(table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2,
-    )
-    for c, candidate in enumerate(candidates):
-        if candidate.kind in ("scatter", "offset"):
-            continue
-        distinct = _distinct(
-            [
-                item
-                for form in candidate.forms
-                for item in _spaced(evaluated(design, form, grid_values(form)))
-            ]
-        )
-        total = sum(item.prior for item in distinct)
-        for item in distinct:
-            add(design, c, item, item.prior / total)
-    design.tested = len(design.members)
-    design.kernels = tuple(_kernels(table, strata))
-    return design
 
 
 # Kernels.

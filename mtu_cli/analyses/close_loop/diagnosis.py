@@ -16,7 +16,6 @@ from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
 from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of
-from mtu_cli.analyses.close_loop.strata import FEATURE
 from mtu_cli.model.effect_library import Candidate, TableData
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -84,9 +83,8 @@ def diagnosed(
         errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
         table = replace(table, errors=errors)
     moving: list[tuple[str, float, float]] = []
-    of_features: FloatArray | None = None
     while True:
-        likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features)
+        likelihood = posed(table, candidates, [name for name, _, _ in moving])
         gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
@@ -96,10 +94,6 @@ def diagnosed(
         if len(of_parts) == len(moving):
             break
         moving = of_parts
-        strata, weights = likelihood.design.strata, likelihood.fit(models.columns(model)).weights
-        of_features = np.zeros(len(table.axes))
-        for s in strata.of(FEATURE):
-            of_features[strata.axis[s]] = likelihood.design.scale**2 / weights[s]
     p = gate(models.columns(model), tuple(name for name, _, _ in scatter))
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
@@ -149,7 +143,10 @@ def _counted_from_elsewhere(models: ModelSet, model: Model, a: int) -> bool:
     if not any(linear):
         return False
     data = TableData.of(models.design.table)
-    wide = {name: _stretched(name, values) for name, values in data.values.items()}
+    wide = dict[str, FloatArray]()
+    for name, values in data.values.items():
+        middle = (values.min() + values.max()) / 2
+        wide[name] = middle + (0 if name.startswith(DIRECTION) else 2) * (values - middle)
     sizes = estimated(models, model, sets=False)
     shape = models.design.strata.shape[:2]
     J, level = np.zeros((len(sizes.covariance), *shape)), sizes.levels[a]
@@ -163,11 +160,6 @@ def _counted_from_elsewhere(models: ModelSet, model: Model, a: int) -> bool:
     u = np.sqrt(np.einsum("rph,rs,sph->ph", J, sizes.covariance, J, optimize=True))
     nearest = (np.abs(errors) / u).min()
     return bool(errors.min() < 0 < errors.max() or nearest < stdtrit(max(level.dof, 1.0), 0.975))
-
-
-def _stretched(name: str, values: FloatArray) -> FloatArray:
-    middle = (values.min() + values.max()) / 2
-    return np.asarray(middle + (0 if name.startswith(DIRECTION) else 2) * (values - middle))
 
 
 def _offset_class(

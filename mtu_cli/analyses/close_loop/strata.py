@@ -128,13 +128,15 @@ def strata_of(
     lines: Sequence[FloatArray],
     *,
     features_scatter: bool,
+    moving: int = 0,
     roughness: FloatArray | None = None,
     bends: float = 0.0,
 ) -> Strata:
     """The strata of P parts with H features.
 
     `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with a variance of its
-    own over the parts. `features_scatter`: the features' means have one; where not, they belong to
+    own over the parts; along the last, which are `moving`, so has their mean, which scatters more
+    than the features. `features_scatter`: the features' means have one; where not, they belong to
     the strata of the parts (V = I_P x S). The mean of all is in none: every effect has an offset
     beside it. `roughness` (H, H) is the covariance of the bends that every part has of its own,
     `bends` their variance over the interaction's.
@@ -154,9 +156,10 @@ def strata_of(
             shape[k:] = np.maximum(values[::-1], 0.0) / values.mean()
             spreads[a, 0, k:] = np.sqrt(1 + bends * shape[k:])
         bases[a] = basis
-        groups: list[tuple[str, tuple[slice, slice]]] = [(PART, (slice(1, None), slice(0, 1)))]
-        groups += [(LINE, (slice(first, None), slice(j, j + 1))) for j in range(1, k)]
-        groups += [(FEATURE, (slice(0, 1), slice(1, None)))] if features_scatter else []
+        rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
+        groups = [(PART, (rest, slice(0, 1)))]
+        groups += [(FEATURE, (slice(0, 1), rest))] if features_scatter else []
+        groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in range(1, k)]
         groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
         for kind, where in groups:
             if label[a][where].size:

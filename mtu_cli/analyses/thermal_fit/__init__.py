@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, HeldOut, choose, held_out
 from mtu_cli.analyses.thermal_fit.design import Design, about_means, sensors_of
-from mtu_cli.analyses.thermal_fit.models import Fitted
+from mtu_cli.analyses.thermal_fit.models import FEWEST_NESTED, Fitted, HeldOut, choose, held_out
 from mtu_cli.analyses.thermal_fit.uncertainty import (
     Gradient,
     estimate,

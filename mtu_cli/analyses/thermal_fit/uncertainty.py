@@ -25,9 +25,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import comb, fdtri
 
-from mtu_cli.analyses.thermal_fit.choice import folds
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.analyses.thermal_fit.models import Fitted
+from mtu_cli.analyses.thermal_fit.models import Fitted, folds
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.covariance import covariance_root, positive_part

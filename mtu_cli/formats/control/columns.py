@@ -136,9 +136,10 @@ def _error_name(parameters: Parameters, table: ErrorTable) -> str:
     return choice({"error": name}, "error", known)
 
 
-def _model_rows(table: ErrorTable) -> list[str]:
+def _model_file(table: ErrorTable, head: list[str], tail: list[str]) -> str:
     places = 9 if table.angle else 6
-    return [f"{real(at)} {real(e, places)}" for at, e in zip(table.at, table.forward, strict=True)]
+    pairs = zip(table.at, table.errors[0], strict=True)
+    return "\n".join([*head, *(f"{real(at)} {real(e, places)}" for at, e in pairs), *tail, ""])
 
 
 def _model_table(lines: list[tuple[int, str]], name: str) -> ErrorTable:
@@ -147,8 +148,7 @@ def _model_table(lines: list[tuple[int, str]], name: str) -> ErrorTable:
 
 
 def _write_csv(table: ErrorTable, parameters: Parameters) -> str:
-    heading = f"{parameters['axis']} {_error_name(parameters, table)}"
-    return "\n".join([heading, *_model_rows(table), ""])
+    return _model_file(table, [f"{parameters['axis']} {_error_name(parameters, table)}"], [])
 
 
 def _read_csv(text: str, parameters: Parameters) -> ErrorTable:
@@ -160,8 +160,7 @@ def _read_csv(text: str, parameters: Parameters) -> ErrorTable:
 
 
 def _write_etalon(table: ErrorTable, parameters: Parameters) -> str:
-    name = _error_name(parameters, table)
-    return "\n".join([f"[{name}]", "Gridpoints = {", *_model_rows(table), "}", ""])
+    return _model_file(table, [f"[{_error_name(parameters, table)}]", "Gridpoints = {"], ["}"])
 
 
 def _read_etalon(text: str, parameters: Parameters) -> ErrorTable:

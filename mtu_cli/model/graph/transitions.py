@@ -17,7 +17,6 @@ import numpy as np
 
 from mtu_cli.findings import InputError
 from mtu_cli.language import Node, evaluate, names
-from mtu_cli.language.derivative import derivatives
 from mtu_cli.language.tree import Call, Name
 from mtu_cli.language.unit_algebra import Algebra
 from mtu_cli.model.geometry import GeometryError
@@ -223,34 +222,19 @@ class Step:
         with np.errstate(all="ignore"):
             self.run(made)
         if not all(np.isfinite(made[name]).all() for name in self.outputs):
-            raise GeometryError(self.why_not_finite(made).removeprefix(": ") or "it is not finite")
+            raise GeometryError("it is infinite or undefined")
         nominal.update({name: made[name] for name in self.outputs})
 
     def run(self, values: Values) -> None:
         """Puts the outputs beside the inputs in `values`."""
         if self.formula is not None:
             m = values[self.inputs[0]].shape[-1]
-            value = evaluate(self.formula, {name: _read(values, name) for name in self._names})
+            value = evaluate(self.formula, {x: _read(values, x) for x in names(self.formula)})
             values[self.outputs[0]] = np.broadcast_to(np.asarray(value, dtype=np.float64), m)
         elif self.construct is not None:
             made = self.construct(*(values[name] for name in self.inputs))
             outputs = made if isinstance(made, tuple) else (made,)
             values.update(zip(self.outputs, outputs, strict=False))
-
-    def why_not_finite(self, values: Values, trial: int = 0) -> str:
-        """What in its formula has no finite value in a trial, and where in the formula."""
-        if self.formula is None:
-            return ""
-        at = {name: float(_read(values, name)[trial]) for name in self._names}
-        faults = derivatives(self.formula, at, ()).faults
-        if not faults:
-            return f": it is {float(evaluate(self.formula, at)):g}"
-        facts, column = faults[0].facts, faults[0].column
-        return f": no finite {facts['what']}{facts['where']}, column {column} of the formula"
-
-    @property
-    def _names(self) -> dict[str, int]:
-        return {} if self.formula is None else names(self.formula)
 
 
 def place_of(name: str) -> str:

@@ -10,9 +10,8 @@ import pytest
 from effect_tables import FloatArray, shop_covariates, table
 from loop_examples import SMOOTH, effect, parameter
 from scipy.integrate import quad
-from scipy.stats import binom, invgamma, norm
+from scipy.stats import binom, invgamma
 
-from mtu_cli.analyses.close_loop import close_loop
 from mtu_cli.analyses.close_loop.crossings import crossings
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
@@ -20,7 +19,7 @@ from mtu_cli.analyses.close_loop.estimate import estimated
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.missing import interaction, missing
+from mtu_cli.analyses.close_loop.missing import Missing, interaction
 from mtu_cli.analyses.close_loop.posed import posed
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.language import evaluate, linear_form, parse
@@ -91,7 +90,7 @@ def test_missing_cells_are_as_left_out(sloped: bool) -> None:
     there = rng.random((7, 8)) > 0.2
     lines = np.linalg.qr(np.vander(np.arange(8.0), 1 + sloped, increasing=True))[0]
     x, y = rng.standard_normal((2, 7, 8))
-    gaps = missing(there, lines)
+    gaps = Missing(there, lines)
     x_in, y_in = (interaction(gaps.filled(np.where(there, v, 9.0)), lines) for v in (x, y))
     parts, features = np.indices((7, 8))
     free = [(parts == i) * line[features] for i in range(7) for line in lines.T]
@@ -144,41 +143,6 @@ def test_the_gate_alarms_rarely_on_pure_noise() -> None:
     assert low <= alarms <= high
 
 
-def test_the_gate_is_the_weighed_sum_of_each_stratum_s_students_t() -> None:
-    """Plainly, of a column that changes from part to part and from feature to feature: correlations
-    of means and of what is left, each as a normal deviate with Bartlett's factor, by information.
-    """
-    own = noise(5, part=2 * NOISE_MM, feature=3 * NOISE_MM)
-    x = np.random.default_rng(5).normal(size=(P, H))
-    own = replace(own, covariates={"load": x})
-    likelihood = posed_of(own, "covariate")
-    gate, fit = Gate(likelihood, np.random.default_rng(1)), likelihood.fit(())
-    at, lp = gate._members((), fit, fit.residual[None])
-    design = likelihood.design
-    named = [design.candidates[design.members[m].candidate].name for m in at]
-
-    def strata(values: FloatArray) -> list[tuple[FloatArray, int]]:
-        parts, features = values.mean(axis=1) - values.mean(), values.mean(axis=0) - values.mean()
-        rest = values - values.mean() - parts[:, None] - features
-        return [
-            (np.sqrt(H) * parts, P - 1),
-            (np.sqrt(P) * features, H - 1),
-            (rest.ravel(), (P - 1) * (H - 1)),
-        ]
-
-    for name, y in zip(("covariate-x", "covariate-y"), np.moveaxis(own.errors, 2, 0), strict=True):
-        total, information = 0.0, 0.0
-        for (u, dof), (v, _) in zip(strata(x), strata(y), strict=True):
-            r = u @ v / np.sqrt((u @ u) * (v @ v))
-            deviate = np.sign(r) * np.sqrt(-(dof - 1.5) * np.log(1 - r**2))
-            known = (u @ u) / (v @ v / dof)
-            total += float(np.sqrt(known) * deviate)
-            information += float(known)
-        expected = -np.log(2 * norm.sf(abs(total) / np.sqrt(information)))
-        found = max(lp[0, i] for i, own_name in enumerate(named) if own_name == name)
-        assert found == pytest.approx(expected, rel=1e-6)
-
-
 def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     """A scale that is known to 20 um at the ends: the information S of a column of size 1 there
     becomes 1/(1/S + u^2), of which the detectable size is the root's inverse.
@@ -194,24 +158,6 @@ def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     S = np.sum(x**2) / np.abs(x).max() ** 2 * found[0].likelihood.fit(()).weights[s]
     # The coefficients take a degree of freedom of five, too.
     assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
-
-
-def test_the_level_is_that_of_the_effect_though_another_has_its_column() -> None:
-    """At two heights a bow is a tilt but for its mean, and missing cells shift the centre."""
-    own = noise(3)
-    z = np.tile([0.0, 25.0], H)[:H]
-    places, errors, repeats = own.places.copy(), own.errors.copy(), own.repeats.copy()
-    places[..., 2] = z
-    errors[..., 1] += -5 * NOISE_MM * (z - 12.5) / 12.5
-    gone = np.random.default_rng(3).random(repeats.shape) < 0.08
-    errors[gone], repeats[gone] = np.nan, 0
-    found = diagnosis(
-        replace(own, places=places, errors=errors, repeats=repeats), "abbe", "straightness"
-    )
-    (effect,) = described(found, estimated(found.models, found.model))
-    assert effect.name == "abbe-y"
-    (level,) = (p for p in effect.of_role("level"))
-    assert abs(level.value) < 5 * level.u < 5 * NOISE_MM
 
 
 @pytest.mark.parametrize(("reference", "shift"), [(18, 0.0), (22, 0.0), (26, 0.0), (20, 0.05)])
@@ -238,18 +184,6 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
         J = np.array([evaluate(x, {"x": 0.0, "T_a_degC": reference}) for x in levers.values()])
         error = J @ [p.value for p in growth.parameters]
         assert abs(error) < 3 * np.sqrt(J @ growth.covariance @ J) < 10 * NOISE_MM
-
-
-def test_a_long_search_says_that_it_goes_on() -> None:
-    """After its first result, and with each that is held out."""
-    calls: list[tuple[int, int | None]] = []
-    close_loop(
-        [noise(1)], effect_library(), alpha=0.05, max_effects=1, exclude=("cyclic",), seed=1,
-        progress=lambda done, total: calls.append((done, total)),
-    )  # fmt: skip
-    done = [part for part, _ in calls]
-    assert len(set(done)) > 5
-    assert calls[-1][0] == calls[-1][1] == max(done)
 
 
 def turning(

@@ -11,7 +11,6 @@ from graph_examples import SHIPPED, graph_of, shipped
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.graph import simulate_graph, sweep_graph
-from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -140,11 +139,6 @@ def test_the_formula_of_a_ball(
     assert swept.formula.form == f"u_um = sqrt({form})"
     assert tuple(swept.formula.coefficients.values()) == pytest.approx(coefficients)
     assert len(swept.grid) == math.prod(map(len, grid.values()))
-
-
-def test_one_coordinate_is_swept() -> None:
-    with pytest.raises(InputError, match=r"one of: P1\.x, P1\.y, P1\.z"):
-        sweep_graph(shipped("ball-centre"), Settings(), "P1", {"axis_um": [1.0, 2.0]})
 
 
 OFF_NOMINAL = """

@@ -106,17 +106,6 @@ def test_closed_forms_of_one_contributor(name: str) -> None:
     assert found["B"] == found["R"] == 0
 
 
-def test_drift_of_the_environment_is_of_single_readings() -> None:
-    """U(B) of one target is 0.6 E_VE sqrt(2/n)."""
-    two = np.array([0.0, 500.0])
-    readings = np.zeros((2, 2, 5)) + np.array([5.0, 0.0])[:, None, None]
-    readings[0, 1] = 50.0
-    readings += 1e-3 * np.arange(5)
-    found = instrument_u(positioning(two, readings), InstrumentBudget(E_VE_um=3.0), stream(8))
-    expected = 3.0 / math.sqrt(12) * math.sqrt(2 / 5)
-    assert found["B"] / UM == pytest.approx(expected, rel=0.03)
-
-
 def test_readings_are_taken_to_20_degc_where_the_budget_says_so() -> None:
     given: dict[str, Any] = {"T_mean_degC": 23.0, "alpha_um_per_m_K": 10.0}
     readings = np.broadcast_to((0.03 * TARGETS)[:, None], (2, 11, 5))
@@ -141,15 +130,6 @@ def test_one_direction_has_one_way_figures_alone() -> None:
     assert axis.figures["A_forward"].u_sampling > 0
     note = next(x for x in warnings_of(axis) if x.code == "not-estimable")
     assert "one direction only" in note.message
-
-
-def test_one_approach_each_way_has_E_B_and_M() -> None:
-    """As on axes beyond 2 m: A and R need scatter."""
-    targets, readings = np.arange(0.0, 3001.0, 250.0), stream(9).normal(0, 3, (2, 13, 1))
-    axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
-    assert there(axis) == "E E_forward E_reverse M B B_mean"
-    assert all(math.isnan(x.u_sampling) for x in axis.figures.values())
-    assert [x.code for x in warnings_of(axis)] == ["not-estimable"]
 
 
 def test_a_transient_is_shown_and_stays() -> None:

@@ -58,11 +58,6 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
         means[p, h] = columns["T_cmm_degC"][own].mean()
     means = np.where(np.isnan(means), np.nanmean(means, axis=1, keepdims=True), means)
     assert table.covariates["T_cmm_degC"] == pytest.approx(means, rel=1e-14)
-    # Two readings of one part that average to the same in every hole are one a part.
-    even = measured(3, 2, 2)
-    even = replace(even, covariates={"T_cmm_degC": even.part + 0.1 * even.repeat})
-    found, _ = residual_table(stated(tmp_path, MACHINE), even)
-    assert found.covariates["T_cmm_degC"].shape == (3, 1)
 
 
 def thermal_points(parts: int, features: int, *, same_time: bool) -> Points:

@@ -86,25 +86,6 @@ def test_report_holds_the_whole_model(fit: ThermalFit, tmp_path: Path) -> None:
             assert getattr(again, key) == getattr(known, key)
 
 
-def test_what_cannot_be_had_is_null(fit: ThermalFit) -> None:
-    known = fit.components["yaw_y"]
-    model = replace(
-        known.estimate, of=None, sensors=(), coefficients=np.zeros((1, 0)),
-        covariance=np.zeros((0, 0)), coefficient_dof=np.inf, time_constants=np.zeros(0),
-        sensor_u=np.zeros(0), temperature_range=None,
-    )  # fmt: skip
-    bare = replace(
-        known, estimate=model, positions=(), held_out=None, condition=np.inf, r2_fit=np.nan,
-        vif={}, shares={}, normality_p=None, gradients=(), inseparable=(),
-    )  # fmt: skip
-    entry = written(replace(fit, components={"yaw_y": bare}))["yaw_y"]
-    for key in ("held_out", "temperature_range_degC", "coefficient_dof", "r2_fit"):
-        assert entry[key] is None
-    assert (entry["positions_mm"], entry["coefficients"]) == ([], [[]])
-    assert entry["residuals"]["normality_p"] is None
-    assert entry["collinearity"]["condition_number"] is None
-
-
 def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
     found = fit.components["pos_y"]
     panel = figure(replace(fit, components={"pos_y": found})).axes[0]

@@ -41,14 +41,6 @@ def test_largest_count_ends_an_adaptive_run() -> None:
     assert small.trials == 5_000
 
 
-def test_an_output_without_scatter_converges() -> None:
-    model = Other(lambda rng, m: np.full((1, m), 0.1), ("constant",))
-    result = monte_carlo(model, seed=1)
-    assert result.converged
-    assert [result.low[0], result.high[0]] == pytest.approx([0.1, 0.1])
-    assert result.u[0] == pytest.approx(0.0, abs=1e-15)
-
-
 @pytest.mark.parametrize(("bad", "trials"), [(np.nan, 1000), (np.inf, 40_000), (np.nan, None)])
 def test_values_that_are_not_finite_are_counted(bad: float, trials: int | None) -> None:
     def formula(rng: np.random.Generator, m: int) -> FloatArray:

@@ -16,7 +16,6 @@ from scipy.integrate import solve_ivp
 from mtu_cli.stats.compressed import (
     Compressed,
     compress,
-    effective_number,
     ridge,
     stepwise,
     together,
@@ -204,27 +203,6 @@ def test_selection_against_full_refits(limits: tuple[float, float]) -> None:
         assert list(stepwise(independent(Z), *limits)) == expected
         sizes.add(len(expected))
     assert len(sizes) > 3
-
-
-def test_exact_fits_columns_of_nothing_and_too_few_readings() -> None:
-    rng = np.random.default_rng(1)
-    X, one = rng.normal(size=(30, 5)) + 20, np.ones(30)
-    Z = np.column_stack([one, X, 2 * X[:, 1] - X[:, 3] + 4])
-    assert stepwise(independent(Z)) == (2, 4)
-    # What is left of a slow column is rounding, which may follow itself: it must not hide it.
-    x = np.linspace(20.0, 26.0, 500)
-    for slope in np.geomspace(1e-5, 1e3, 10):
-        assert stepwise(compress(np.column_stack([np.ones(500), x, slope * x + 0.3]))) == (1,)
-    for columns in ([one, X[:, 0]], [one, X[:, 0], 3 * one], [one, 7 * one, X[:, 0]]):
-        assert stepwise(compress(np.column_stack(columns))) == ()
-    for n in (1, 2):
-        assert stepwise(compress(np.array([[1.0, 1, 1], [1, 2, 4]])[:n])) == ()
-
-
-def test_effective_number_limits() -> None:
-    found = [effective_number(50, r) for r in (-0.4, 0.5, 1.0, 1.7)]
-    assert found == pytest.approx([50, 50 / 3, 1, 1])
-    assert effective_number(2, 0.9) == 1
 
 
 def test_error_rate_on_noise_that_follows_itself() -> None:
