@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -95,12 +96,10 @@ def test_one_block_by_7_7(trials: int) -> None:
     assert result.u[0] == pytest.approx(np.std(sample, ddof=1), rel=1e-12)
 
 
-def test_settings_out_of_range() -> None:
-    for wrong in (
-        {"trials": 39}, {"max_trials": 10},
-    ):  # fmt: skip
-        with pytest.raises(InputError):
-            monte_carlo(Bent(), **({"seed": 1} | wrong))
+@pytest.mark.parametrize("wrong", [{"trials": 39}, {"max_trials": 10}])
+def test_settings_out_of_range(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError):
+        monte_carlo(Bent(), seed=1, **wrong)
 
 
 @pytest.mark.parametrize("trials", [None, 1000, 60_001])
