@@ -175,6 +175,7 @@ CATALOGUE: dict[str, Kind] = {
     "far-from-nominal": _warning(
         "{what}: {off} mm from nominal, more than a machine errs: {looks} ({rows})", True
     ),
+    "implausible-size": _warning("{what} is hardly meant; probably {meant}", True),
     "alike": _warning("{what}: {names}", True),
     # Measured parts.
     "few-parts": _warning("too few parts ({parts} for {items}): {consequence}"),

@@ -28,7 +28,7 @@ from mtu_cli.model.visits import Visits, axes_of, distinct, freed, visits_of
 Rows = NDArray[np.int64]
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Of = Literal["readings", "drift", "points", "part"]
+Of = Literal["readings", "drift", "points", "part", "machine"]
 Travels = Mapping[str, tuple[float, float]]
 
 CHAPTERS = {
@@ -36,6 +36,7 @@ CHAPTERS = {
     "drift": ("readings", "sensors", "sizes"),
     "points": ("points", "copies", "sensors", "sizes"),
     "part": ("sizes",),
+    "machine": ("sizes",),
 }
 """Modules of this room that hold the checks of each kind of input."""
 
@@ -107,7 +108,7 @@ class PointsData:
 
 @dataclass(frozen=True)
 class DocumentData:
-    """A loaded part file, and the travels (mm) of the machine's axes."""
+    """A loaded part or machine file, and the travels (mm) of the machine's axes."""
 
     loaded: Any
     travels: Travels = field(default_factory=dict)

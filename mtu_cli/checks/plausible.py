@@ -16,6 +16,8 @@ POINT_ERROR_MM = 0.5
 """No machine tool in order errs by more."""
 LEAST_REPEAT_MM = 5e-5
 """Standard deviation of the repeats of the best CMM."""
+TOLERANCE_UM = 0.2
+"""Least tolerance of a length."""
 NARROW = 0.02
 """Positions of passes span more than this share of a travel ..."""
 BEYOND = 3.0

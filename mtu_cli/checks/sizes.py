@@ -1,4 +1,4 @@
-"""Names and places that are hardly meant, in parts and tables."""
+"""Names, places and sizes that are hardly meant, in parts, machines and tables."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from mtu_cli.checks import Data, DocumentData, Floats, Odd, PointsData, ReadingsData, Rows, check
-from mtu_cli.checks.plausible import BEYOND, NARROW, POSITIONS
+from mtu_cli.checks.plausible import BEYOND, NARROW, POSITIONS, TOLERANCE_UM, kind_of, largest
 from mtu_cli.files.points import SAME_MM
+from mtu_cli.units import UNITS
 
 Position = tuple[Sequence[str], str, Floats, Rows, str]
 NONE = np.arange(0)
@@ -85,3 +87,36 @@ def _positions(data: Data) -> Iterator[Position]:
     for axis, values in zip("xyz", nominal.T, strict=True):
         if names and np.isfinite(values).all():
             yield names, axis, values, np.arange(len(names)), column.format(axis)
+
+
+@check("implausible-size", of="part")
+def tolerances(data: DocumentData) -> Iterator[Odd]:
+    """Tolerances and zones that are hardly in um."""
+    part = data.loaded.part
+    known = [
+        (("lengths", i, "tolerance_um"), f"a tolerance of {half:g} um", half)
+        for i, entry in enumerate(part.lengths)
+        if (zone := entry.tolerance) and (half := (zone.high - zone.low) / 2)
+    ] + [
+        (("features", name, "position_um"), f"a zone of {zone:g} um", zone)
+        for name, entry in part.features.items()
+        if (zone := entry.position_um)
+    ]
+    for path, what, size in known:
+        if size < TOLERANCE_UM:
+            yield Odd(NONE, {"what": what, "meant": "mm"}, path=path)
+
+
+@check("implausible-size", of="machine")
+def coefficients(data: DocumentData) -> Iterator[Odd]:
+    """Coefficients that make errors of no machine over the travel."""
+    for name, component in data.loaded.machine.components.items():
+        low, high = data.travels.get(component.of, (0.0, 0.0))
+        position, unit = np.linspace(low, high, 9), UNITS[component.unit]
+        errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))
+        if component.is_table and component.coefficients:
+            position, errors = np.array(component.at_mm), np.abs(component.coefficients)
+        if (errors * unit.to_internal > largest(kind_of(unit.dimension), position)).any():
+            what = f"errors of up to {errors.max():.3g} {component.unit}"
+            path = ("components", name, "coefficients")
+            yield Odd(NONE, {"what": what, "meant": "a smaller unit"}, path=path)

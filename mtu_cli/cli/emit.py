@@ -133,7 +133,10 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     check_outputs(inputs)
     with late_bar(options.command) as progress:
         result = result_of(inputs, analyse, progress=progress)
-        met = _gates_met(asked, result)
+        codes = [each.code for each in result.warnings if each.kind.suspicious]
+        suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
+        known = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
+        met = {name: why for name, limit in asked.items() if (why := known[name](limit))}
         files = _files(result)
     report = files.pop(STANDARD_OUTPUT, None)
     warned = [each for each in result.warnings if not (options.quiet and each.severity == "note")]
@@ -206,15 +209,6 @@ def asked_gates(options: Options) -> dict[str, float]:
     if problems:
         raise InputError(problems)
     return result
-
-
-def _gates_met(asked: Mapping[str, float], result: Result) -> dict[str, str]:
-    """Why the gates that were asked for are met, of those that are."""
-    codes = [each.code for each in result.warnings if each.kind.suspicious]
-    suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
-    known = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
-    reasons = {name: known[name](limit) for name, limit in asked.items()}
-    return {name: reason for name, reason in reasons.items() if reason is not None}
 
 
 def _files(result: Result) -> dict[Path, bytes]:

@@ -257,7 +257,7 @@ class Inputs:
         self.__dict__[kind] = item
         known: Any = item
         self.sources.extend(known.sources if hasattr(known, "sources") else (known.source,))
-        if kind in ("machine", "reports", "before", "verify"):
+        if kind in ("reports", "before", "verify"):
             return item
         from mtu_cli import checks
 

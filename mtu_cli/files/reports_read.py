@@ -335,15 +335,13 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
     place: dict[str, Any] = {"file": source.shown}
     try:
         data = json.loads(text)
-    except json.JSONDecodeError as fault:
-        place |= {"line": fault.lineno, "column": fault.colno}
-        why = fault.msg.lower().removesuffix(" starting at")
-        if not text[: fault.pos].strip():
-            why, place["expected"] = "it is no JSON", f"a {role} report, as -o FILE.json writes it"
-        raise error("not-readable", reason=why, **place) from None
     except (RecursionError, ValueError) as fault:
-        why = "it is nested too deeply" if isinstance(fault, RecursionError) else str(fault)
-        raise error("not-readable", reason=why, **place) from None
+        why = f"no JSON: {fault}"
+        if isinstance(fault, json.JSONDecodeError):
+            why = f"no JSON: {fault.msg.lower().removesuffix(' starting at')}"
+            place |= {"line": fault.lineno, "column": fault.colno}
+        expected = f"a {role} report, as -o FILE.json writes it"
+        raise error("not-readable", reason=why, expected=expected, **place) from None
     # What was fitted to synthetic data is no more than that.
     inputs = data.get("inputs") if isinstance(data, dict) else None
     made = any(isinstance(x, dict) and x.get("synthetic") is True for x in inputs or ())

@@ -5,10 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_runner import done, mtu, prepared, refused
-from support import (
-    CONFIGS,
-)
+from cli_runner import prepared, refused
 
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 
@@ -62,13 +59,3 @@ def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, w
     message = refused(work, *call, env={"COLUMNS": "30"})
     assert message.startswith(f"mtu: {words}")
     assert len(message.splitlines()) == 1
-
-
-def test_two_features_at_one_place_are_asked_about(tmp_path: Path) -> None:
-    (tmp_path / "part.yaml").write_text(
-        "schema: mtu/part/1\nname: plate\nfeatures:\n"
-        "  A: {x_mm: 10, y_mm: 20}\n  B: {x_mm: 50, y_mm: 20}\n  C: {x_mm: 10, y_mm: 20}\n"
-    )
-    machine = CONFIGS / "gilsinn-ling" / "machine.yaml"
-    told = done(mtu("predict-points", "-m", machine, "-p", "part.yaml", "-q", cwd=tmp_path)).stderr
-    assert "part.yaml:6: features.C: features at the same nominal place: A, C" in told

@@ -56,7 +56,7 @@ def test_non_finite_numbers_are_a_fault_of_the_program(value: object) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('{"a": 1,\n "b": }', "r.json:2: cannot be read: expecting value at column 7"),
+        ('{"a": 1,\n "b": }', "r.json:2: cannot be read: no JSON: expecting value at column 7"),
         (f'{{"a": -{"9" * 5000}}}', "cannot be read"),
     ],
 )
