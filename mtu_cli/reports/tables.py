@@ -97,7 +97,9 @@ def console(file: IO[str] | None = None) -> Console:
     stream = sys.stdout if file is None else file
     if stream.isatty():
         return Console(file=stream, highlight=False)
-    return Console(file=stream, width=WIDTH, highlight=False, color_system=None)
+    return Console(
+        file=stream, width=WIDTH, highlight=False, force_terminal=False, color_system=None
+    )
 
 
 def plain_text(renderables: Iterable[object]) -> str:

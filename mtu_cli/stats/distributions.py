@@ -1,12 +1,17 @@
 """Distributions of input quantities: JCGM 100:2008, 4.3 and JCGM 101:2008, 6.4.
 
 All are symmetric about the estimate and described about it, as deviations.
+
+Correlated inputs that are not normal have a Gaussian copula: X_i = Q_i(Phi(Z_i)) with jointly
+normal Z has every marginal distribution as stated. The correlation of the Z is chosen so that the
+*X* have the stated coefficient: it is what JCGM 100 propagates, and it is not that of the Z.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -21,6 +26,13 @@ TOPS = {"rectangular": 1.0, "curvilinear-trapezoidal": 1.0, "triangular": 0.0}
 """Share of the base that the top takes: these shapes are trapezoids."""
 NORMAL_DOF = 1e6
 """From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
+COARSE, FINE = 401, 8001
+"""Nodes of a double and of a single integral over normals."""
+REACH = 8.5
+BEYOND = 1e-8
+"""A coefficient that differs by no more than this share is the largest there is, as it was written.
+"""
+ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,3 +151,51 @@ def bounded_quantile(item: Distribution, probability: FloatArray) -> FloatArray:
     flat = (1.0 + b) * (near - slope) - b
     deviation = np.where(near < slope, side, flat)
     return item.half_width * np.where(p < 0.5, deviation, -deviation)
+
+
+def copula_covariance(
+    first: Distribution, second: Distribution, rho: float, nodes: int = COARSE
+) -> float:
+    """E Q_1(Phi(z)) Q_2(Phi(y)) of normals z, y of correlation rho, at the stated half-widths."""
+    z, weight = _nodes(nodes)
+    y = z if rho == 1.0 else rho * z[:, None] + math.sqrt(1.0 - rho * rho) * z
+    inner = _of_normal(second, y) if rho == 1.0 else _of_normal(second, y) @ weight
+    return float((weight * _of_normal(first, z)) @ inner)
+
+
+def largest_covariance(first: Distribution, second: Distribution) -> float:
+    """That of two inputs that rise together, the most there can be (Frechet)."""
+    return copula_covariance(first, second, 1.0, FINE)
+
+
+@cache
+def normal_correlation(
+    first: Distribution, second: Distribution, covariance: float
+) -> float | None:
+    """rho of the normals for which the inputs have this `covariance`; None where none gives it.
+    Inputs in pairs are often alike, and each pair takes a double integral.
+    """
+    from scipy.optimize import brentq
+
+    most = largest_covariance(first, second)
+    if abs(covariance) > most * (1.0 + BEYOND):
+        return None
+    if abs(covariance) >= most * (1.0 - BEYOND):
+        return math.copysign(1.0, covariance)
+    scale = 1.0 / copula_covariance(first, second, 1.0)
+
+    def excess(rho: float) -> float:
+        return scale * copula_covariance(first, second, rho) - covariance / most
+
+    return float(brentq(excess, -1.0, 1.0, xtol=ROUNDING))
+
+
+def _of_normal(item: Distribution, z: FloatArray) -> FloatArray:
+    from scipy.special import ndtr
+
+    return bounded_quantile(item, ndtr(z)) if item.bounded else item.u * z
+
+
+def _nodes(count: int) -> tuple[FloatArray, FloatArray]:
+    z = np.linspace(-REACH, REACH, count)
+    return z, np.exp(-0.5 * z * z) * ((z[1] - z[0]) / math.sqrt(2.0 * math.pi))

@@ -1,11 +1,11 @@
 """Inputs of a budget: quantities, their covariance, and the independent sources behind them.
 
 A contribution that nothing is correlated with is a source of its own. Inputs with stated
-correlations, and readings that were taken together, are one source each connected set: jointly
-normal, whatever each is by itself, as only estimates and covariance are known of them (JCGM
-101:2008, 6.4.8), scaled to a multivariate t of their degrees of freedom (JCGM 102:2011, 5.3.2), or
-each by a scale of its own where these differ. For Welch-Satterthwaite a source is one term g' V g
-with the smallest degrees of freedom of its members.
+correlations, and readings that were taken together, are one source each connected set: where all
+are normal or t, jointly normal, scaled to a multivariate t of their degrees of freedom (JCGM
+102:2011, 5.3.2; JCGM 101:2008, 6.4.9), or each by a scale of its own where these differ; where some
+are bounded (rectangular, ...), a Gaussian copula with the stated correlation. For
+Welch-Satterthwaite a source is one term g' V g with the smallest degrees of freedom of its members.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.files.budget import Contribution, Input, LoadedBudget
-from mtu_cli.findings import Finding, InputError, error, finding, listed
+from mtu_cli.findings import Finding, InputError, finding, listed
 from mtu_cli.model.features import NO_U
 from mtu_cli.stats.covariance import correlation_of, factor_of
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.distributions import (
     Distribution,
     Kind,
+    largest_covariance,
+    normal_correlation,
     shape_moments,
 )
 from mtu_cli.stats.least_squares import FloatArray
@@ -89,7 +91,8 @@ class Source:
     """Deviations of the inputs `rows` that are drawn together, with `covariance`.
 
     `members`: their distributions, one for each row. `factor` (n, rank): what turns independent
-    normals into deviations of theirs; None of a source that is drawn alone.
+    normals into normal deviations of theirs; bounded members have unit variance there. None of a
+    source that is drawn alone.
     """
 
     rows: list[int]
@@ -98,9 +101,14 @@ class Source:
     factor: FloatArray | None = None
 
     @property
+    def bounded(self) -> bool:
+        """Whether it holds a bounded distribution."""
+        return any(item.bounded for item in self.members)
+
+    @property
     def is_t(self) -> bool:
         """Whether its deviations are jointly t: every sum of them is a t."""
-        return self.factor is not None and len({item.dof for item in self.members}) == 1
+        return not self.bounded and len({item.dof for item in self.members}) == 1
 
     def variance(self, gradient: FloatArray) -> float:
         """g' V g (first order) of the source for a gradient over all inputs."""
@@ -134,10 +142,8 @@ class Inputs:
             yield finding("few-degrees-of-freedom", names=short, how=NO_U)
         for source in self.sources:
             names = [self.quantities[row].name for row in source.rows]
-            # Readings that were taken together are t.
-            normal = all(self.quantities[row].normal for row in source.rows)
-            if len(names) > 1 and source.members[0].kind == "normal" and not normal:
-                how, assumed = "all normal", "the Monte Carlo takes them as jointly normal"
+            if source.factor is not None and source.bounded:
+                how, assumed = "all normal", "the Monte Carlo takes a Gaussian copula"
                 yield finding("correlated-inputs", names=names, how=how, assumed=assumed)
             if len({item.dof for item in source.members}) > 1:
                 how = "of the same degrees of freedom"
@@ -268,15 +274,54 @@ def _distribution(item: Contribution) -> Distribution | None:
 
 def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: FloatArray) -> Source:
     """The source of the inputs `known`, at `rows`; raises InputError where there is none."""
+
+    def impossible(named: Sequence[str], why: str, expected: str, **value: str) -> Finding:
+        reason = f"{listed(named, SHOWN_PAIRS)} cannot be correlated like this: {why}"
+        return finding("wrong-correlation", reason=reason, expected=expected, **value)
+
+    def least_eigenvalue(r: FloatArray) -> float | None:
+        """Where it is below 0 by more than rounding."""
+        least = float(np.linalg.eigvalsh(r)[0])
+        return least if least < -NOT_DEFINITE * len(rows) else None
+
+    names = [item.name for item in known]
+    expected = "two inputs, their sum in the equation, and the correlation of one of them"
+    problems = [
+        impossible([item.name], "it has several contributions, not all normal", expected)
+        for item in known
+        if not item.normal and len(item.parts) > 1
+    ]
     joint = covariance[np.ix_(rows, rows)]
     r = np.nan_to_num(correlation_of(joint))
-    least = float(np.linalg.eigvalsh(r)[0])
-    if least < -NOT_DEFINITE * len(rows):
-        names = [item.name for item in known]
+    if (least := least_eigenvalue(r)) is not None:
         pairs = [f"{names[a]}-{names[b]} {r[a, b]:.6g}" for a, b in np.argwhere(np.triu(r, 1))]
-        reason = f"{listed(pairs, SHOWN_PAIRS)} cannot be correlated like this: the smallest "
-        reason += f"eigenvalue of the correlation matrix is {least:.4g}"
-        expected = "a matrix without negative eigenvalues"
-        raise error("wrong-correlation", reason=reason, expected=expected)
-    members = [Distribution(kind="normal", u=x.u, dof=x.dof) for x in known]
-    return Source(rows, members, joint, factor_of(joint))
+        why = f"the smallest eigenvalue of the correlation matrix is {least:.4g}"
+        problems.append(impossible(pairs, why, "a matrix without negative eigenvalues"))
+    if problems:
+        raise InputError(problems)
+    members = [
+        Distribution(kind="normal", u=x.u, dof=x.dof) if x.normal else x.parts[0].distribution
+        for x in known
+    ]
+    if not any(item.bounded for item in members):
+        return Source(rows, members, joint, factor_of(joint))
+    # The correlation matrix of the normals behind inputs that are not all normal.
+    rho = np.eye(len(rows))
+    for a, b in np.argwhere(np.tril(joint, -1)).tolist():
+        wanted, of = float(joint[a, b]), (members[a], members[b])
+        if (coefficient := normal_correlation(*of, wanted)) is None:
+            unit = math.sqrt(joint[a, a] * joint[b, b])
+            # Rounded towards 0, so that what it says is possible.
+            most = math.floor(1e6 * largest_covariance(*of) / unit) / 1e6
+            why, value = "their distributions allow no coefficient so large", f"{wanted / unit:.9g}"
+            ends = f"-{most:g} to {most:g}"
+            problems.append(impossible((names[b], names[a]), why, ends, value=value))
+        else:
+            rho[a, b] = rho[b, a] = coefficient
+    if not problems and (least := least_eigenvalue(rho)) is not None:
+        why = f"the smallest eigenvalue of their Gaussian copula is {least:.4g}"
+        problems.append(impossible(names, why, "smaller coefficients, or normal distributions"))
+    if problems:
+        raise InputError(problems)
+    scale = np.array([1.0 if item.bounded else item.u for item in members])
+    return Source(rows, members, joint, scale[:, None] * factor_of(rho))

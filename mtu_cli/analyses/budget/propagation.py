@@ -16,7 +16,7 @@ from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, t_scales
+from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, bounded_quantile, t_scales
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.linear_distribution import Quantile, sum_quantile
 from mtu_cli.stats.workspace import Workspace
@@ -191,8 +191,7 @@ class BudgetTrials:
             joint = source.factor @ rng.standard_normal((source.factor.shape[1], m))
             if not source.is_t:
                 for row, item in zip(joint, source.members, strict=True):
-                    if item.dof < NORMAL_DOF:
-                        row *= t_scales(item.dof, rng, drawn)
+                    _marginal(item, row, rng, drawn)
             elif source.members[0].dof < NORMAL_DOF:
                 joint *= t_scales(source.members[0].dof, rng, drawn)
             deviation[source.rows] += joint
@@ -206,3 +205,18 @@ class BudgetTrials:
         linear = np.matmul(self.gradient, deviation, out=self.work.array("linear", values.shape))
         linear += self.linear_mean[:, None]
         return Draws(values=values, linear=linear)
+
+
+def _marginal(
+    item: Distribution, row: FloatArray, rng: np.random.Generator, scale: FloatArray
+) -> None:
+    """Turns `row`, normal with standard deviation u or (bounded) 1, into draws of `item`."""
+    if not item.bounded:
+        if item.dof < NORMAL_DOF:
+            row *= t_scales(item.dof, rng, scale)
+        return
+    from scipy.special import ndtr
+
+    row[:] = bounded_quantile(item, ndtr(row))
+    if item.inexact > 0.0:
+        row *= 1.0 + item.inexact * (2.0 * rng.random(row.shape) - 1.0)

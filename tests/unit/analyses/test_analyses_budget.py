@@ -46,16 +46,24 @@ def test_shares_and_covariance() -> None:
     assert result.correlation[0, 1] == pytest.approx(r)
 
 
-def test_correlated_inputs_that_are_not_normal() -> None:
-    """Jointly normal with the stated correlation: u^2 = 1 + 4 -+ 4 r."""
+@pytest.mark.parametrize("kind", ["rectangular", "arcsine"])
+def test_correlated_inputs_that_are_not_normal(kind: str) -> None:
+    """A Gaussian copula whose inputs have the stated correlation: u^2 = 1 + 4 -+ 4 r."""
     text = "equations: {s: a + b, d: a - b}\ninputs:\n  b: {value: 0, u: 2}\n"
-    text += "  a: {value: 0, u: 1, distribution: rectangular}\ncorrelations: [[a, b, 0.6]]\n"
+    text += f"  a: {{value: 0, u: 1, distribution: {kind}}}\ncorrelations: [[a, b, 0.6]]\n"
     result = evaluated(text, trials=200_000)
     assert "correlated-inputs" in codes(result)
     for output, u2 in zip(result.outputs, (7.4, 2.6), strict=True):
         assert output.u == pytest.approx(math.sqrt(u2))
-    assert result.run.u[0] == pytest.approx(math.sqrt(7.4), rel=1e-9)
-    assert result.run.u[1] == pytest.approx(math.sqrt(2.6), rel=1e-9)
+    assert result.run.u[0] == pytest.approx(math.sqrt(7.4), abs=4 * result.run.se_u[0])
+    assert result.run.u[1] == pytest.approx(math.sqrt(2.6), abs=4 * result.run.se_u[1])
+
+
+def test_correlated_inputs_of_several_kinds_are_refused() -> None:
+    text = CORRELATED.replace("[{u: 0.8}]", "[{half_width: 1, distribution: rectangular}]")
+    with pytest.raises(InputError) as raised:
+        evaluated(text)
+    assert str(raised.value).startswith("b.yaml:8: correlations: a cannot be correlated")
 
 
 def test_linear_budgets_need_few_trials() -> None:
@@ -217,16 +225,32 @@ def pair(equation: str, first: str, second: str, r: float) -> str:
     )
 
 
+@pytest.mark.parametrize("shape", ["rectangular", "arcsine", "trapezoidal, top: 0.3"])
 @pytest.mark.parametrize(("equation", "r"), [("x - y", 1.0), ("x + y", -1.0)])
-def test_fully_correlated_shapes_cancel(equation: str, r: float) -> None:
+def test_fully_correlated_shapes_cancel(shape: str, equation: str, r: float) -> None:
     """Equal inputs that rise together differ by nothing: u = 0 by every method."""
-    entry = "half_width: 1, distribution: rectangular"
+    entry = f"half_width: 1, distribution: {shape}"
     result = evaluated(pair(equation, entry, entry, r))
     assert single(result).u == 0.0
     assert result.run.u[0] == 0.0
     assert result.run.low[0] == pytest.approx(result.run.high[0], abs=2e-15)
     assert single(result).validation.passed is True
     assert "validation-failed" not in codes(result)
+
+
+def test_a_coefficient_that_cannot_be_had_is_refused() -> None:
+    """And one that just can be is not altered: a normal beside a rectangle, at most sqrt(3/pi)."""
+    first, most = "half_width: 1, distribution: rectangular", math.sqrt(3 / math.pi)
+    for r in (most + 1e-6, 0.979, -0.979):
+        with pytest.raises(InputError) as raised:
+            evaluated(pair("x + y", first, "u: 1", r))
+        text = str(raised.value)
+        assert text.startswith("b.yaml:7: correlations: x, y cannot be correlated")
+        assert "-0.977205 to 0.977205" in text
+    # What the message offers is had: u^2 of the sum tells the coefficient that was drawn.
+    result = evaluated(pair("x + y", first, "u: 1", 0.977205), trials=400_000)
+    u = math.sqrt(1 / 3 + 1 + 2 * 0.977205 / math.sqrt(3))
+    assert result.run.u[0] == pytest.approx(u, abs=4 * result.run.se_u[0])
 
 
 def test_first_order_of_a_step_is_not_valid() -> None:

@@ -11,6 +11,8 @@ from scipy.special import betainc
 from mtu_cli.stats.distributions import (
     Distribution,
     Kind,
+    largest_covariance,
+    normal_correlation,
     shape_moments,
 )
 from mtu_cli.stats.workspace import Workspace
@@ -81,3 +83,56 @@ def test_scaled_t(dof: float) -> None:
     assert distance < 1.95 / math.sqrt(M)
     assert item.drawn_variance == pytest.approx(0.25 * dof / (dof - 2))
     assert math.isnan(Distribution(kind="t", u=1.0, dof=2.0).drawn_variance)
+
+
+# The correlation behind a Gaussian copula: closed forms and samples.
+
+
+def item(kind: Kind, top: float = 0.0) -> Distribution:
+    u = math.sqrt(shape_moments(kind, top)[0])
+    return Distribution(kind=kind, u=u, half_width=1.0, top=top)
+
+
+NORMAL = Distribution(kind="normal", u=2.0)
+ALIKE = [item("rectangular"), item("triangular"), item("arcsine"), item("trapezoidal", 0.4)]
+
+
+@pytest.mark.parametrize("r", [-0.95, -0.3, 0.5, 0.9])
+def test_two_rectangles_in_closed_form(r: float) -> None:
+    """Pearson's r = (6/pi) asin(rho/2) for uniform marginals (Pearson 1907)."""
+    a = item("rectangular")
+    assert normal_correlation(a, a, r / 3) == pytest.approx(2 * math.sin(math.pi * r / 6), abs=1e-6)
+
+
+@pytest.mark.parametrize("shape", ALIKE, ids=lambda x: x.kind)
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_full_correlation_of_one_shape_is_full(shape: Distribution, sign: float) -> None:
+    """r = +-1 between inputs of one shape, whatever their widths: exactly one normal for both."""
+    wide = Distribution(
+        kind=shape.kind, u=3.0 * shape.u, half_width=3.0 * shape.half_width, top=3.0 * shape.top
+    )
+    assert normal_correlation(shape, wide, sign * shape.u * wide.u) == sign
+
+
+# The most that can be had, E Q_1(U) Q_2(U)/(u_1 u_2), by hand: rectangle and normal sqrt(3/pi);
+# rectangle and arcsine sqrt(6) times the integral of (2 p - 1) sin(pi (p - 1/2)) = 4/pi^2;
+# rectangle and triangle 3 sqrt(2) times that of (2 p - 1) Q(p) = 7/30.
+LARGEST = [
+    (item("rectangular"), NORMAL, math.sqrt(3.0 / math.pi)),
+    (item("rectangular"), item("arcsine"), math.sqrt(6.0) * 4.0 / math.pi**2),
+    (item("rectangular"), item("triangular"), 3.0 * math.sqrt(2.0) * 7.0 / 30.0),
+]
+
+
+@pytest.mark.parametrize(("first", "second", "most"), LARGEST)
+def test_no_coefficient_is_lowered(first: Distribution, second: Distribution, most: float) -> None:
+    """The largest coefficient is had, as is one below it; one a millionth above is refused."""
+    unit = first.u * second.u
+    assert largest_covariance(first, second) / unit == pytest.approx(most, abs=1e-9)
+    rho = normal_correlation(first, second, most * (1.0 - 1e-6) * unit)
+    assert rho is not None
+    assert 0.99 < rho < 1.0
+    for sign in (-1.0, 1.0):
+        assert normal_correlation(first, second, sign * most * (1.0 + 1e-6) * unit) is None
+        found = normal_correlation(first, second, sign * most * unit)
+        assert found == pytest.approx(sign, abs=1e-8)
