@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import above_zero, assigned, known_name
+from mtu_cli.files.source import begins_with
 from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.iso230 import Iso230Result
     from mtu_cli.files.study import InstrumentBudget
-
-
-XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 
 
 def iso230(inputs: Inputs, settings: Settings) -> Outcome:
@@ -107,12 +105,12 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         found = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=found, expected="one, or one of each axis")
     files = options.file if isinstance(options.file, list | tuple) else [options.file]
-    stated = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in files]
+    stated = [path.is_file() and begins_with(path, "<") for path in files]
     if any(stated):
         if not all(stated):
             names = "traces and a ballbar's stated features"
             raise error("exclusive", names=names, expected="a call for each")
-        return _ballbar(inputs, settings, files, planes)
+        return _ballbar(inputs, settings, files)
     radius = [] if options.radius is None else [options.radius]
     traces = read_traces(files, direction=ways, feed=feeds, radius=radius, plane=planes)
     inputs.sources.extend(traces.sources)
@@ -141,9 +139,7 @@ def _words(text: str | None, read: Callable[[str], Any]) -> list[Any]:
     return [read(each.strip()) for each in text.split(",")] if text else []
 
 
-def _ballbar(
-    inputs: Inputs, settings: Settings, paths: Iterable[Path], planes: Sequence[str]
-) -> Outcome:
+def _ballbar(inputs: Inputs, settings: Settings, paths: Iterable[Path]) -> Outcome:
     """The features that a ballbar states, in its own units and with its own signs."""
     from mtu_cli.formats.base import raw_file
     from mtu_cli.formats.renishaw import features_of
@@ -156,10 +152,5 @@ def _ballbar(
     for path in paths:
         file = raw_file(path, "traces")
         inputs.sources.append(file.source)
-        known = stated[file.source.shown] = features_of(file)
-        plane = str(known.get("test_plane") or "")
-        for given in planes:
-            if plane and given != plane.upper():
-                raise file.error("contradicts", path="TEST_PLANE", value=plane,
-                                 other=f"--plane {given}")  # fmt: skip
+        stated[file.source.shown] = features_of(file)
     return Outcome.of(stated_document(stated, settings.digits))

@@ -134,7 +134,7 @@ def read_traces(
 
 def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDArray[Any]:
     """A column (n,), with the value of an option where the file has none: one for all files, or one
-    for each; None where neither says it. Raises InputError where both do, and differ.
+    for each; None where neither says it.
     """
     files = len(table.files)
     if values and len(values) not in (1, files):
@@ -145,10 +145,4 @@ def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDAr
     if name in table.texts:
         labels, codes = table.labelled(name)
         own = np.array([*labels, None], object)[codes]
-    given = each[table.file_index]
-    stated = [x is not None and x == x for x in own]
-    other = np.flatnonzero(stated & (given != None) & (given != own))  # noqa: E711  # (n,)
-    if other.size:
-        place = {**table.place(int(other[0])), "column": name, "value": f"{own[other[0]]}"}
-        raise error("contradicts", other=f"{option} {given[other[0]]}", **place)
-    return np.where(table.has(name), own, given)
+    return np.where(table.has(name), own, each[table.file_index])

@@ -6,7 +6,16 @@ from __future__ import annotations
 
 import re
 
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings
+from mtu_cli.formats.base import (
+    FORWARD,
+    READINGS,
+    REVERSE,
+    Ask,
+    Format,
+    Imported,
+    RawFile,
+    add_readings,
+)
 from mtu_cli.formats.grid import Faults, number, split
 
 _ENTRY = re.compile(r"(TGT_DATA|REF_DATA_FWD|REF_DATA_BWD)\[(\d+)(?:,(\d+))?\]\s*=\s*(.*)")
@@ -79,7 +88,7 @@ def _data(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
         elif cycle is None:
             targets[int(index)] = value
         else:
-            way = "forward" if name.endswith("FWD") else "reverse"
+            way = FORWARD if name.endswith("FWD") else REVERSE
             rows.append((line, way, int(index), int(cycle), value))
     return targets, rows
 
@@ -90,10 +99,7 @@ def _report(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
     for line, text in enumerate(file.lines, 1):
         if text.startswith("#"):
             heading = _HEADING.match(text)
-            way, header = (
-                {"f": "forward", "b": "reverse"}[heading[1][0].lower()] if heading else "",
-                0,
-            )
+            way, header = {"f": FORWARD, "b": REVERSE}[heading[1][0].lower()] if heading else "", 0
         elif way and "tgt_pos" in text and "|" in text:
             header = len(split(text, "|"))
         elif header and re.match(r"\s*\|?\s*\d+\s*\|", text):
@@ -108,5 +114,5 @@ def _report(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
 
 
 FORMATS = (
-    Format("ecmc-iso230", "ecmc positioning test (.dat or report)", "readings", sniff, read),
+    Format("ecmc-iso230", "ecmc positioning test (.dat or report)", (READINGS,), sniff, read),
 )

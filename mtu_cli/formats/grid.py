@@ -6,7 +6,8 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from mtu_cli.files.csv_table import CellFaults, Decimal
 from mtu_cli.files.csv_table import number as plain_number
@@ -24,14 +25,16 @@ _GROUPED = {
 OPEN = "?"
 
 
-class Row(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Row:
     """The cells of a line, counted from 1 as an editor does."""
 
     line: int
     cells: list[str]
 
 
-class Grid(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Grid:
     """The lines of a text as cells; blank lines and comments (#) are not among them."""
 
     separator: str

@@ -25,9 +25,11 @@ from mtu_cli.formats.control.errors import (
     Controller,
     ErrorTable,
     Parameters,
+    always,
     choice,
     decimals,
     lines_of,
+    never,
     number_parameter,
     numeric,
     parameter,
@@ -136,10 +138,9 @@ def _error_name(parameters: Parameters, table: ErrorTable) -> str:
     return choice({"error": name}, "error", known)
 
 
-def _model_file(table: ErrorTable, head: list[str], tail: list[str]) -> str:
+def _model_rows(table: ErrorTable) -> list[str]:
     places = 9 if table.angle else 6
-    pairs = zip(table.at, table.errors[0], strict=True)
-    return "\n".join([*head, *(f"{real(at)} {real(e, places)}" for at, e in pairs), *tail, ""])
+    return [f"{real(at)} {real(e, places)}" for at, e in zip(table.at, table.forward, strict=True)]
 
 
 def _model_table(lines: list[tuple[int, str]], name: str) -> ErrorTable:
@@ -148,7 +149,8 @@ def _model_table(lines: list[tuple[int, str]], name: str) -> ErrorTable:
 
 
 def _write_csv(table: ErrorTable, parameters: Parameters) -> str:
-    return _model_file(table, [f"{parameters['axis']} {_error_name(parameters, table)}"], [])
+    heading = f"{parameters['axis']} {_error_name(parameters, table)}"
+    return "\n".join([heading, *_model_rows(table), ""])
 
 
 def _read_csv(text: str, parameters: Parameters) -> ErrorTable:
@@ -160,7 +162,8 @@ def _read_csv(text: str, parameters: Parameters) -> ErrorTable:
 
 
 def _write_etalon(table: ErrorTable, parameters: Parameters) -> str:
-    return _model_file(table, [f"[{_error_name(parameters, table)}]", "Gridpoints = {"], ["}"])
+    name = _error_name(parameters, table)
+    return "\n".join([f"[{name}]", "Gridpoints = {", *_model_rows(table), "}", ""])
 
 
 def _read_etalon(text: str, parameters: Parameters) -> ErrorTable:
@@ -242,8 +245,8 @@ LINUXCNC = Controller(
     says="LinuxCNC COMP_FILE: nominal, forward, reverse; type 0 holds the positions that the axis "
     "reaches, type 1 corrections (nominal minus actual). No comment may stand in the file itself. "
     "BACKLASH is ignored where it is loaded; STEPGEN_MAXACCEL needs 1.5 to 2 times headroom.",
-    quantum=lambda parameters: 1e-6 if _inch(parameters) == 1 else 1e-7 * INCH, two=lambda _: True,
-    equidistant=lambda _: False, most=MOST_ROWS, newline="\n",
+    quantum=lambda parameters: 1e-6 if _inch(parameters) == 1 else 1e-7 * INCH, two=always,
+    equidistant=never, most=MOST_ROWS, newline="\n",
 )  # fmt: skip
 HEIDENHAIN = Controller(
     "heidenhain", "error", _write_heidenhain, _read_heidenhain, {"variant": "new", "axis": "X"},
@@ -257,25 +260,25 @@ ISG_CSV = Controller(
     "isg-csv", "error", _write_csv, _read_csv, MODEL,
     says="Values of the error model (actual minus nominal), mm and rad; `negate` in the list file "
     "turns the sign.",
-    equidistant=lambda _: False, comment="//", angles=True,
+    equidistant=never, comment="//", angles=True,
 )  # fmt: skip
 ETALON = Controller(
     "etalon", "error", _write_etalon, _read_etalon, MODEL,
     says="ETALON_EXCHANGE, Vendor variant: values of the error model (actual minus nominal), mm "
     "and rad; `negate` in the list file turns the sign.",
-    equidistant=lambda _: False, angles=True,
+    equidistant=never, angles=True,
 )  # fmt: skip
 MITSUBISHI = Controller(
     "mitsubishi", "correction", _write_mitsubishi, _read_mitsubishi, {"unit": "1"},
     says=f"{HAND} Increments (interval minus actual distance) times 2, in output units: plus_side "
     "of the move from from_mm to to_mm, minus_side of the move back. The backlash at the first "
     "point is not in it: enter it as the control's own.",
-    quantum=_output_unit, two=lambda _: True, zeroed="each", comment="#", listing=True,
+    quantum=_output_unit, two=always, zeroed="each", comment="#", listing=True,
 )  # fmt: skip
 TABLE = Controller(
     "table", "error", _write_table, _read_table, {"axis": "X"},
     says=f"{HAND} error: actual minus nominal; correction: the other sign; step: the change of the "
     "error from the point before. Which of them the control wants its manual says (of Fanuc: "
     "increments, sign not stated in public sources): prove it with a verification move.",
-    two=lambda _: True, equidistant=lambda _: False, comment="#", angles=True, listing=True,
+    two=always, equidistant=never, comment="#", angles=True, listing=True,
 )  # fmt: skip
