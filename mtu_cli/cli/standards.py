@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -110,7 +110,7 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         if not all(stated):
             names = "traces and a ballbar's stated features"
             raise error("exclusive", names=names, expected="a call for each")
-        return _ballbar(inputs, settings, files)
+        return _ballbar(inputs, settings, files, planes)
     radius = [] if options.radius is None else [options.radius]
     traces = read_traces(files, direction=ways, feed=feeds, radius=radius, plane=planes)
     inputs.sources.extend(traces.sources)
@@ -139,7 +139,9 @@ def _words(text: str | None, read: Callable[[str], Any]) -> list[Any]:
     return [read(each.strip()) for each in text.split(",")] if text else []
 
 
-def _ballbar(inputs: Inputs, settings: Settings, paths: Iterable[Path]) -> Outcome:
+def _ballbar(
+    inputs: Inputs, settings: Settings, paths: Iterable[Path], planes: Sequence[str]
+) -> Outcome:
     """The features that a ballbar states, in its own units and with its own signs."""
     from mtu_cli.formats.base import raw_file
     from mtu_cli.formats.renishaw import features_of
@@ -152,5 +154,10 @@ def _ballbar(inputs: Inputs, settings: Settings, paths: Iterable[Path]) -> Outco
     for path in paths:
         file = raw_file(path, "traces")
         inputs.sources.append(file.source)
-        stated[file.source.shown] = features_of(file)
+        known = stated[file.source.shown] = features_of(file)
+        plane = str(known.get("test_plane") or "")
+        for given in planes:
+            if plane and given != plane.upper():
+                place = {"path": "TEST_PLANE", "value": plane}
+                raise file.error("contradicts", other=f"--plane {given}", **place)
     return Outcome.of(stated_document(stated, settings.digits))

@@ -134,8 +134,10 @@ def read_traces(
 
 def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDArray[Any]:
     """A column (n,), with the value of an option where the file has none: one for all files, or one
-    for each; None where neither says it.
+    for each; None where neither says it. Raises InputError where both do, and differ.
     """
+    import pandas as pd
+
     files = len(table.files)
     if values and len(values) not in (1, files):
         expected = f"one for all files, or {files} with commas"
@@ -145,4 +147,9 @@ def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDAr
     if name in table.texts:
         labels, codes = table.labelled(name)
         own = np.array([*labels, None], object)[codes]
-    return np.where(table.has(name), own, each[table.file_index])
+    given = each[table.file_index]
+    other = np.flatnonzero(~pd.isna(own) & ~pd.isna(given) & (given != own))
+    if other.size:
+        place = {**table.place(int(other[0])), "column": name, "value": f"{own[other[0]]}"}
+        raise error("contradicts", other=f"{option} {given[other[0]]}", **place)
+    return np.where(table.has(name), own, given)

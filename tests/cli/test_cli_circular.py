@@ -85,6 +85,7 @@ def test_squareness_and_lost_motion_are_handed_on(tmp_path: Path) -> None:
         ("radius_mm", "--direction cw,ccw", "2 values"),
         ("radius_mm direction", "--feed -1", "out of range"),
         ("radius_mm direction", "--plane XX", "unknown plane"),
+        ("radius_mm direction plane", "--plane YZ", "contradicts --plane YZ: 'XY'"),
         ("radius_mm direction", "--write-components {}/c.json", "the plane is missing"),
     ],
 )
@@ -140,6 +141,7 @@ def test_what_a_ballbar_states_is_shown(tmp_path: Path) -> None:
     refusals = {
         "a trace is missing": ("--write-components", tmp_path / "c.json"),
         "not drawn": ("--plot", tmp_path / "a.png"),
+        "TEST_PLANE: contradicts --plane YZ: 'XY'": ("--plane", "yz"),
     }
     for text, words in refusals.items():
         assert text in done(mtu("circular", stated, *words), 2).stderr
