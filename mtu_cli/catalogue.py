@@ -175,8 +175,8 @@ CATALOGUE: dict[str, Kind] = {
     "far-from-nominal": _warning(
         "{what}: {off} mm from nominal, more than a machine errs: {looks} ({rows})", True
     ),
-    "alike": _warning("{what}: {names}", True),
     "implausible-size": _warning("{what} is hardly meant; probably {meant}", True),
+    "alike": _warning("{what}: {names}", True),
     # Measured parts.
     "few-parts": _warning("too few parts ({parts} for {items}): {consequence}"),
     "no-repeats": _warning("no part was measured twice ({items}): {consequence}"),
@@ -192,10 +192,6 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "missing-values": _warning("{what} missing ({names}): {consequence}"),
     "not-measured": _warning("{names} left out: {reason}"),
-    "set-up-dominates": _warning(
-        "an offset (x {x_um:.3g}, y {y_um:.3g} um) and a rotation explain {percent} % of the mean "
-        "errors{operation}: parts set up by hand? --datum offset,rotation removes it"
-    ),
     "axis-without-equation": _warning("the machine has no equation E{axis}: {consequence}"),
     "axis-not-measured": _warning("{what} have no {axis}_mm: {consequence}"),
     # The closed loop.
@@ -203,10 +199,6 @@ CATALOGUE: dict[str, Kind] = {
     "outliers-set-aside": _warning("excluded as outliers from the search{of}: {entries}"),
     "max-effects": _warning(
         "the search{of} stopped at {most}, and more would pass (--max-effects)"
-    ),
-    "datum-freed": _warning(
-        "the best-fit alignment ({datum}) was removed from each part; it takes these effects with "
-        "it: {unseen}"
     ),
     "effect-not-written": _warning("{effect} is not added to the machine: {reason}"),
     "nothing-added": _warning("no effect is added: what is written is the machine as it was"),
@@ -281,6 +273,10 @@ CATALOGUE: dict[str, Kind] = {
     "backlash-varies": _warning(
         "the backlash of {component} varies by {range_um:.3g} um along the travel (mean "
         "{mean_um:.3g} um, p = {p:.1g}): one value of backlash over-corrects somewhere"
+    ),
+    "table-worsens": _warning(
+        "{component}: a new test with the table is likelier to show a larger {names} than now: the "
+        "table's own uncertainty adds more than it takes out"
     ),
     "no-better": _warning(
         "{component}: on held-out cycles the temperatures {effect}: the model is not to be used"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.prediction import predict
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.model.variance import drawable_passes
 
@@ -182,18 +182,12 @@ def check_against_loop(
     assert len(cells) == (table.repeats > 0).sum()
 
 
-def stacked(model: MachineModel, points: Points) -> tuple[Prediction, Floats]:
-    """The prediction of all points at once, and the mean of each cell as a matrix."""
-    named = [values_at(points, i, {}) for i in range(len(points))]
-    values = {name: np.array([own[name] for own in named]) for name in model.covariates()}
-    return predict(model, [str(i) for i in range(len(points))], points.nominal, values), np.eye(
-        len(model.axes)
-    )
-
-
 def check_factors(model: MachineModel, points: Points, table: ResidualTable) -> None:
     """J C J' of all parts together and J D J' of each, from predictions of the points."""
-    whole, eye = stacked(model, points)
+    named = [values_at(points, i, {}) for i in range(len(points))]
+    values = {name: np.array([own[name] for own in named]) for name in model.covariates()}
+    ids = [str(i) for i in range(len(points))]
+    whole, eye = predict(model, ids, points.nominal, values), np.eye(len(model.axes))
     P, H, A = table.errors.shape
     M = np.zeros((P, H, A, len(points), A))
     for i in range(len(points)):

@@ -14,7 +14,6 @@ from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Readings, read_readings
 from mtu_cli.files.reports_read import ComponentsReport, read_report
-from mtu_cli.files.write import made_ready
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.simulate import SimulatedReadings
@@ -34,12 +33,6 @@ def written_effect(
     keys = ("value", "u", "unit")
     own = {name: dict(zip(keys, each, strict=True)) for name, each in parameters.items()}
     return {**rest, "parameters": own}
-
-
-def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Writes all files, or none."""
-    with made_ready(contents) as put_in_place:
-        put_in_place()
 
 
 def read_components(path: Path) -> ComponentsReport:

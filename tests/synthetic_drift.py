@@ -9,8 +9,7 @@ import numpy as np
 from made_tables import made_readings, remembering
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.thermal_fit import thermal_fit
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit, thermal_fit
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray

@@ -31,7 +31,6 @@ TERMS = (
     *("scale-mismatch", "squareness", "servo-mismatch", "backlash-a", "backlash-b"),
     *("straightness-a", "straightness-b"),
 )
-CYCLIC = ("cyclic-a-forward", "cyclic-a-reverse", "cyclic-b-forward", "cyclic-b-reverse")
 FEWEST_CYCLES = 4.0
 """Cycles of a pitch over the diameter."""
 MEANING = {
@@ -45,12 +44,12 @@ MEANING = {
     "reversal-spike-a": "height of the spike after reversals of the first axis",
     "reversal-spike-b": "height of the spike after reversals of the second axis",
     "centre-offset": "distance of the circle's centre from the given one: of the set-up",
-} | {
-    name: f"amplitude of the pitch's wave, {axis} axis, {way}"
-    for name, (axis, way) in zip(
-        CYCLIC, [(a, w) for a in ("first", "second") for w in ("forward", "reverse")], strict=True
-    )
+    "cyclic-a-forward": "amplitude of the pitch's wave, first axis, forward",
+    "cyclic-a-reverse": "amplitude of the pitch's wave, first axis, reverse",
+    "cyclic-b-forward": "amplitude of the pitch's wave, second axis, forward",
+    "cyclic-b-reverse": "amplitude of the pitch's wave, second axis, reverse",
 }
+CYCLIC = [name for name in MEANING if name.startswith("cyclic")]
 
 
 class Cause(NamedTuple):
@@ -140,26 +139,6 @@ class Fit(NamedTuple):
     lagged: FloatArray
 
 
-def _designs(traces: Traces, pitches: tuple[float, float] | None) -> list[FloatArray]:
-    """Of each trace (n, p): TERMS in common, a circle of each trace's own, and waves of `pitches`.
-
-    Waves of fewer than FEWEST_CYCLES over the diameter, or of fewer than four samples, are 0.
-    """
-    count, result = len(traces.traces), []
-    feeds = np.array([trace.feed for trace in traces.traces])
-    speeds = feeds / feeds.mean() if np.isfinite(feeds).all() else np.ones(count)
-    step = max(float(np.median(np.abs(np.diff(trace.angle)))) for trace in traces.traces)
-    for k, (trace, speed) in enumerate(zip(traces.traces, speeds.tolist(), strict=True)):
-        t, circle = trace.angle, np.zeros((len(trace.angle), 3 * count))
-        circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
-        columns = [terms(t, trace.sign, speed), circle]
-        for axis, pitch in enumerate(pitches or ()):
-            there = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
-            columns.append(there * waves(trace, traces.radius, axis, pitch))
-        result.append(np.hstack(columns))
-    return result
-
-
 def waves(trace: Trace, radius: float, axis: int, pitch: float) -> FloatArray:
     """Sin and cos (n, 4) of 2 pi x/pitch of an axis, x = R cos t or R sin t, as radial deviations,
     where the axis moves forward and where in reverse.
@@ -172,15 +151,32 @@ def waves(trace: Trace, radius: float, axis: int, pitch: float) -> FloatArray:
 
 
 def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit:
-    """One least-squares fit of all traces.
+    """One least-squares fit of all traces: TERMS in common, a circle of each trace's own, and waves
+    of `pitches`. Waves of fewer than FEWEST_CYCLES over the diameter, or of fewer than four
+    samples, are 0.
 
     Samples that follow each other are correlated: generalised least squares by restricted
     likelihood (`stats.serial`), of many traces by the scatter between these. Long traces go in as
     means of neighbours, of samples and design alike, which leaves the equations exact.
     """
-    designs, blocks = _designs(traces, pitches), []
+    count, designs, blocks = len(traces.traces), [], []
+    feeds = np.array([trace.feed for trace in traces.traces])
+    speeds = feeds / feeds.mean() if np.isfinite(feeds).all() else np.ones(count)
+    step = max(float(np.median(np.abs(np.diff(trace.angle)))) for trace in traces.traces)
+    for k, (trace, speed) in enumerate(zip(traces.traces, speeds.tolist(), strict=True)):
+        t, circle = trace.angle, np.zeros((len(trace.angle), 3 * count))
+        circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
+        columns = [terms(t, trace.sign, speed), circle]
+        for axis, pitch in enumerate(pitches or ()):
+            there = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
+            columns.append(there * waves(trace, traces.radius, axis, pitch))
+        designs.append(np.hstack(columns))
     most = MOST_SAMPLES * (1 if pitches is None else 3)
-    used = [~_in_window(trace) for trace in traces.traces]
+    reversals = [at for ends in REVERSALS.values() for at in ends]
+    used = [
+        np.all([after(trace.angle, trace.sign, at) > WINDOW for at in reversals], axis=0)
+        for trace in traces.traces
+    ]
     for k, (trace, design, own) in enumerate(zip(traces.traces, designs, used, strict=True)):
         group = np.arange(own.sum()) // (int(own.sum()) // most + 1)
         rows = np.column_stack([design[own], trace.deviation[own]])
@@ -200,21 +196,13 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
         np.where(own, trace.deviation - design @ beta, np.nan)
         for trace, design, own in zip(traces.traces, designs, used, strict=True)
     ]
-    most = min(map(len, left)) // 4
-    lagged = np.array([_lagged(left, k) for k in range(most)])
+    lagged = []
+    for k in range(min(map(len, left)) // 4):
+        # Mean product of residuals k samples apart.
+        products = np.concatenate([own[k:] * own[: len(own) - k] for own in left])
+        lagged.append(float(np.nanmean(products)) if np.isfinite(products).any() else 0.0)
     u = np.where(np.isfinite(stated.u), stated.u, np.nan)
-    return Fit(beta, covariance, u, left, designs, lagged)
-
-
-def _in_window(trace: Trace) -> np.ndarray:
-    past = [after(trace.angle, trace.sign, at) for ends in REVERSALS.values() for at in ends]
-    return np.asarray((np.array(past) <= WINDOW).any(axis=0))
-
-
-def _lagged(left: list[FloatArray], k: int) -> float:
-    """Mean product of residuals k samples apart."""
-    products = np.concatenate([own[k:] * own[: len(own) - k] for own in left])
-    return float(np.nanmean(products)) if np.isfinite(products).any() else 0.0
+    return Fit(beta, covariance, u, left, designs, np.array(lagged))
 
 
 def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> CircularResult:

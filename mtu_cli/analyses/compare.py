@@ -17,8 +17,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
-from mtu_cli.model.effect_ranges import effect_warnings_at
-from mtu_cli.model.features import outside_warnings
+from mtu_cli.model.features import prediction_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
 from mtu_cli.model.measurands import differences, length_gradient
 from mtu_cli.model.measured import (
@@ -35,7 +34,6 @@ from mtu_cli.model.measured import (
 )
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import Variance
 from mtu_cli.model.visits import (
     IntArray,
@@ -205,49 +203,39 @@ class Compared:
 
     @property
     def by_interest(self) -> list[int]:
-        """Items with a fault, the clearest first, then those of the largest |E_n|: parts that
-        scatter too much may lie where they should in the mean.
-        """
-        faulty = [verdict not in (None, "consistent") for verdict in self.verdicts]
+        """Items in the order of the smaller p, those with a fault first; of equal p by |E_n|."""
         p = np.nan_to_num(np.fmin(self.p_bias, self.p_scatter), nan=1.0)
+        faulty = [verdict not in (None, "consistent") for verdict in self.verdicts]
         size = np.abs(np.nan_to_num(self.E_n))
-        order: list[int] = np.lexsort((-size, np.where(faulty, p, 2.0))).tolist()
-        return order
+        return [int(i) for i in np.lexsort((-size, np.where(faulty, p, 2.0)))]
 
     @cached_property
     def summaries(self) -> list[Summary]:
         """One an operation, in the order in which they come."""
-        result, kind = [], "features" if self.labels[0][2] else "lengths"
-        bias = np.abs(self.bias)
+
+        def ends(values: FloatArray, rows: list[int]) -> Ends | None:
+            known = values[rows][np.isfinite(values[rows])]
+            return (float(known.min()), float(known.max())) if len(known) else None
+
+        result = []
+        sizes = dict.fromkeys(FAULTS, self.ratio_scatter) | {"biased": np.abs(self.bias)}
         for operation in dict.fromkeys(label[0] for label in self.labels):
             rows = [i for i, label in enumerate(self.labels) if label[0] == operation]
-            verdicts, faults = [self.verdicts[i] for i in rows], [self.faults(i) for i in rows]
-            of_fault = {
-                name: [i for i, each in zip(rows, faults, strict=True) if name in each]
-                for name in FAULTS
-            }
+            verdicts = [self.verdicts[i] for i in rows]
+            of_fault = {name: [i for i in rows if name in self.faults(i)] for name in FAULTS}
             summary = Summary(
-                kind=kind,
+                kind="features" if self.labels[0][2] else "lengths",
                 operation=operation,
                 items=len(rows),
                 verdicts={name: verdicts.count(name) for name in VERDICTS},
-                faults={
-                    name: (len(i), _ends((bias if name == "biased" else self.ratio_scatter)[i]))
-                    for name, i in of_fault.items()
-                },
-                ratio_u=_ends(self.ratio_u[rows]),
-                ratio_range=_ends(self.ratio_range[rows]),
-                ratio_scatter=_ends(self.ratio_scatter[rows]),
+                faults={name: (len(i), ends(sizes[name], i)) for name, i in of_fault.items()},
+                ratio_u=ends(self.ratio_u, rows),
+                ratio_range=ends(self.ratio_range, rows),
+                ratio_scatter=ends(self.ratio_scatter, rows),
                 pooled=self.pooled.get(operation),
             )
             result.append(summary)
         return result
-
-
-def _ends(values: FloatArray) -> Ends | None:
-    """The least and the largest known one."""
-    known = values[np.isfinite(values)]
-    return (float(known.min()), float(known.max())) if len(known) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -348,8 +336,8 @@ def predict_operations(
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
     stated = {name: x for name, x in point_columns(points).items() if name not in given}
-    values = needed_covariates(model, points, stated, given).values
-    warnings = effect_warnings_at(model, points.nominal, values)
+    values, _ = needed_covariates(model, points, stated, given)
+    warnings: list[Finding] = []
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
     vary = any(np.ndim(values[name]) for name in model.covariates())
     # Of all points: where a drift lags, they are its history.
@@ -373,8 +361,7 @@ def predict_operations(
             column = np.asarray(values[key])
             means[key] = mean(column[rows]) if column.ndim else float(column)
         prediction = predict(model, features, place, means)
-        warnings += outside_warnings(prediction)
-        warnings += temperature_warnings(model, place, means)
+        warnings += prediction_warnings(model, prediction, means)
         if vary:
             of_feature = np.column_stack([mean(each) for each in errors[rows].T])
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]
@@ -418,9 +405,9 @@ def compared(
         mean[own], total[own] = A @ prediction.mean, np.maximum(V.total, 0.0)
         independent[own] = A**2 @ prediction.independent_variance
         D[own] = np.maximum(V.passes + V.repeatability, 0.0)
-        off = t.mean - mean[own]
-        u[own], p_bias[own] = _bias_test(off, t, V, of_mean[own], repeat[own], rounding[own])
-        expected[own], p_scatter[own] = _scatter_test(t, r[own], V)
+        u[own], p_bias[own], expected[own], p_scatter[own] = _item_tests(
+            t, t.mean - mean[own], V, of_mean[own], repeat[own], rounding[own], r[own]
+        )
         # The scatter of features, of which lengths are made, is pooled; that of the CMM is too
         # little to be seen at one item, and without repeats MS_between holds it.
         kept = np.isfinite(p_scatter[own]) & (t.n0 * D[own] > ROUNDING * expected[own])
@@ -464,47 +451,41 @@ def _ratio(measured: FloatArray, predicted: FloatArray) -> FloatArray:
     return np.divide(measured, predicted, out=np.full(len(measured), np.nan), where=predicted > 0)
 
 
-def _bias_test(
-    bias: FloatArray,
-    t: OneWay,
-    V: Variance,
-    seen: FloatArray,
-    repeat: FloatArray,
-    rounding: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
-    """u of the difference of the means, and p of it against C and the scatter of the mean, of
-    which `seen` (items,) is the measured variance, and what the last digit hides (`rounding`).
+def _item_tests(
+    t: OneWay, bias: FloatArray, V: Variance, of_mean: FloatArray, repeat: FloatArray,
+    rounding: FloatArray, r: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Each (items,): u of the difference of the means, and p of it against C and the scatter of the
+    mean, of which `of_mean` is the measured variance, and what the last digit hides (`rounding`);
+    MS_within + n0 D, of which MS_between has the expectation, and p of their ratio: n0 r by the
+    last digit, of variance `r`, is neither more nor less scatter.
     """
+    D, ms, squares = np.maximum(V.passes + V.repeatability, 0.0), t.ms_between, V.squares
     cmm = repeat / t.N
-    expected = np.maximum(V.passes + V.repeatability, 0.0) * t.share + cmm
-    by_parts = (t.parts >= FEWEST_PARTS) & (seen >= expected)
+    expected_mean = D * t.share + cmm
+    by_parts = (t.parts >= FEWEST_PARTS) & (of_mean >= expected_mean)
     variance = _variance(
-        V.squares.of_mean + np.where(by_parts, 0.0, t.share) * V.squares.of_part,
-        V.squares.dof,
-        (np.where(by_parts, seen, 0.0), t.df_between),
+        squares.of_mean + np.where(by_parts, 0.0, t.share) * squares.of_part,
+        squares.dof,
+        (np.where(by_parts, of_mean, 0.0), t.df_between),
         (np.where(by_parts, 0.0, cmm), t.df_within),
         rounding=rounding,
     )
-    u2 = np.maximum(V.coefficients, 0.0) + np.where(by_parts, seen, expected)
+    u2 = np.maximum(V.coefficients, 0.0) + np.where(by_parts, of_mean, expected_mean)
     nothing = (u2 <= NOTHING * rounding) & (bias**2 < 3 * rounding)
-    return np.sqrt(u2 + rounding), np.where(nothing, np.nan, t_tail(bias, variance))
-
-
-def _scatter_test(t: OneWay, r: FloatArray, V: Variance) -> tuple[FloatArray, FloatArray]:
-    """MS_within + n0 D, of which MS_between has the expectation, and p of their ratio; n0 r by the
-    last digit, of variance `r` (items,), is neither more nor less scatter.
-    """
-    repeated, ms, D = t.df_within > 0, t.ms_between, np.maximum(V.passes + V.repeatability, 0.0)
-    within = np.where(repeated, t.ms_within, 0.0)
-    n0 = np.where(t.df_between > 0, t.n0, 0.0)
-    rounding = n0 * hidden(np.where(repeated, within, D), r)
-    cmm = within, t.df_within
-    variance = _variance(n0 * V.squares.of_part, V.squares.dof, cmm, rounding=rounding)
-    expected = within + n0 * D + rounding
+    p_bias = np.where(nothing, np.nan, t_tail(bias, variance))
+    repeated = t.df_within > 0
+    within, n0 = np.where(repeated, t.ms_within, 0.0), np.where(t.df_between > 0, t.n0, 0.0)
+    hidden_ms = n0 * hidden(np.where(repeated, within, D), r)
+    variance = _variance(
+        n0 * squares.of_part, squares.dof, (within, t.df_within), rounding=hidden_ms
+    )
+    expected = within + n0 * D + hidden_ms
     high, _ = f_tails(ms, t.df_between, variance)
-    _, low = f_tails(ms + rounding * (ms < 3 * rounding), t.df_between, variance)
-    nothing = (expected - rounding <= NOTHING * rounding) & (ms < 3 * rounding)
-    return expected, np.where(nothing, np.nan, np.minimum(2 * np.fmin(high, low), 1.0))
+    _, low = f_tails(ms + hidden_ms * (ms < 3 * hidden_ms), t.df_between, variance)
+    nothing = (expected - hidden_ms <= NOTHING * hidden_ms) & (ms < 3 * hidden_ms)
+    p_scatter = np.where(nothing, np.nan, np.minimum(2 * np.fmin(high, low), 1.0))
+    return np.array([np.sqrt(u2 + rounding), p_bias, expected, p_scatter])
 
 
 def _variance(
@@ -526,14 +507,15 @@ def _variance(
 
 def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArray) -> Pooled:
     """The test of the scatter of features A E with their tables and `expected` MS_between."""
-    df, weights = t.df_between, t.n0 / expected
+    df, weights, within = t.df_between, t.n0 / expected, t.ms_within / expected
     # Of part means relative to their variance; the CMM is in the variances alone.
-    correlation = (A @ prediction.scatter @ A.T) * np.sqrt(weights * weights[:, None])
+    correlation = (A @ prediction.assembled(coefficients=0.0) @ A.T) * np.sqrt(
+        weights * weights[:, None]
+    )
     np.fill_diagonal(correlation, 1.0)
     squares = prediction.variance(A).squares
-    passes = prediction.pass_squares(A)
-    times = [1.0 if each is None else each.independent(weights) for each in passes]
-    within = t.ms_within / expected
+    times = [1.0 if each is None else each.independent(weights)
+             for each in prediction.pass_squares(A)]  # fmt: skip
     unsure = float((within**2 / t.df_within).sum())
     cmm = float(within.sum()) ** 2 / unsure if unsure else inf
     rows = np.append((squares.of_part * weights).mean(axis=1), within.mean())
@@ -596,35 +578,35 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
         way: Verdict = "under-predicted" if each.ratio > 1 else "over-predicted"
         verdict = way if own <= FAMILY_RATE else None
         pooled[name] = each._replace(p=min(own, 1.0), verdict=verdict)
-    n = len(features.labels)
-    features = _judged(replace(features, pooled=pooled), adjusted[:, :n])
-    return features, None if lengths is None else _judged(lengths, adjusted[:, n:])
+    result, start = list[Compared](), 0
+    for kind in (replace(features, pooled=pooled), *kinds[1:]):
+        p = adjusted[:, start : start + len(kind.labels)]
+        start += len(kind.labels)
+        off, scatter = p <= FAMILY_RATE
+        under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
+        # Parts too few to measure their scatter, but known to scatter more, explain a mean that is
+        # off.
+        off &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
+        biased, under_predicted, over_predicted = (
+            tuple(bool(yes) if np.isfinite(one) else None for yes, one in zip(met, q, strict=True))
+            for met, q in ((off, p[0]), (under, p[1]), (over, p[1]))
+        )
+        judged_kind = replace(
+            kind, p_bias=p[0], p_scatter=p[1], biased=biased, under_predicted=under_predicted,
+            over_predicted=over_predicted,
+        )  # fmt: skip
+        result.append(judged_kind)
+    return result[0], result[1] if lengths is not None else None
 
 
-def _judged(kind: Compared, p: FloatArray) -> Compared:
-    """The verdicts by the adjusted p (2, items) of bias and scatter."""
-    off, scatter = p <= FAMILY_RATE
-    under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
-    # Parts too few to measure their scatter, but known to scatter more, explain a mean that is off.
-    off &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
-    answers = ((off, p[0]), (under, p[1]), (over, p[1]))
-    biased, under_predicted, over_predicted = (
-        tuple(yes if tested else None for yes, tested in zip(*each, strict=True))
-        for each in ((met.tolist(), np.isfinite(q).tolist()) for met, q in answers)
-    )
-    return replace(
-        kind,
-        p_bias=p[0],
-        p_scatter=p[1],
-        biased=biased,
-        under_predicted=under_predicted,
-        over_predicted=over_predicted,
-    )
-
-
-SCATTER = "means are judged by the predicted scatter, and one that is off may be scatter"
 CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], ...] = (
-    ("few-parts", lambda x: x.one_way.parts < FEWEST_PARTS, {"consequence": SCATTER}),
+    (
+        "few-parts",
+        lambda x: x.one_way.parts < FEWEST_PARTS,
+        {
+            "consequence": "means are judged by the predicted scatter",
+        },
+    ),
     (
         "no-repeats",
         lambda x: (x.one_way.df_within < 1) & (x.one_way.parts > 1),

@@ -139,7 +139,17 @@ def axis_errors(
         raise error("not-applicable", reason=reason, expected="every target in both directions")
     means = np.bincount(cell, value, minlength=ways * T) / counts
     blocks, runs = _scatter(targets, cell, value - means[cell], run, ways, counts)
-    varies = _varies(cell, value, run, T) if ways == 2 else None
+    # Two-way analysis of variance of forward - reverse by target and run, where complete.
+    varies, (numbers, index) = None, np.unique(run, return_inverse=True)
+    place, R = index.reshape(-1) * 2 * T + cell, len(numbers)
+    of_run = np.bincount(place, minlength=2 * T * R)
+    if ways == 2 and T > 1 and of_run.all():
+        each = (np.bincount(place, value, minlength=2 * T * R) / of_run).reshape(R, 2, T)
+        B = each[:, 0] - each[:, 1]
+        rest = B - B.mean(0) - B.mean(1)[:, None] + B.mean()
+        df = (T - 1) * (R - 1)
+        between = R * float(np.var(B.mean(0), ddof=1))
+        varies = f_test(between, float((rest**2).sum()) / max(df, 1), T - 1, df)
     both = means.reshape(ways, T)[[0, -1]]
     return AxisErrors(
         targets=targets,
@@ -183,22 +193,6 @@ def _scatter(
         about = s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X))
         of_lines.append(Block(about, float(dof)))
     return tuple(of_lines), R
-
-
-def _varies(cell: IntArray, value: FloatArray, run: IntArray, T: int) -> FTest | None:
-    """Two-way analysis of variance of forward - reverse by target and run, where complete."""
-    numbers, index = np.unique(run, return_inverse=True)
-    R = len(numbers)
-    place = index.reshape(-1) * 2 * T + cell
-    counts = np.bincount(place, minlength=2 * T * R)
-    if (counts == 0).any() or T == 1:
-        return None
-    means = (np.bincount(place, value, minlength=2 * T * R) / counts).reshape(R, 2, T)
-    B = means[:, 0] - means[:, 1]
-    rest = B - B.mean(0) - B.mean(1)[:, None] + B.mean()
-    df = (T - 1) * (R - 1)
-    between = R * float(np.var(B.mean(0), ddof=1))
-    return f_test(between, float((rest**2).sum()) / max(df, 1), T - 1, df)
 
 
 def figures(means: FloatArray, ways: int) -> dict[str, FloatArray]:
@@ -352,10 +346,23 @@ def compensate(
     applied = frame.applied(held, errors.targets)
     if wanted.current is not None:
         applied = applied - frame.applied(wanted.current, errors.targets)
-    after, warnings = None, _varying(errors, component)
+    before, after, warnings = figures(errors.means, errors.ways), None, list[Finding]()
+    B, test = errors.backlash, errors.varies
+    if B is not None and test is not None and not errors.angle and test.p < VARIES_P:
+        size, mean = float(np.ptp(B)) / UM, float(B.mean()) / UM
+        if size > VARIES_SHARE * abs(mean):
+            facts = {"component": component, "p": test.p, "range_um": size, "mean_um": mean}
+            warnings.append(finding("backlash-varies", **facts))
     if errors.blocks or errors.known is not None:
         drawn = errors.draw(trials or TRIALS, seed)
         after = figures(errors.expected - applied + drawn, errors.ways)
+        # Of what the table changes at all.
+        left = figures(errors.means - applied, errors.ways)
+        worse = [name for name, values in after.items()
+                 if abs(left[name] - before[name]) > quantum
+                 and np.median(values) > before[name]]  # fmt: skip
+        if worse:
+            warnings.append(finding("table-worsens", component=component, names=worse))
     else:
         facts = {"quantity": "figures after compensation", "names": [component]}
         warnings.append(finding("not-estimable", **facts, reason="one run shows no scatter"))
@@ -370,7 +377,7 @@ def compensate(
         reference=control.zero_at(table, reference),
         errors=errors,
         applied=applied,
-        before=figures(errors.means, errors.ways),
+        before=before,
         after=after,
         moves=_moves(errors, applied),
         warnings=tuple(warnings),
@@ -423,17 +430,6 @@ def _moves(
     return tuple(result)
 
 
-def _varying(errors: AxisErrors, component: str) -> list[Finding]:
-    """A warning where backlash varies along the travel: one value would over-correct."""
-    B, test = errors.backlash, errors.varies
-    if B is None or test is None or errors.angle or test.p >= VARIES_P:
-        return []
-    if np.ptp(B) <= VARIES_SHARE * abs(B.mean()):
-        return []
-    facts = {"component": component, "p": test.p, "range_um": float(np.ptp(B)) / UM}
-    return [finding("backlash-varies", **facts, mean_um=float(B.mean()) / UM)]
-
-
 def verify(
     result: CompensateResult, position: FloatArray, way: IntArray, value: FloatArray, run: IntArray
 ) -> CompensateResult:
@@ -445,10 +441,13 @@ def verify(
     Birge (1932, Phys. Rev. 40, 207), chi^2/(n - 2), where that is above 1. Of a table that is
     noise itself k shrinks, as a slope on a regressor with errors does, by the share of noise in
     the table's variance (Fuller 1987, Measurement Error Models, 1.1: one minus the reliability
-    ratio); that share, at most 1, is added to u.
+    ratio); that share, at most 1, is added to u. The verdict is what the 95 % interval of k holds
+    of 0, 1 and 2, p that of the nearest, two-sided.
 
     Raises InputError for readings away from the targets, or too few.
     """
+    from scipy.special import ndtr, stdtr
+
     errors, applied = result.errors, result.applied
     assert errors is not None
     assert applied is not None
@@ -489,19 +488,13 @@ def verify(
     measured = np.full(applied.size, np.nan)
     measured[own] = np.bincount(index, value)[own] / np.bincount(index)[own]
     moves = _moves(errors, applied, measured.reshape(2, -1))
-    return replace(result, moves=moves, verified=_verdict(k, u, dof))
-
-
-def _verdict(k: float, u: float, dof: float) -> Verified:
-    """What the 95 % interval of k holds of 0, 1 and 2, and p of the nearest, two-sided."""
-    from scipy.special import ndtr, stdtr
-
     half = coverage_factor(PROBABILITY, dof) * u
     inside = [name for slope, name in VERDICTS.items() if abs(k - slope) <= half]
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
-    t = -min(abs(k - slope) for slope in VERDICTS) / u
-    p = float(2 * (ndtr(t) if np.isinf(dof) else stdtr(dof, t)))
-    return Verified(verdict, k, u, (k - half, k + half), p)
+    t_nearest = -min(abs(k - slope) for slope in VERDICTS) / u
+    p = float(2 * (ndtr(t_nearest) if np.isinf(dof) else stdtr(dof, t_nearest)))
+    verified = Verified(verdict, k, u, (k - half, k + half), p)
+    return replace(result, moves=moves, verified=verified)
 
 
 def moves_program(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -15,7 +15,7 @@ from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.covariance import positive_part
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.pass_tests import MAX_POSITIONS, FTest, Shift, by_runs
+from mtu_cli.stats.pass_tests import FTest, Shift
 from mtu_cli.units import Unit
 
 NOTHING = 1e-9
@@ -45,7 +45,6 @@ class Line:
     coefficients: FloatArray
     covariance: FloatArray
     passes_read: int | None = None
-    runs_read: int | None = None
     n: int | None = None
     dof: int | None = None
     s_repeat: float
@@ -65,9 +64,8 @@ class Component(Line):
     `pass_center` is the position (mm) at which the pass-to-pass intercept is stated: 0 without
     readings; with several instruments the mean of all their readings. There are, (q, q) of this
     intercept and the slope (q is 1 for a constant), the unbiased `pass_covariance_moment` that
-    predictions use, which may have a negative part, `pass_covariance` less that part, the mean
-    square `half_differences` of runs there and back (None without runs), and their
-    `run_covariance`, of several instruments, else None.
+    predictions use, which may have a negative part, `pass_covariance` less that part, and the mean
+    square `half_differences` of runs there and back (None without runs).
     """
 
     estimate: ComponentEstimate
@@ -76,7 +74,6 @@ class Component(Line):
     pass_covariance: FloatArray
     pass_covariance_moment: FloatArray
     half_differences: FloatArray | None
-    run_covariance: FloatArray | None
     instruments: tuple[Line, ...]
 
 
@@ -115,9 +112,7 @@ def fit_result(
     undetermined = tuple(observability(fit, estimates))
     grouped: dict[tuple[str, str], list[str]] = {}
     for item in undetermined:
-        # Components of a group stay together.
-        shown = item.component.replace(", ", " + ")
-        grouped.setdefault((item.not_determined, item.because), []).append(shown)
+        grouped.setdefault((item.not_determined, item.because), []).append(item.component)
     if several := [name for name, x in fit.components.items() if len(x.instruments) > 1]:
         grouped["dof and r2", "several instruments: see `instruments`"] = several
     shared = []
@@ -147,21 +142,23 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
     fit = machine.components.get(estimate.name)
     items = () if fit is None else fit.instruments
     centre = float(np.concatenate([item.position for item in items]).mean()) if items else 0.0
-    T = estimate.shape.at_centre(centre)
-    moment, halves = T @ estimate.pass_covariance @ T.T, _turned(estimate.half_differences, T)
-    D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
+    T, moment, halves = (
+        estimate.shape.at_centre(centre), estimate.pass_covariance, estimate.half_differences
+    )  # fmt: skip
     if len(items) == 1:
         # Where some pass has one position only the level varies from pass to pass, not the slope.
         own = items[0].fit
-        centre, P = float(own.center), np.eye(min(2, len(T[0])), len(own.D))
-        D, moment = P @ own.D @ P.T, P @ own.D_moment @ P.T
-        halves = _turned(own.half_differences, P)
+        centre, T = float(own.center), np.eye(min(2, len(T[0])), len(own.D))
+        moment, halves = own.D_moment, own.half_differences
+    moment, halves = T @ moment @ T.T, None if halves is None else T @ halves @ T.T
+    D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
+    if len(items) == 1:
+        D = T @ items[0].fit.D @ T.T
     lines = tuple(_line(estimate, item, centre, machine) for item in items)
     passes = [each.passes_read for each in lines]
     known: dict[str, Any] = {
         "source": "readings" if items else "machine file",
         "passes_read": sum(filter(None, passes)) if passes and all(passes) else None,
-        "runs_read": sum(each.runs_read or 0 for each in lines) or None,
         "n": sum(len(item.error) for item in items) or None,
         "agreement_p": None if fit is None else fit.agreement_p,
     }
@@ -185,7 +182,6 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
         pass_covariance=D,
         pass_covariance_moment=moment,
         half_differences=halves,
-        run_covariance=_turned(estimate.run_covariance, T),
         instruments=lines,
     )
 
@@ -207,7 +203,6 @@ def _line(
         coefficients=b,
         covariance=fit.covariance,
         passes_read=len(item.keys_read) or None,
-        runs_read=None if item.read is None else len(np.unique(item.read.runs)),
         n=len(item.error),
         dof=int(fit.plain.dof),
         s_repeat=s_repeat,
@@ -221,10 +216,6 @@ def _line(
         n_passes=fit.n_passes if fit.separated else None,
         s=float(np.sqrt(fit.plain.s2)),
     )
-
-
-def _turned(D: FloatArray | None, T: FloatArray) -> FloatArray | None:
-    return None if D is None else T @ D @ T.T
 
 
 def _scatter(
@@ -249,82 +240,55 @@ class NotDetermined(NamedTuple):
 
 def observability(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
     """All that the readings of a machine do not determine, component by component."""
+    alone = []
     for name, estimate in estimates.components.items():
         if (component := fit.components.get(name)) is None:
-            what, because = (
-                "drift, reversal and lack of fit",
-                "it is known from the machine file only",
-            )
+            what, because = "drift, reversal and lack of fit", "known from the machine file only"
             yield NotDetermined(name, what, because, "readings of it, given with --lbb or --laser")
             continue
         for item in component.instruments:
             by = f" by {item.role}" if len(component.instruments) > 1 else ""
             for what, *why in _left_open(item, constant=estimate.of is None):
                 yield NotDetermined(name, f"{what}{by}", *why)
+        if any(item.fit.separated for item in component.instruments):
+            alone.append(name)
     # Components whose passes are not those of any other, or of some others only.
-    read = {name: x.instruments for name, x in fit.components.items()}
-    read = {name: own for name, own in read.items() if any(item.fit.separated for item in own)}
-    groups = [group.components for group in estimates.joint]
-    alone = [name for name in read if not any(name in group for group in groups)]
-    would = "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
-    for name in alone if len(read) > 1 else ():
-        because, reading = "read in passes of its own", would
-        if len(read[name]) > 1:
-            because = "read by several instruments"
-            reading = "read it by one instrument, in the same passes as the others"
-        yield NotDetermined(name, "correlation of drift with other components", because, reading)
-    because = "each group was read in passes of its own, or in other directions"
-    for group in groups if len(groups) > 1 else ():
-        what = "correlation of drift between the groups"
-        yield NotDetermined(", ".join(group), what, because, would)
+    groups = [", ".join(group.components) for group in estimates.joint]
+    joint = {name for group in estimates.joint for name in group.components}
+    several = [*groups, *(name for name in alone if name not in joint)]
+    for names in several if len(several) > 1 else ():
+        what, because = "correlation of drift with other components", "read in passes of their own"
+        would = "read them in the same passes (same set-up) as the others, by one instrument, or "
+        yield NotDetermined(names, what, because, would + "give `time` or `setup`")
 
 
-def _left_open(item: InstrumentFit, *, constant: bool) -> Iterable[tuple[str, str, str]]:
+def _left_open(item: InstrumentFit, *, constant: bool) -> Iterator[tuple[str, str, str]]:
     """What readings, passes, repeats, directions and positions are too few for, why, and which
     readings would do; a `constant` has neither directions nor positions.
     """
-    fit, passes, positions = item.fit, len(item.keys_read), len(np.unique(item.position))
+    fit, positions = item.fit, len(np.unique(item.position))
     if not fit.plain.dof > 0:
         because = f"{counted(len(item.error), 'reading')} for as many coefficients"
         yield "uncertainty", because, "more readings of it, best in several passes"
     if not fit.separated:
-        count = counted(passes, *(("reading", "") if constant else ("pass", "passes")))
-        yield (
-            "pass-to-pass drift apart from repeatability",
-            f"{count} only" if passes else "no `pass` is given",
-            "repeat the run at least 3 times, numbered in `pass`",
-        )
-    else:
-        if len(fit.D) != min(2, item.powers):
-            because = "some passes have one position only"
-            would = "read every pass at two positions or more"
-            yield "pass-to-pass change of slope", because, would
-        if "trend" not in item.tests:
-            read = counted(fit.n_passes, "pass", "passes")
-            would = "at least 4 passes, in each direction where both are read"
-            if by_runs(fit):
-                read = f"{counted(len(fit.pairs), 'run')} there and back"
-                would = "at least 3 runs there and back"
-            yield "steady drift from pass to pass", f"{read}, too few or of equal levels", would
-        if not fit.within_dof > 0:
-            because = "nothing is repeated within a pass from the same side: all its scatter counts"
-            would = "read it at least twice in a pass from the same side, in the same set-up"
-            yield "repeatability of one visit", f"{because} as pass-to-pass", would
-    if constant:
-        return
-    if "reversal" not in item.tests:
-        ways = {int(np.sign(way)) for way in np.unique(item.direction)} - {0}
-        because = {0: "no `direction` is given", 1: "read in one direction only"}.get(
-            len(ways), "its passes are too few or do not differ"
-        )
-        would = "at least 3 passes, each in both directions, given in `direction`"
-        yield "reversal", because, would
-    if "lack_of_fit" not in item.tests and item.profile is None:
-        k, would = item.powers, "the same positions again, in two passes or more"
-        because = "no position is repeated often enough"
-        if positions <= k:
-            because = f"{counted(positions, 'position')} for {counted(k, 'coefficient')}"
-            would = f"readings at {k + 1} positions or more"
-        elif positions > MAX_POSITIONS:
-            because = f"{positions} different positions; up to {MAX_POSITIONS} are compared"
+        because = f"{counted(len(item.keys_read), 'pass', 'passes')} given in `pass`"
+        would = "repeat the run at least 3 times, numbered in `pass`"
+        yield "pass-to-pass drift apart from repeatability", because, would
+    elif len(fit.D) != min(2, item.powers):
+        because, would = "some passes have one position", "read every pass at two positions or more"
+        yield "pass-to-pass change of slope", because, would
+    if fit.separated and "trend" not in item.tests:
+        because, would = "too few passes, or of equal levels", "4 passes, or 3 runs there and back"
+        yield "steady drift from pass to pass", because, would
+    if fit.separated and not fit.within_dof > 0:
+        because = "nothing is repeated within a pass: all its scatter counts as pass-to-pass"
+        would = "read it at least twice in a pass from the same side, in the same set-up"
+        yield "repeatability of one visit", because, would
+    if not constant and "reversal" not in item.tests:
+        because = "too few passes in both directions, or none given in `direction`"
+        yield "reversal", because, "at least 3 passes, each in both directions"
+    if not constant and "lack_of_fit" not in item.tests and item.profile is None:
+        k = counted(item.powers, "coefficient")
+        because = f"{counted(positions, 'position')} for {k}, or too few of them repeated"
+        would = f"readings at {item.powers + 1} positions or more, in two passes or more"
         yield "lack of fit", because, would

@@ -324,8 +324,13 @@ def instrument_u(
     return {name: 0.0 if u < round_off else u for name, u in stds.items()}
 
 
-def evaluate(axis: Axis, budget: InstrumentBudget | None, k: float, seed: int, index: int) -> Axis:
-    """The axis with all figures; draws depend on `seed` and its `index` alone."""
+def evaluate(
+    axis: Axis, budget: InstrumentBudget | None, k: float, seed: int, index: int,
+    limits: Mapping[str, float] | None = None,
+) -> Axis:  # fmt: skip
+    """The axis with all figures; draws depend on `seed` and its `index` alone. `limits` (``A``, or
+    ``dx_x.A`` of one axis, in its unit) are of figures that exist.
+    """
     count, mean, s = axis.of_runs
     values, measured = figures_of(mean, s), dict[str, float]()
     sampling = sampling_u(count, mean, s, stream(seed, 1, index), TRIALS)
@@ -338,6 +343,10 @@ def evaluate(axis: Axis, budget: InstrumentBudget | None, k: float, seed: int, i
         )
         for name, u in sampling.items()
     }  # fmt: skip
+    for key, limit in (limits or {}).items():
+        of, _, name = key.rpartition(".")
+        if of in ("", axis.name) and not math.isnan(figures[name].value):
+            figures[name] = replace(figures[name], limit=limit * axis.size)
     return replace(axis, figures=figures)
 
 
@@ -366,7 +375,19 @@ def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
             if not known.size or (len(known) == len(rows) and not np.ptp(known)):
                 without.append(name)
                 continue
-            _check_alike(readings, name, rows, position)
+            file = readings.sources[readings.file_index[rows[0]]].shown
+            kinds = readings.dimension[rows]
+            for bad, code_, column in (
+                (kinds != kinds[0], "wrong-unit", "unit"),
+                (np.isnan(position[rows]), "empty-cell", "position_mm"),
+            ):
+                if bad.any():
+                    i = int(np.argmax(bad))
+                    place = {"row": int(readings.row[rows[i]]), "column": column}
+                    unit, wanted = dimension_name(kinds[i]), dimension_name(kinds[0])
+                    facts = {"of": name, "unit": unit, "wanted": wanted} if column == "unit" else {}
+                    expected = f"as in the other rows of {name}"
+                    raise error(code_, expected=expected, file=file, **place, **facts)
             label = f"{name} ({role})" if len({*roles[mine]}) > 1 else name
             axes.append(_axis(readings, label, position, bool(rotary[rows[0]]), rows))
     if not axes:
@@ -374,21 +395,6 @@ def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
         raise error("too-little-data", what="no component was read at targets", expected=expected)
     note = {"quantity": "positioning", "reason": "they were not read at targets"}
     return axes, [finding("not-estimable", names=without, **note)] if without else []
-
-
-def _check_alike(readings: Readings, name: str, rows: np.ndarray, position: FloatArray) -> None:
-    """Raises InputError for the first of some rows of another kind of unit, or without position."""
-    kinds, facts = readings.dimension, dict[str, str]()
-    for bad, code, column in ((kinds[rows] != kinds[rows[0]], "wrong-unit", "unit"),
-                              (np.isnan(position[rows]), "empty-cell", "position_mm")):  # fmt: skip
-        if bad.any():
-            i = int(rows[np.argmax(bad)])
-            if column == "unit":
-                unit, wanted = (dimension_name(kinds[j]) for j in (i, rows[0]))
-                facts = {"of": name, "unit": unit, "wanted": wanted}
-            file = readings.sources[readings.file_index[i]].shown
-            place = {"file": file, "row": int(readings.row[i]), "column": column}
-            raise error(code, expected=f"as in the other rows of {name}", **place, **facts)
 
 
 def _axis(
@@ -401,28 +407,27 @@ def _axis(
     way = (readings.direction[rows] < 0).astype(int)
     cell = way * len(targets) + of
     rank = pd.Series(cell).groupby(cell).cumcount().to_numpy()
-    result = np.full((2, len(targets), int(rank.max()) + 1), np.nan)
-    result[way, of, rank] = readings.error[rows]
-    lines = np.zeros(result.shape, int)
-    lines[way, of, rank] = readings.row[rows]
+    values = np.full((2, len(targets), int(rank.max()) + 1), np.nan)
+    lines = np.zeros(values.shape, int)
+    values[way, of, rank], lines[way, of, rank] = readings.error[rows], readings.row[rows]
     time = readings.time_min[rows]
     moves = np.count_nonzero(np.diff(of[np.argsort(time, kind="stable")]))
+    timed = np.isfinite(time).all() and len(set(time.tolist())) == len(rows)
     return Axis(
         name=name,
         unit="um" if readings.dimension[rows[0]] == LENGTH else "arcsec",
         rotary=rotary,
         targets=targets,
-        readings=result,
+        readings=values,
         rows=lines,
         file=readings.sources[readings.file_index[rows[0]]].shown,
         directed=bool(readings.direction[rows].any()),
-        stepped=bool(np.isfinite(time).all() and len(set(time.tolist())) == len(rows)
-                     and moves == len(targets) - 1 and rank.any()),
-    )  # fmt: skip
+        stepped=bool(timed and moves == len(targets) - 1 and rank.any()),
+    )
 
 
 def warnings_of(axis: Axis) -> Iterator[Finding]:
-    """What ISO 230-2 asks of a test and this one lacks, and figures that do not exist."""
+    """What ISO 230-2 asks of a test and this one lacks, figures that do not exist, outliers."""
     count, _, s = axis.of_runs
     unit, of = ("deg", 360.0) if axis.rotary else ("mm", LONG_MM)
     m, wanted = len(axis.targets), max(FEWEST, math.ceil(FEWEST * axis.travel / METRE))
@@ -450,35 +455,17 @@ def warnings_of(axis: Axis) -> Iterator[Finding]:
         reason = "a single run, or the instrument was zeroed there in every run"
         quantity = f"R at {listed(places)}"
         yield finding("not-estimable", quantity=quantity, names=axis.name, reason=reason)
-
-
-def outlying_runs(axis: Axis) -> Iterator[Finding]:
-    """Runs far off the others at their target and direction: reported, never left out."""
+    # Runs far off the others at their target and direction: reported, never left out.
     off = axis.readings - medians(axis.readings, 2)
-    mask, s = outlying(off, int((axis.of_runs[0] > 0).sum()))
+    mask, scatter = outlying(off, int((count > 0).sum()))
     if mask.any() and axis.rows is not None:
         lines = tuple(sorted(axis.rows[mask].tolist()))
         far = float(np.abs(off[mask]).max()) / axis.size
-        facts = {"what": axis.name, "unit": axis.unit, "beside": "the other runs", "off": far}
-        facts |= {"count": int(mask.sum()), "s": s / axis.size, "rows": lines}
-        yield finding("outlying-value", file=axis.file, row=lines[0], column="error", **facts)
-
-
-def limited(axis: Axis, limits: Mapping[str, float]) -> Axis:
-    """With limits (``A``, or ``dx_x.A`` of one axis, in its unit) of figures that exist."""
-    figures = dict(axis.figures)
-    for key, limit in limits.items():
-        of, _, name = key.rpartition(".")
-        if of in ("", axis.name) and not math.isnan(figures[name].value):
-            figures[name] = replace(figures[name], limit=limit * axis.size)
-    return replace(axis, figures=figures)
-
-
-def compared(axis: Axis, earlier: Axis) -> Axis:
-    """With the figures of an earlier test of the same axis beside its own."""
-    figures = {name: replace(each, before=earlier.figures[name])
-               for name, each in axis.figures.items()}  # fmt: skip
-    return replace(axis, figures=figures)
+        yield finding(
+            "outlying-value", file=axis.file, row=lines[0], column="error", what=axis.name,
+            unit=axis.unit, beside="the other runs", off=far, count=int(mask.sum()),
+            s=scatter / axis.size, rows=lines,
+        )  # fmt: skip
 
 
 def evaluate_all(
@@ -496,8 +483,8 @@ def evaluate_all(
     axes = {}
     for index, each in enumerate(found):
         own, noted = corrected(each, budget)
-        axis = limited(evaluate(own, budget, k, seed, index), limits or {})
-        warnings += [*noted, *warnings_of(axis), *outlying_runs(axis)]
+        axis = evaluate(own, budget, k, seed, index, limits)
+        warnings += [*noted, *warnings_of(axis)]
         axes[axis.name] = axis
     if before is not None:
         earlier = {x.name: (i, x) for i, x in enumerate(axes_of(before)[0])}
@@ -507,7 +494,10 @@ def evaluate_all(
             raise error("not-applicable", reason=reason, path="--before", expected=expected)
         for name in axes.keys() & earlier.keys():
             index, each = earlier[name]
-            axes[name] = compared(axes[name], evaluate(each, None, k, seed, index))
+            old = evaluate(each, None, k, seed, index).figures
+            now = axes[name].figures.items()
+            both = {key: replace(figure, before=old[key]) for key, figure in now}
+            axes[name] = replace(axes[name], figures=both)
     other = [x.name for x in axes.values() if not x.budgeted]
     if other and budget:
         reason = "the budget of the instrument is of lengths"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,7 +106,11 @@ def predict_orthogonality(
 
 def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Orthogonality:
     def trials(*, independent: bool) -> tuple[AngleTrials, MonteCarloResult]:
-        model = angle_trials(entry.id, entry.row, entry.column, prediction, independent=independent)
+        # Threads of linear algebra that wait for such small matrices take longer than the trials.
+        with one_blas_thread():
+            model = AngleTrials(
+                prediction, entry.id, entry.row, entry.column, independent=independent
+            )
         return model, settings.run(model, keep=DRAWN)
 
     chosen, independent = trials(independent=True)
@@ -132,17 +136,3 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
         outside=bool(prediction.outside),
         k=settings.coverage_factor,
     )
-
-
-def angle_trials(
-    name: str,
-    row: Sequence[str],
-    column: Sequence[str],
-    prediction: Prediction,
-    *,
-    independent: bool,
-) -> AngleTrials:
-    """The Monte Carlo model of one angle, with its first-order form."""
-    # Threads of linear algebra that wait for such small matrices take longer than the trials.
-    with one_blas_thread():
-        return AngleTrials(prediction, name, row, column, independent=independent)

@@ -12,7 +12,7 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.features import dof_warnings, feature_points, prediction_warnings
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.prediction import Prediction, predict, reportable
+from mtu_cli.model.prediction import Prediction, predict, reportable, rescaled
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.trials import PositionConformance, position_conformance
 from mtu_cli.model.variance import Variance
@@ -50,15 +50,10 @@ class PointsResult:
     @cached_property
     def own_covariances(self) -> FloatArray:
         """Covariance (features, axes, axes) of the errors of each feature alone, mm^2."""
+        variance = self.variance.reshape(-1, len(self.prediction.axes))
         if self.independent:
-            a = len(self.prediction.axes)
-            return np.asarray(self.variance.reshape(-1, a, 1) * np.eye(a))
-        return reportable(self.prediction, self.variance, by_point=True)
-
-    def of_axis(self, values: FloatArray, axis: str) -> FloatArray:
-        """What belongs to one axis, (features,), of `values` (rows,)."""
-        axes = self.prediction.axes
-        return values[axes.index(axis) :: len(axes)]
+            return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
+        return rescaled(self.prediction.assembled(drawable=True, by_point=True), variance)
 
 
 def predict_points(

@@ -18,10 +18,6 @@ LEAST_REPEAT_MM = 5e-5
 """Standard deviation of the repeats of the best CMM."""
 TOLERANCE_UM = 0.2
 """Least tolerance of a length."""
-TRAVEL_MM = 5.0
-"""Least travel of an axis."""
-CONSTANT_TRAVELS = 20.0
-"""Largest constant of a machine, in travels of its longest axis."""
 NARROW = 0.02
 """Positions of passes span more than this share of a travel ..."""
 BEYOND = 3.0

@@ -4,22 +4,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial
 
 from mtu_cli.checks import Data, DocumentData, Floats, Odd, PointsData, ReadingsData, Rows, check
-from mtu_cli.checks.plausible import (
-    BEYOND,
-    CONSTANT_TRAVELS,
-    NARROW,
-    POSITIONS,
-    TOLERANCE_UM,
-    TRAVEL_MM,
-    kind_of,
-    largest,
-)
+from mtu_cli.checks.plausible import BEYOND, NARROW, POSITIONS, TOLERANCE_UM, kind_of, largest
 from mtu_cli.files.points import SAME_MM
 from mtu_cli.units import UNITS
 
@@ -99,41 +89,34 @@ def _positions(data: Data) -> Iterator[Position]:
             yield names, axis, values, np.arange(len(names)), column.format(axis)
 
 
-@check("implausible-size", of=("part", "machine"))
-def sizes(data: DocumentData) -> Iterator[Odd]:
-    """Tolerances, travels, constants and coefficients whose unit is hardly the one stated."""
-    of_part = hasattr(data.loaded, "part")
-    for path, what, meant in _of_part(data.loaded) if of_part else _of_machine(data.loaded):
-        yield Odd(NONE, {"what": what, "meant": meant}, path=path)
+@check("implausible-size", of="part")
+def tolerances(data: DocumentData) -> Iterator[Odd]:
+    """Tolerances and zones that are hardly in um."""
+    part = data.loaded.part
+    known = [
+        (("lengths", i, "tolerance_um"), f"a tolerance of {half:g} um", half)
+        for i, entry in enumerate(part.lengths)
+        if (zone := entry.tolerance) and (half := (zone.high - zone.low) / 2)
+    ] + [
+        (("features", name, "position_um"), f"a zone of {zone:g} um", zone)
+        for name, entry in part.features.items()
+        if (zone := entry.position_um)
+    ]
+    for path, what, size in known:
+        if size < TOLERANCE_UM:
+            yield Odd(NONE, {"what": what, "meant": "mm"}, path=path)
 
 
-def _of_part(loaded: Any) -> Iterator[tuple[Any, str, str]]:
-    for i, entry in enumerate(loaded.part.lengths):
-        if (zone := entry.tolerance) and (half := (zone.high - zone.low) / 2) < TOLERANCE_UM:
-            yield ("lengths", i, "tolerance_um"), f"a tolerance of {half:g} um", "mm"
-    for name, entry in loaded.part.features.items():
-        if (entry.position_um or np.inf) < TOLERANCE_UM:
-            what = f"a zone of {entry.position_um:g} um"
-            yield ("features", name, "position_um"), what, "mm"
-
-
-def _of_machine(loaded: Any) -> Iterator[tuple[Any, str, str]]:
-    machine = loaded.machine
-    travels = {axis: abs(high - low) for axis, (low, high) in machine.travels.items()}
-    for axis, travel in travels.items():
-        if travel < TRAVEL_MM:
-            yield ("axes", axis, "travel_mm"), f"a travel of {travel:g} mm", "metres"
-    most = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
-    for name, constant in machine.constants.items():
-        value = float(getattr(constant, "value", constant))
-        if abs(value) > most:
-            yield ("constants", name), f"a constant of {value:g} mm", "um"
-    for name, component in machine.components.items():
-        low, high = machine.travels.get(component.of, (0.0, 0.0))
+@check("implausible-size", of="machine")
+def coefficients(data: DocumentData) -> Iterator[Odd]:
+    """Coefficients that make errors of no machine over the travel."""
+    for name, component in data.loaded.machine.components.items():
+        low, high = data.travels.get(component.of, (0.0, 0.0))
         position, unit = np.linspace(low, high, 9), UNITS[component.unit]
         errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))
         if component.is_table and component.coefficients:
             position, errors = np.array(component.at_mm), np.abs(component.coefficients)
         if (errors * unit.to_internal > largest(kind_of(unit.dimension), position)).any():
             what = f"errors of up to {errors.max():.3g} {component.unit}"
-            yield ("components", name, "coefficients"), what, "a smaller unit"
+            path = ("components", name, "coefficients")
+            yield Odd(NONE, {"what": what, "meant": "a smaller unit"}, path=path)

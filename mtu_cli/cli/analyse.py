@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     """Readings to the components of a machine."""
     from mtu_cli.analyses.fit_components import fit_result
-    from mtu_cli.model.fit import estimates_from_fit, fit_machine, machine_warnings
-    from mtu_cli.model.fit_warnings import fit_warnings
+    from mtu_cli.model.fit import estimates_from_fit, fit_machine, fit_warnings
     from mtu_cli.reports import fit_components as report
 
     machine, readings = inputs.machine, inputs.readings
@@ -36,7 +35,7 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     k = settings.coverage_factor
     result = fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
-    warnings = [*machine_warnings(machine, estimates), *fit_warnings(fit)]
+    warnings = [*machine.warnings, *fit_warnings(fit)]
     return Outcome.of(
         report.document(result, settings.digits),
         warnings=[*warnings, *result.warnings],

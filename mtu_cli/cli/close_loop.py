@@ -22,14 +22,12 @@ from mtu_cli.model.fit import (
     estimates_from_fit,
     estimates_from_report,
     fit_machine,
-    machine_warnings,
 )
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 if TYPE_CHECKING:
-    from mtu_cli.analyses.close_loop.estimate import SmoothEffect
     from mtu_cli.analyses.close_loop.result import (
         CloseLoopResult,
         FoundEffect,
@@ -65,7 +63,7 @@ def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
         seed=settings.seed,
         progress=settings.progress,
     )
-    warnings += [*left_out, *result.warnings, *loop_warnings(result, most)]
+    warnings += [*left_out, *loop_warnings(result, most)]
     files, of_files = _written(inputs, earlier, settings, result)
     found = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
     return Outcome.of(
@@ -107,7 +105,7 @@ def _tables(
     warnings += [finding("option-not-used", path=name, why=why) for name in unused]
     thermal, doubts = drift_estimates(inputs)
     tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)
-    warnings = [*machine_warnings(machine, before), *warnings, *doubts, *odd]
+    warnings = [*machine.warnings, *warnings, *doubts, *odd]
     return tables, before.effects, warnings
 
 
@@ -155,8 +153,18 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
 
     kept, components, covariance = effect.written, {}, None
     parameters = [effect.parameters[i] for i in kept]
-    if effect.table is not None:
-        components = {effect.component: _stated_table(effect.table, item.table.unit)}
+    if (table := effect.table) is not None:
+        scale = UNITS[item.table.unit].to_internal
+        components[effect.component] = {
+            "of": table.along,
+            "unit": item.table.unit,
+            "shape": "table",
+            "at_mm": table.knots.tolist(),
+            "coefficients": (table.values / scale).tolist(),
+            "covariance": ((table.covariance + table.covariance.T) / 2 / scale**2).tolist(),
+            "roughness_um2_per_mm3": table.roughness / scale**2,
+            "between_um2": table.between / scale**2,
+        }
     f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
     if parameters:
         C = effect.covariance[np.ix_(kept, kept)] / np.outer(f, f)
@@ -164,6 +172,18 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
     equations, candidate = dict(effect.equations), effect.candidate
     used = dict.fromkeys(name for text in equations.values() for name in names_of(parse(text)))
     columns = used.keys() - {*components, *(p.name for p in parameters)}
+    judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
+    sources = [source for source in inputs.sources if source.role in judged]
+    found = {
+        "by": f"mtu close-loop {__version__}",
+        "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
+        "p_familywise": float(effect.p_familywise),
+    }
+    if item.table.component is not None:
+        # What readings of it are no scatter any more.
+        found["component"] = item.table.component
+    if len(effect.classes) > 1:
+        found["class"] = list(effect.class_names)
     return {
         "name": effect.name,
         "family": candidate.family,
@@ -178,22 +198,7 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
         "covariance": covariance,
         "equations": _through_component(inputs, item.table.component, equations),
         "seen": item.table.ranges(name for name in used if name in columns),
-        "found": _provenance(inputs, effect, item.table.component),
-    }
-
-
-def _stated_table(table: SmoothEffect, unit: str) -> dict[str, Any]:
-    """A table as a component of the machine file."""
-    f = UNITS[unit].to_internal
-    return {
-        "of": table.along,
-        "unit": unit,
-        "shape": "table",
-        "at_mm": table.knots.tolist(),
-        "coefficients": (table.values / f).tolist(),
-        "covariance": ((table.covariance + table.covariance.T) / 2 / f**2).tolist(),
-        "roughness_um2_per_mm3": table.roughness / f**2,
-        "between_um2": table.between / f**2,
+        "found": found,
     }
 
 
@@ -213,21 +218,6 @@ def _through_component(
         key: text if lever == Number(1.0, lever.column) else f"({to_text(lever)})*({text})"
         for key, lever in levers.items()
     }
-
-
-def _provenance(inputs: Inputs, effect: FoundEffect, component: str | None) -> dict[str, Any]:
-    """`found` of the machine file: by what, in which files, how surely; the `component` is of what
-    readings of it are no scatter any more.
-    """
-    judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
-    sources = [source for source in inputs.sources if source.role in judged]
-    result: dict[str, Any] = {
-        "by": f"mtu close-loop {__version__}",
-        "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
-        "p_familywise": effect.p_familywise,
-    }
-    result |= {} if component is None else {"component": component}
-    return result | ({"class": list(effect.class_names)} if len(effect.classes) > 1 else {})
 
 
 def joint(kept: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:

@@ -29,12 +29,10 @@ RANDOM = "seed trials threads"
 OUT = "out csv plot report date detail quiet"
 
 
-# Help has our word for a value alone: no Python type beside arguments and flags, no bounds, which
-# are there for slips of the keyboard.
+# Help has our word for a value alone: no Python type beside arguments and flags.
 for _kind in (TyperArgument, TyperOption):
     _bare: Any = _kind
     _bare.display_type_rich = lambda self, ctx: self.metavar if self.opts[0][0] == "-" else ""
-    _bare._get_number_range_help_str = lambda self: None
 
 
 class Command(NamedTuple):

@@ -228,12 +228,12 @@ def _text(inputs: Inputs, path: Path) -> tuple[str, str]:
 
 def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
     """The three lengths of Klipper from an angle between two axes, read back."""
-    from mtu_cli.reports.compensate import Skew, skew_document
+    from mtu_cli.reports.compensate import skew_document
 
     options, quantum = inputs.options, skew_quantum(parameters)
     if options.read:
         text, shown = _text(inputs, options.read)
-        return Outcome.of(skew_document(Skew(shown, read_skew(text), quantum)))
+        return Outcome.of(skew_document(shown, read_skew(text), quantum))
     name = (options.component or [""])[0]
     known_name("--component", "component", name, known_names(inputs.machine))
     entry = inputs.machine.machine.components.get(name)
@@ -254,4 +254,4 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
     if abs(held - angle) > quantum / 2:
         raise error("not-writable", reason=f"read back it is {held:.9g} rad, not {angle:.9g}")
     files = {options.to_file: text.encode()} if options.to_file else {}
-    return Outcome.of(skew_document(Skew(name, held, quantum)), files=lambda: files)
+    return Outcome.of(skew_document(name, held, quantum), files=lambda: files)

@@ -18,9 +18,8 @@ from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.csv_table import number
-from mtu_cli.files.headers import measured_in
-from mtu_cli.files.source import SYNTHETIC, begins_with, given_path, same
-from mtu_cli.files.write import check_targets, made_ready
+from mtu_cli.files.source import given_path, same
+from mtu_cli.files.write import target_faults, write_files
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.monte_carlo import Progress
@@ -130,48 +129,32 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     report is alone on standard output. Ends with EXIT_GATE where a gate is met.
     """
     inputs = Inputs(options)
-    try:
-        asked = asked_gates(options)
-        check_outputs(inputs)
-        with late_bar(options.command) as progress:
-            result = result_of(inputs, analyse, progress=progress)
-            met = _gates_met(asked, result)
-            files = _files(result)
-    except InputError as fault:
-        raise InputError(inputs.placed(fault.findings), fault.uncounted) from None
+    asked = asked_gates(options)
+    check_outputs(inputs)
+    with late_bar(options.command) as progress:
+        result = result_of(inputs, analyse, progress=progress)
+        codes = [each.code for each in result.warnings if each.kind.suspicious]
+        suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
+        known = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
+        met = {name: why for name, limit in asked.items() if (why := known[name](limit))}
+        files = _files(result)
     report = files.pop(STANDARD_OUTPUT, None)
     warned = [each for each in result.warnings if not (options.quiet and each.severity == "note")]
-    lines = warning_lines(inputs.placed(warned))
-    lines += [f"mtu: gate {name}: {reason}" for name, reason in met.items()]
-
-    def say() -> None:
+    lines = [*warning_lines(warned), *(f"mtu: gate {name}: {why}" for name, why in met.items())]
+    try:
         if report is not None:
             sys.stdout.buffer.write(report)
         elif not options.quiet:
             show(result.outcome.tables(bool(options.detail)))
-
-    deliver(files, say, lines)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader has left (``| head``): nothing is wrong.
+        silence(sys.stdout)
+    print(*lines, sep="\n", end="\n" if lines else "", file=sys.stderr, flush=True)
+    # Last, so that nothing is written where something cannot be said.
+    write_files(files)
     if met:
         sys.exit(EXIT_GATE)
-
-
-def deliver(files: Mapping[Path, bytes], say: Callable[[], None], lines: Sequence[str]) -> None:
-    """What a run has made: `say` on standard output and `lines` on standard error, then the
-    files. Where any of it fails no file is there; a reader that leaves early is no failure.
-    """
-
-    def warn() -> None:
-        for line in lines:
-            print(line, file=sys.stderr)
-
-    with made_ready(files) as put_in_place:
-        for stream, speak in ((sys.stdout, say), (sys.stderr, warn)):
-            try:
-                speak()
-                stream.flush()
-            except BrokenPipeError:
-                silence(stream)
-        put_in_place()
 
 
 def show(tables: Iterable[object]) -> None:
@@ -203,9 +186,9 @@ def warning_lines(warnings: Iterable[Finding]) -> list[str]:
 
 
 def asked_gates(options: Options) -> dict[str, float]:
-    """The gates of --fail-if with their limits, 0 of a gate without one.
+    """The gates of --fail-if with their limits, 0 of a gate without one; `options.gates` are as
+    help has them: ``drift``, ``nonconforming=0.01``.
 
-    Those of the command are as its help has them: ``drift``, ``nonconforming=0.01``.
     Raises InputError with every gate that is unknown or lacks its limit.
     """
     known = (SUSPICIOUS, *options.gates)
@@ -222,21 +205,10 @@ def asked_gates(options: Options) -> dict[str, float]:
             expected = "a probability from 0 to below 1, such as 0.01 for 1 %"
             place = {"path": f"--fail-if {name}", "value": text}
             problems.append(finding("out-of-range", **place, expected=expected))
-        elif equals and name in result:
-            problems.append(finding("appears-twice", what=f"--fail-if {name}", value=text))
         result[name] = share or 0.0
     if problems:
         raise InputError(problems)
     return result
-
-
-def _gates_met(asked: Mapping[str, float], result: Result) -> dict[str, str]:
-    """Why the gates that were asked for are met, of those that are."""
-    codes = [each.code for each in result.warnings if each.kind.suspicious]
-    suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
-    known = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
-    reasons = {name: known[name](limit) for name, limit in asked.items()}
-    return {name: reason for name, reason in reasons.items() if reason is not None}
 
 
 def _files(result: Result) -> dict[Path, bytes]:
@@ -297,49 +269,39 @@ def written_files(options: Options) -> dict[str, Path]:
 
 
 def check_outputs(inputs: Inputs) -> None:
-    """Refuses files that cannot be made, or would overwrite measured data or what the call, its
-    study or the study of this folder names, read or not, but for what the command is there to
-    make. All at once, before anything is calculated.
+    """Refuses files that cannot be made, or would overwrite what the call, its study or the study
+    of this folder names, read or not, but for what the command is there to make. All at once,
+    before anything is calculated.
     """
     options, written = inputs.options, written_files(inputs.options)
     named = [(role, path) for role, path in inputs.named() if os.path.exists(path)]
     problems: list[Finding] = []
     files = []
     for name, path in written.items():
+        option = WRITTEN[name].named(name)[0]
         if path == STANDARD_OUTPUT:
             if name not in ("out", "to_csv") and (name != "csv" or written.get("out") == path):
-                reason = f"{WRITTEN[name].named(name)[0]} cannot go to standard output"
+                reason = f"{option} cannot go to standard output"
                 problems.append(finding("output-form", reason=reason, expected="a file"))
             continue
         makes = MADE.get(options.command, {}).get(name, ())
         own = [role for role in makes if not options.values.get(role)]
         for file in (path, *(path.with_name(path.name + x) for x in BESIDE.get(name, ()))):
             files.append(file)
-            taken = any(role not in own and same(file, other) for role, other in named)
-            place = {"file": given_path(file), "expected": "another name"}
-            if why := "it is an input" if taken else _held(options.command, name, file):
-                problems.append(finding("not-overwritten", reason=why, **place))
+            if any(role not in own and same(file, other) for role, other in named):
+                place = {"file": given_path(file), "expected": "another name"}
+                problems.append(finding("not-overwritten", reason="it is an input", **place))
         ending, endings = path.suffix.lower(), WRITTEN[name].endings
         if endings and ending not in endings and (path.is_file() or not os.path.exists(path)):
-            kind = ending or "a file without an ending"
-            reason = f"{WRITTEN[name].named(name)[0]} does not write {kind}"
-            place["expected"] = f"a name that ends in {' or '.join(endings)}"
+            reason = f"{option} does not write {ending or 'a file without an ending'}"
+            expected = f"a name that ends in {' or '.join(endings)}"
+            place = {"file": given_path(path), "expected": expected}
             problems.append(finding("output-form", reason=reason, **place))
-    try:
-        check_targets(files)
-    except InputError as fault:
-        problems += fault.findings
-    first = {each.file or each.message: each for each in reversed(problems)}
-    if problems:
+    first = {
+        each.file or each.message: each for each in [*target_faults(files)[::-1], *problems[::-1]]
+    }
+    if first:
         raise InputError(reversed(first.values()))
-
-
-def _held(command: str, name: str, file: Path) -> str | None:
-    """Why a file that is there holds what somebody has measured, or None."""
-    if command == "simulate" and os.path.exists(file) and not begins_with(file, SYNTHETIC):
-        return f"it does not begin with '{SYNTHETIC}'"
-    held = measured_in(file) if name == "csv" and file.is_file() else None
-    return held and f"it holds {held}"
 
 
 @contextmanager

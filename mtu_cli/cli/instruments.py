@@ -13,17 +13,7 @@ from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
 from mtu_cli.files.source import same
 from mtu_cli.findings import Finding, InputError, error
-from mtu_cli.formats.base import (
-    DRIFT,
-    INSPECT,
-    POINTS,
-    READINGS,
-    Ask,
-    Imported,
-    RawFile,
-    local,
-    raw_file,
-)
+from mtu_cli.formats.base import Ask, Imported, RawFile, local, raw_file
 from mtu_cli.formats.instruments import (
     SPECS,
     contract_rows,
@@ -45,7 +35,7 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
     file = raw_file(inputs.options.file, "file")
     inputs.sources.append(file.source)
     decimal = _choice(inputs.options, "decimal", (".", ","))
-    results = _seen(file, Ask(kind=INSPECT, decimal=decimal))
+    results = _seen(file, Ask(kind="inspect", decimal=decimal))
     return Outcome(
         results=lambda: results,
         tables=lambda detail: _lines(results),
@@ -54,12 +44,11 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
-    result, title, faults = Imported(format="xml"), "XML", list[Finding]()
-    gives: tuple[str, ...] = ()
+    result, title, faults, gives = Imported(format="xml"), "XML", list[Finding](), list[str]()
     if is_contract(file.content):
         result, title = contract_rows(file), "columns of the contract"
     elif known := identify(file):
-        title, gives, result = known.title, known.gives, Imported(format=known.name)
+        title, gives, result = known.title, [known.gives], Imported(format=known.name)
         try:
             result = read(file, ask)
         except InputError as fault:
@@ -69,7 +58,7 @@ def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
     return {
         "format": result.format,
         "title": title,
-        "importable_as": [*gives],
+        "importable_as": gives,
         "code_page": file.encoding,
         "rows": len(result.rows),
         "facts": result.facts,
@@ -111,7 +100,7 @@ def _lines(results: dict[str, Any]) -> Iterable[str]:
 def import_(inputs: Inputs, settings: Settings) -> Outcome:
     """The contract's CSV of all files, and how they were understood."""
     options = inputs.options
-    kind = _choice(options, "as_", (READINGS, POINTS, DRIFT))
+    kind = _choice(options, "as_", ("readings", "points", "drift"))
     words = {"unit": tuple(UNITS), "decimal": (".", ","), "directions": DIRECTIONS}
     given = {name: _choice(options, name, known) for name, known in words.items()}
     unit = given["unit"]

@@ -5,9 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import gc
-import io
 import os
-import signal
 import sys
 from collections.abc import Sequence
 from typing import Any
@@ -15,10 +13,6 @@ from typing import Any
 from mtu_cli.cli import silence
 
 EXIT_INTERRUPTED = 130
-M_TRIM_THRESHOLD, M_MMAP_MAX = -1, -4
-"""Of glibc's malloc.h."""
-LEFT = 1
-"""How typer exits where the reader of its help has left."""
 
 
 def main() -> None:
@@ -31,18 +25,20 @@ def main() -> None:
         os.environ["MPLBACKEND"] = "agg"
         # Imports make much that stays; to look for rubbish among it every 700 objects takes 5 %.
         gc.set_threshold(20_000)
-        keep_memory()
-        prepare_streams()
-        try:
-            code = called(sys.argv[1:])
-        finally:
-            # All is written: from here on an interrupt ends the process without a word.
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
+        with contextlib.suppress(AttributeError, OSError, TypeError):
+            # glibc (M_MMAP_MAX, M_TRIM_THRESHOLD) would give each large array that is freed back to
+            # the system, and the next one costs a page fault every 4 KB: a fifth of reading.
+            ctypes.CDLL(None).mallopt(-4, 0)
+            ctypes.CDLL(None).mallopt(-1, -1)
+        for name in ("stdout", "stderr"):
+            # One that was closed takes what is written; what an encoding lacks is escaped.
+            stream: Any = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115
+            stream.reconfigure(errors="backslashreplace")
+            setattr(sys, name, stream)
+        code = called(sys.argv[1:])
     except KeyboardInterrupt:
-        code = EXIT_INTERRUPTED
-    if code == EXIT_INTERRUPTED:
-        # An interrupt may leave threads that wait for each other: nobody waits for them.
-        os._exit(code)
+        # Its threads may wait for each other: nobody waits for them.
+        os._exit(EXIT_INTERRUPTED)
     sys.exit(code)
 
 
@@ -51,7 +47,7 @@ def called(arguments: Sequence[str]) -> int:
     import typer
 
     from mtu_cli.cli.commands import app
-    from mtu_cli.findings import EXIT_INPUT, MtuError, error
+    from mtu_cli.findings import EXIT_INPUT, MtuError, error, printable
 
     # Typer's own class of all faults of a call, which it does not export.
     faults_of_calls: Any = typer.BadParameter.__base__
@@ -60,9 +56,10 @@ def called(arguments: Sequence[str]) -> int:
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
     except (BrokenPipeError, SystemExit) as ended:
-        if isinstance(ended, SystemExit) and ended.code != LEFT:
-            return ended.code if isinstance(ended.code, int) else 0
-        # The reader has left (``| head``): nothing more can be said, and nothing is wrong.
+        code = getattr(ended, "code", 1)
+        if code != 1:
+            return code if isinstance(code, int) else 0
+        # The reader has left (``| head``), which typer ends with 1: nothing is wrong.
         silence(sys.__stdout__)
         return 0
     except faults_of_calls as fault:
@@ -72,50 +69,14 @@ def called(arguments: Sequence[str]) -> int:
         text = " ".join(fault.format_message().split()).rstrip(".?")
         where = f" (see {fault.ctx.command_path} --help)" if fault.ctx else ""
         message = str(error("usage", reason=f"{text[:1].lower()}{text[1:]}{where}"))
-    except (MtuError, OverflowError, OSError, MemoryError) as fault:
-        message = _words(fault)
-        if isinstance(fault, OSError):
-            silence(sys.stdout)
-    try:
-        print(f"mtu: {message}", file=sys.stderr, flush=True)
-    except OSError:
-        silence(sys.stderr)
+    except MtuError as fault:
+        message = str(fault)
+    except OSError as fault:
+        # What the system refuses without a name is standard output.
+        what = f"{fault.filename or 'standard output'}: the system refuses"
+        message = printable(f"{what}: {(fault.strerror or str(fault)).lower()}")
+        silence(sys.stdout)
+    except (OverflowError, MemoryError):
+        message = "numbers of the input are too large, or too many, to calculate with"
+    print(f"mtu: {message}", file=sys.stderr, flush=True)
     return EXIT_INPUT
-
-
-def _words(fault: BaseException) -> str:
-    """What is said of a fault; what the system refuses without a name is standard output."""
-    from mtu_cli.findings import LONGEST_NAME, printable, shorten
-
-    if isinstance(fault, OverflowError):
-        return "a number of the input is too large to calculate with"
-    if isinstance(fault, MemoryError):
-        return "the memory of this computer does not suffice for this call"
-    if isinstance(fault, OSError):
-        what = "standard output cannot be written"
-        if isinstance(fault.filename, str):
-            what = f"{shorten(printable(fault.filename), LONGEST_NAME)}: the system refuses"
-        return f"{what}: {(fault.strerror or str(fault)).lower()}"
-    return str(fault)
-
-
-def keep_memory() -> None:
-    """Large arrays that are freed stay with the process: glibc would give each back to the system,
-    and the next one costs a page fault every 4 KB, a third of the time on ten million rows.
-    """
-    with contextlib.suppress(AttributeError, OSError, TypeError):
-        allocator = ctypes.CDLL(None)
-        allocator.mallopt(M_MMAP_MAX, 0)
-        allocator.mallopt(M_TRIM_THRESHOLD, -1)
-
-
-def prepare_streams() -> None:
-    """Standard output and error take all text: what their encoding lacks is escaped, closed ones
-    swallow it.
-    """
-    for name in ("stdout", "stderr"):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  # as long as the process
-        stream = getattr(sys, name)
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")

@@ -4,34 +4,34 @@ from __future__ import annotations
 
 import fnmatch
 import json
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from mtu_cli.cli.load import Inputs, check_cell
-from mtu_cli.files.source import read_source, shown_path
 from mtu_cli.findings import Finding, finding, nearest
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import (
-    MachineFit,
     estimates_from_fit,
     estimates_from_report,
     fit_machine,
-    machine_warnings,
+    fit_warnings,
 )
-from mtu_cli.model.fit_warnings import LIMITS, limit_warnings, limits_of, scatter_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 
 if TYPE_CHECKING:
-    from mtu_cli.analyses.thermal_fit.result import ThermalFit
+    from mtu_cli.analyses.thermal_fit import ThermalFit
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.readings import Readings
     from mtu_cli.files.reports_read import ComponentsReport, ThermalReport
     from mtu_cli.model.estimates import ThermalEstimate
+    from mtu_cli.model.fit import MachineFit
 
 REFERENCE_WITHOUT_MACHINE = 20.0
 """ISO 1."""
+LIMITS = ("reversal", "passes-drift", "instruments-disagree")
+"""Warnings of what u of a part holds nothing of; a misfit is among its repeatability."""
 DOUBTS = ("no-better", "not-held-out")
 """Warnings of a thermal-fit report: nothing says that its model holds for the next warm-up."""
 
@@ -50,18 +50,26 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
 
     Raises InputError for components that nothing is known of.
     """
-    machine = inputs.machine
-    estimates, fit, of_components = _components(inputs)
+    machine, report, fit = inputs.machine, inputs.reports.components, None
+    warnings = [*machine.warnings, *searched_warnings(machine)]
+    if report is not None:
+        estimates = estimates_from_report(machine, report)
+        warnings += effect_warnings(machine, estimates.effects, report.source.shown)
+    elif (readings := inputs.readings) is not None:
+        fit = fit_machine(machine, readings)
+        estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
+    else:
+        estimates = estimates_from_fit(machine, None)
     thermal, of_drift = drift_estimates(inputs)
+    warnings += of_drift
     model = build_model(machine, replace(estimates, thermal=thermal))
-    warnings = [*machine_warnings(machine, estimates), *searched_warnings(machine)]
-    warnings += [*of_components, *of_drift]
     # What u of a part does not contain, from the fit or from the report of it.
     terms = {term.estimate.name for term in model.terms}
-    if inputs.reports.components is not None:
-        warnings += _carried(inputs.reports.components, LIMITS, terms)
-    elif fit is not None:
-        warnings += limits_of(limit_warnings(fit), terms)
+    if report is not None:
+        warnings += _carried(report, LIMITS, terms)
+    for item in () if fit is None else fit_warnings(fit):
+        if item.code not in LIMITS or item.facts["component"] in terms:
+            warnings += [item] * (item.code != "lack-of-fit")
     used = model.covariates()
     _expand(inputs.at, dict.fromkeys((*used, *also)))
     # The nearest of those names alone that the call would take.
@@ -72,23 +80,6 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
         meant = nearest(name, left)
         warnings.append(finding("option-not-used", **place, meant=meant, expected=expected))
     return Modelled(model, estimates, tuple(warnings))
-
-
-def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Finding]]:
-    """The components, the fit that they are of, and what to warn of where they are from."""
-    machine = inputs.machine
-    report = inputs.reports.components
-    if report is not None:
-        estimates = estimates_from_report(machine, report)
-        warnings = effect_warnings(machine, estimates.effects, report.source.shown)
-        warnings += _not_read(inputs, ("lbb", "laser"), report)
-        return estimates, None, warnings
-    readings = inputs.readings
-    if readings is None:
-        return estimates_from_fit(machine, None), None, []
-    fit = fit_machine(machine, readings)
-    estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
-    return estimates, fit, [*fit.warnings, *scatter_warnings(fit)]
 
 
 def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:
@@ -111,9 +102,8 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
     stated = thermal_from_machine_file(machine)
     report = inputs.reports.thermal
     if report is not None:
-        doubts = _carried(report, DOUBTS, set(report.components))
-        doubts += _not_read(inputs, ("drift",), report)
-        return stated | thermal_from_report(machine, report), doubts
+        doubts = _carried(report, DOUBTS, report.components)
+        return thermal_from_report(machine, report), doubts
     if inputs.files("drift"):
         fit = fitted_drift(inputs, inputs.drift, "auto")
         return stated | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
@@ -138,20 +128,6 @@ def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
             method=method,
             zeroed=inputs.chosen.zeroed or "auto",
         )
-
-
-def _not_read(
-    inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
-) -> list[Finding]:
-    """That readings are not read beside the `report` of a fit, unless it was fitted to them."""
-    given = [(path, role) for role in roles for path in inputs.files(role)]
-    found = {path: read_source(path, role)[0].sha256 for path, role in given}
-    if not found or set(found.values()) == report.readings:
-        return []
-    other = [path for path, digest in found.items() if digest not in report.readings]
-    names, what = [shown_path(path) for path in other or found], ", ".join(report.components)
-    reason = f"{report.source.shown} gives {what}; it was fitted to other files"
-    return [finding("not-used", what="readings", names=names, reason=reason)]
 
 
 def _carried(

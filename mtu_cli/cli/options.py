@@ -65,11 +65,23 @@ class Option:
         if self.kind is Path:
             # Whoever reads the file says what is wrong with it.
             common["parser"] = file_name
-        if self.bounds is not None and self.kind is not str:
-            common |= dict(zip(("min", "max"), self.bounds, strict=True))
+        if self.kind in (int, float):
+            common["parser"] = self.number
         if self.argument:
             return Annotated[kind, typer.Argument(**common)]
         return Annotated[kind, typer.Option(*self.named(name), **common)]
+
+    def number(self, text: str) -> float:
+        """The value of a number; raises BadParameter for what is none, or out of the bounds."""
+        what = "a whole number" if self.kind is int else "a number"
+        low, high = self.bounds or (None, None)
+        try:
+            value: float = self.kind(text)
+        except ValueError:
+            raise typer.BadParameter(f"not {what}: {text!r}") from None
+        if low is not None and high is not None and not low <= value <= high:
+            raise typer.BadParameter(f"{text!r} is not {what} from {low:g} to {high:g}")
+        return value
 
     def named(self, name: str) -> tuple[str, ...]:
         """Its names on the command line: those it has, and by that of the parameter `name`."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,23 +25,23 @@ from mtu_cli.cli.options import (
 )
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, number_of, within
 from mtu_cli.files.contract import A_NAME, is_name
-from mtu_cli.files.covariates import is_covariate
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.source import SYNTHETIC
-from mtu_cli.findings import error
-from mtu_cli.formats.base import FORWARD, REVERSE, Imported
+from mtu_cli.findings import InputError, error
+from mtu_cli.formats.base import Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.formats.renishaw import run_file
+from mtu_cli.language import Node, parse
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import (
+    Equations,
     PartsPlan,
     ReadingsPlan,
     SimulatedReadings,
-    covariate_equations,
-    errors_by_axis,
     growth,
     simulate_points,
     simulate_readings,
@@ -125,7 +125,7 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     columns: dict[str, list[Any]] = {
         "position_mm": made.position.tolist(),
         "pass": made.pass_number.tolist(),
-        "direction": [FORWARD if sign > 0 else REVERSE for sign in made.direction],
+        "direction": ["forward" if sign > 0 else "reverse" for sign in made.direction],
         "error": (made.error * (unit.to_internal / written.to_internal)).tolist(),
     }
     content = run_file(Imported(format=kind, columns=columns))
@@ -180,7 +180,21 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     """The points of parts that the machine makes."""
     options = inputs.options
     ids, points, _ = feature_points(inputs.part, model)
-    plan = _parts_plan(options, model)
+    option, text, first = "--first-repeats", options.first_repeats, (0, 0)
+    if text is not None:
+        parts, repeats = map(int, ends(option, text, "PARTS:REPEATS", "4:5", whole=True))
+        within(option, (parts, repeats), (1, MOST_STEPS))
+        first = (parts, repeats)
+    same = ("parts", "repeats", "reverse_every", "minutes", "operation")
+    plan = PartsPlan(
+        **{name: options.values[name] for name in same},
+        cmm_u=options.cmm_u_um * 1e-3,
+        part_offset=options.part_offset_um * 1e-3,
+        first_repeats=first,
+        scatter=_equations("--scatter", options.scatter, model),
+        effects=_equations("--effect", options.effect, model),
+        covariates=_equations("--covariate", options.covariate),
+    )
     if options.cmm_room:
         drifts, test = _drift_test(inputs, model)
         sensors = sensors_for(drifts, test, seed)
@@ -200,23 +214,33 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     return points_file(replace(result, measured=grown))
 
 
-def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
-    """How parts are made and measured."""
-    option, text, first = "--first-repeats", options.first_repeats, (0, 0)
-    if text is not None:
-        parts, repeats = map(int, ends(option, text, "PARTS:REPEATS", "4:5", whole=True))
-        within(option, (parts, repeats), (1, MOST_STEPS))
-        first = (parts, repeats)
-    same = ("parts", "repeats", "reverse_every", "minutes", "operation")
-    return PartsPlan(
-        **{name: options.values[name] for name in same},
-        cmm_u=options.cmm_u_um * 1e-3,
-        part_offset=options.part_offset_um * 1e-3,
-        first_repeats=first,
-        scatter=errors_by_axis("--scatter", options.scatter or (), model.axes),
-        effects=errors_by_axis("--effect", options.effect or (), model.axes),
-        covariates=covariate_equations("--covariate", options.covariate or ()),
-    )
+TAKEN = {
+    *("part", "feature", "operation", "repeat", "sequence", "time", "time_min"),
+    *(f"{start}{axis}" for axis in AXES for start in ("", "dir_")),
+    *(f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")),
+}
+"""Columns that points have anyway: no covariate may be called so."""
+
+
+def _equations(
+    option: str, texts: Iterable[str] | None, model: MachineModel | None = None
+) -> Equations:
+    """Errors in mm by their axis, which the `model` has; without it covariates by their name."""
+    known = None if model is None else [f"E{axis}" for axis in model.axes]
+
+    def parsed(name: str, text: str) -> Node:
+        if known is None and (name in TAKEN or not (name.isascii() and name.isidentifier())):
+            place = {"value": name, "expected": "another name, such as T_spindle_degC"}
+            raise error("wrong-type", path=option, kind="the name of a further column", **place)
+        try:
+            return parse(text)
+        except InputError as fault:
+            place = {"path": f"{option} {name}", "value": text}
+            raise InputError(each.at(**place) for each in fault.findings) from None
+
+    form, example = "NAME: EQUATION", "'Ex: 0.004*dir_x'"
+    found = assigned(option, texts, ":", form, example, parsed, known, "equation")
+    return tuple((name[known is not None :], node) for name, node in found.items())
 
 
 MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
@@ -248,9 +272,36 @@ def _drift_test(
             place = {"path": f"--settled-drift {name}", "expected": expected}
             raise error("wrong-count", found=f"{len(values)} values", **place)
     units = {name: UNITS[machine.components[name].unit].to_internal for name in asked}
+
+    def span(name: str, unit: str) -> tuple[float, float]:
+        option, known = option_name(name), OPTIONS[name]
+        low, high = ends(option, options.values[name], "LOW:HIGH", known.default, ordered=True)
+        within(option, (low, high), known.bounds or (low, high), unit)
+        return low, high
+
+    sensors = {sensor for drift in drifts for sensor in drift.sensors}
+
+    def sensor_of(name: str, sensor: str) -> str:
+        known_name("--twin", "sensor", sensor, sorted(sensors))
+        if name in sensors or not is_temperature(name):
+            place = {"path": "--twin", "value": name, "expected": "a new one, such as T_18_degC"}
+            raise error("wrong-type", kind="the name of a further sensor", **place)
+        return sensor
+
+    form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
+    # Second sensors at the places of others.
+    twins = assigned("--twin", options.twin, ":", form, example, sensor_of)
+    low, high = span("room", "degC")
     plan = DriftPlan(
         reference=machine.reference_temperature_degC,
-        **_climate(options),
+        low=low,
+        high=high,
+        room_lag=options.room_lag_min,
+        room_wobble=options.room_wobble_degc,
+        sensor_lag=span("sensor_lag_min", "min"),
+        sensor_spread=options.sensor_spread,
+        sensor_wobble=options.sensor_wobble_degc,
+        sensor_noise=options.sensor_noise_degc,
         cycles=options.cycles,
         minutes=options.cycle_minutes,
         interval=options.interval_min,
@@ -259,31 +310,9 @@ def _drift_test(
         noise={LENGTH: options.reading_noise_um * UM, ANGLE: options.reading_noise_arcsec * ARCSEC},
         settled={name: values * units[name] for name, values in asked.items()},
         limits={LENGTH: options.most_drift_um * UM, ANGLE: options.most_drift_arcsec * ARCSEC},
-        twins=_twins(options.twin, {sensor for drift in drifts for sensor in drift.sensors}),
+        twins=tuple(twins.items()),
     )
     return drifts, plan
-
-
-def _climate(options: Options) -> dict[str, Any]:
-    """The room and what its sensors make of it."""
-
-    def span(name: str, unit: str) -> tuple[float, float]:
-        option, known = option_name(name), OPTIONS[name]
-        low, high = ends(option, options.values[name], "LOW:HIGH", known.default, ordered=True)
-        within(option, (low, high), known.bounds or (low, high), unit)
-        return low, high
-
-    low, high = span("room", "degC")
-    return {
-        "low": low,
-        "high": high,
-        "room_lag": options.room_lag_min,
-        "room_wobble": options.room_wobble_degc,
-        "sensor_lag": span("sensor_lag_min", "min"),
-        "sensor_spread": options.sensor_spread,
-        "sensor_wobble": options.sensor_wobble_degc,
-        "sensor_noise": options.sensor_noise_degc,
-    }
 
 
 def _drift_positions(inputs: Inputs, drifts: Sequence[ThermalEstimate]) -> dict[str, FloatArray]:
@@ -322,19 +351,3 @@ def _by_component(
 
     known, what = [drift.component for drift in drifts], "component with a thermal model"
     return assigned(option, texts, ":", "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, known, what)
-
-
-def _twins(texts: Iterable[str] | None, sensors: Collection[str]) -> tuple[tuple[str, str], ...]:
-    """Second sensors at the places of others."""
-
-    def sensor_of(name: str, sensor: str) -> str:
-        known_name("--twin", "sensor", sensor, sorted(sensors))
-        if name in sensors:
-            raise error("name-taken", path="--twin", taken="another sensor", value=name)
-        if not is_covariate(name) or not name.startswith("T_"):
-            kind = "the name of a temperature"
-            raise error("wrong-type", path="--twin", kind=kind, value=name, expected="T_18_degC")
-        return sensor
-
-    form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
-    return tuple(assigned("--twin", texts, ":", form, example, sensor_of).items())

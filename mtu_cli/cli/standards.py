@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import above_zero, assigned, known_name
-from mtu_cli.files.source import begins_with
 from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.iso230 import Iso230Result
     from mtu_cli.files.study import InstrumentBudget
+
+
+XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 
 
 def iso230(inputs: Inputs, settings: Settings) -> Outcome:
@@ -105,7 +107,7 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         found = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=found, expected="one, or one of each axis")
     files = options.file if isinstance(options.file, list | tuple) else [options.file]
-    stated = [path.is_file() and begins_with(path, "<") for path in files]
+    stated = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in files]
     if any(stated):
         if not all(stated):
             names = "traces and a ballbar's stated features"
@@ -158,6 +160,6 @@ def _ballbar(
         plane = str(known.get("test_plane") or "")
         for given in planes:
             if plane and given != plane.upper():
-                place = {"path": "TEST_PLANE", "value": plane}
-                raise file.error("contradicts", other=f"--plane {given}", **place)
+                raise file.error("contradicts", path="TEST_PLANE", value=plane,
+                                 other=f"--plane {given}")  # fmt: skip
     return Outcome.of(stated_document(stated, settings.digits))

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
-from typing import TYPE_CHECKING
 
 from mtu_cli.units import Powers, internal
-
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
 
 POSITIONS = ("x", "y", "z")
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
@@ -22,7 +17,6 @@ _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})
 """What a word processor makes of a minus: as a sign it can mean nothing else."""
 SENSOR_DEGC = (-60.0, 150.0)
 """No sensor of a machine reads less or more; what a shop is in kelvin is more."""
-SENSOR_EXPECTED = "degC, {:g} to {:g}".format(*SENSOR_DEGC)
 NUMBER = internal()
 PLACE = internal(length=1)
 TEMPERATURE = internal(degree=1)
@@ -42,12 +36,6 @@ def is_covariate(name: str) -> bool:
 def is_temperature(name: str) -> bool:
     """Whether a name is that of a sensor's temperature: T_spindle_degC, ..."""
     return _TEMPERATURE.fullmatch(name) is not None
-
-
-def no_temperature(values: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Where no sensor of a machine reads such a value, or none is given."""
-    low, high = SENSOR_DEGC
-    return ~((values >= low) & (values <= high))
 
 
 def direction_sign(label: str) -> int | None:

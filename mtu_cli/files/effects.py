@@ -9,14 +9,13 @@ followed by ``0``, ``_low`` or ``3`` in the braces is a number of the data: ``{a
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import BeforeValidator, Field
 
 from mtu_cli.files.contract import (
     IDENTIFIER,
@@ -26,7 +25,6 @@ from mtu_cli.files.contract import (
     check_contract,
     optional,
     present,
-    wrong,
 )
 from mtu_cli.files.covariates import (
     COVARIATES,
@@ -42,7 +40,7 @@ from mtu_cli.findings import InputError, error, finding, nearest
 from mtu_cli.language import Node, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.parser import BRACED
-from mtu_cli.language.tree import filled_tree, first_column, literal_value, shown, walk
+from mtu_cli.language.tree import filled_tree
 from mtu_cli.units import LENGTH, PARAMETER_UNITS, internal
 
 MAX_GRID = 500
@@ -64,46 +62,9 @@ _EQUATION = re.compile(r"E(?:[xyz]|\{(?:a|b|n|each)\})")
 # The contract.
 
 Text = Annotated[str, Field(min_length=1)]
-_FAMILY = "[a-z][a-z0-9-]*"
-
-
-def _family(text: str) -> str:
-    if not re.fullmatch(_FAMILY, text):
-        raise wrong("small letters, digits and -, such as lost-motion-2")
-    return text
-
-
-FamilyName = Annotated[
-    str, AfterValidator(_family), Field(json_schema_extra={"pattern": f"^{_FAMILY}$"})
-]
+FamilyName = Annotated[str, Field(pattern="^[a-z][a-z0-9-]*$")]
 EffectEquations = Annotated[dict[Name, EquationText], Field(min_length=1)]
 EffectParameters = Annotated[dict[Name, ParameterUnitName], Field(min_length=1)]
-WORDS = {
-    "A": "its first axis, or component",
-    "B": "its second axis",
-    "value": "its parameter with u",
-    "size": "the same without its sign",
-    "twice": "twice its size",
-    "wave": "the root of the sum of squares of its parameters",
-    "searched": "what was searched",
-    "at": "the first part after a step",
-    "covariate": "the column that it depends on",
-    "chosen": "the feature, part or operation",
-    "values": "all parameters by name",
-    "row": "part, or pass",
-    "column": "feature, or position",
-}
-"""What a sentence may name of an effect."""
-
-
-def _sentence(text: str) -> str:
-    words = set(re.findall(r"{([^{}]*)}", text))
-    if not words <= WORDS.keys():
-        raise wrong(f"names in braces that are one of: {', '.join(WORDS)}")
-    return text
-
-
-Sentence = Annotated[str, AfterValidator(_sentence)]
 Kind = Literal["mean", "offset", "outlier", "scatter"]
 
 
@@ -156,12 +117,14 @@ class Family(Contract):
     separates_readings: Text | None = optional(
         "The same of readings of a component, where it is not the same"
     )
-    sentence: Sentence = optional(
-        "What it does, with its size: {A} {B} its axes; (gains|loses) by the sign of the first "
+    sentence: str = optional(
+        "What it does, with its size: {A} {B} its axes, {value} {size} {twice} its parameter, "
+        "{wave} the root of the sum of squares, {searched} {at} {covariate} {chosen} {values}, "
+        "{row} part or pass, {column} feature or position; (gains|loses) by the sign of the first "
         "parameter",
         "",
     )
-    sentence_readings: Sentence = optional("The same of readings of a component", "")
+    sentence_readings: str = optional("The same of readings of a component", "")
     kind: Kind = optional("What of the errors it changes", "mean")
     over: Literal["feature", "part", "operation"] | None = optional(
         "`chosen` is 1 on one of these, 0 on the others"
@@ -228,8 +191,7 @@ class EffectLibrary:
 
 
 def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> EffectLibrary:
-    """Reads and checks an effects file, a list of families or with its `schema`; `taken` says whose
-    the names are that it must not use.
+    """Reads and checks an effects file; `taken` says whose the names are that it must not use.
 
     Raises InputError with all faults of the file, each with its line.
     """
@@ -243,16 +205,9 @@ def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> EffectLi
             here: YamlPath = ("effects", index)
             if owner := (taken or {}).get(family.family):
                 faults.add((*here, "family"), "name-taken", taken=owner, value=family.family)
-            before = len(faults.findings)
-            loaded = _loaded(family, here, faults)
-            families.extend([loaded] if len(faults.findings) == before else [])
+            families.append(_loaded(family, here, faults))
 
     document = read_yaml(path, "effects")
-    if isinstance(document.data, list):
-        lines = {("effects", *own): line for own, line in document.lines.items()}
-        lines[()] = document.line_of() or 1
-        data = {"schema": "mtu/effects/1", "effects": document.data}
-        document = replace(document, data=data, lines=lines)
     check_contract(document, Effects, "effects", check)
     return EffectLibrary(families=tuple(families), sources=(document.source,))
 
@@ -303,56 +258,36 @@ def _name(family: Family) -> str:
 
 
 def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
-    _check_keys(family, path, faults)
+    """A family whose keys and names in braces go with each other; else their faults are added."""
     forms, margins = _forms(family, path), []
+    if family.kind == "scatter":
+        if family.family not in SCATTERS:
+            expected = f"a family that is one of: {', '.join(SCATTERS)}"
+            faults.add((*path, "kind"), "wrong-value", value=family.kind, expected=expected)
+    elif not forms and "members" not in (keys := faults.given(*path)):
+        for key in ("parameters", "equations"):
+            if key not in keys:
+                faults.add(path, "missing-key", key=key)
+    if family.kind == "outlier" and family.over is None:
+        expected = "over: feature, part or operation"
+        faults.add(path, "missing-key", key="over", expected=expected)
     for index, margin in present(family.margins):
         # A margin has what is searched where its equations name it.
         held = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
         search = {name: item for name, item in family.search.items() if name in held}
         margins.append((margin.model_copy(update={"search": search}), (*path, "margins", index)))
-    used = [text for form, _ in (*forms, *margins) for text in _texts(form)]
-    _check_marks(family, marks(_name(family), *used), path, faults)
+    used = marks(_name(family), *(text for form, _ in (*forms, *margins) for text in _texts(form)))
+    for mark, other in (("b", "{a}"), ("n", "{b}")):
+        if mark in used and other[1] not in used:
+            faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)
+    if "each" in used and used & {*AXIS_MARKS} != {"each"}:
+        faults.add(path, "misplaced", key="{each}", where="a family without {a} and {b}")
     return LoadedFamily(
         family=family,
         name=_name(family),
         templates=tuple(_template(form, family, where, faults) for form, where in forms),
         margins=tuple(_template(form, family, where, faults) for form, where in margins),
     )
-
-
-def _check_keys(family: Family, path: YamlPath, faults: Faults) -> None:
-    """Which keys go with the kind of a family, and with each other."""
-    keys = faults.given(*path)
-    own = [key for key in ("parameters", "equations", "search") if key in keys]
-    if family.kind == "scatter":
-        if family.family not in SCATTERS:
-            expected = f"a family that is one of: {', '.join(SCATTERS)}"
-            faults.add((*path, "kind"), "wrong-value", value=family.kind, expected=expected)
-        for key in [*own, *(key for key in keys if key == "members")]:
-            faults.add((*path, key), "misplaced", key=key, where="effects on the mean")
-    elif "members" in keys:
-        for key in own[:1]:
-            faults.add((*path, key), "misplaced", key=key, where="each of `members`")
-    else:
-        for key in ("parameters", "equations"):
-            if key not in own:
-                faults.add(path, "missing-key", key=key)
-    if family.kind == "outlier" and family.over is None:
-        expected = "over: feature, part or operation"
-        faults.add(path, "missing-key", key="over", expected=expected)
-
-
-def _check_marks(family: Family, used: set[str], path: YamlPath, faults: Faults) -> None:
-    """Which names in braces go with each other: `used` are those of the name and the equations."""
-    name = _name(family)
-    for mark in sorted(marks(name) - {"a", "b", "n"}):
-        where = "equations, a name has {a}, {b} or {n}"
-        faults.add((*path, "name"), "misplaced", key=f"{{{mark}}}", where=where, value=name)
-    for mark, other in (("b", "{a}"), ("n", "{b}")):
-        if mark in used and other[1] not in used:
-            faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)
-    if "each" in used and used & {*AXIS_MARKS} != {"each"}:
-        faults.add(path, "misplaced", key="{each}", where="a family without {a} and {b}")
 
 
 def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faults) -> Template:
@@ -418,59 +353,31 @@ def _check_equation(
     if unknown:
         raise InputError(unknown)
     form = linear_form(tree, parameters, parameters)
-    _check_units(tree, parameters, searched)
+    # Numbers of the data are written as literals, which have no unit.
+    number = {name: 1.0 for name in names(tree) if name == searched or number_of(name)}
+    columns = {CHOSEN: NUMBER}
+    for name in names(tree).keys() - {*parameters, *number}:
+        if (own := column_dimensions(filled(name, STAND_INS))) is not None:
+            columns[name] = own
+    units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
+    written = filled_tree(tree, number)
+    check_dimension(written, internal(LENGTH), {}, parameters=units, columns=columns)
     if form.remainder is not None:
         reason, expected = "a term without a parameter", "parameters in every term"
         raise error("not-applicable", reason=reason, column=1, expected=expected)
 
 
-def _check_units(tree: Node, parameters: Mapping[str, str], searched: str | None) -> None:
-    """Checks an equation as it will be written, with numbers of the data as literals, which have no
-    unit; the term of a fault is shown as in the file.
-    """
-    columns = {CHOSEN: NUMBER}
-    for name in names(tree).keys() - {*parameters, searched}:
-        if (own := column_dimensions(filled(name, STAND_INS))) is not None:
-            columns[name] = own
-    literals = {name: 1.0 for name in names(tree) if name == searched or number_of(name)}
-    written = filled_tree(tree, literals)
-    units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
-    try:
-        check_dimension(written, internal(LENGTH), {}, parameters=units, columns=columns)
-    except InputError as fault:
-        texts: dict[object, str] = {
-            (first_column(after), shown(after)): shown(before)
-            for before, after in zip(walk(tree), walk(written), strict=True)
-        }
-        raise InputError(
-            replace(each, value=texts.get((each.column, each.value)) or each.value)
-            for each in fault.findings
-        ) from None
-
-
 def _check_search(search: Search, family: Family, path: YamlPath, faults: Faults) -> None:
-    """The ends of a grid: expressions in `BOUNDS`, and something between them."""
-    used, values = set[str](), dict[str, list[float]](from_=[], to=[])
-    for key, found in values.items():
+    """The ends of a grid are expressions in `BOUNDS`."""
+    used = set[str]()
+    for key in ("from_", "to"):
         for text in getattr(search, key):
             with faults.collected((*path, key.rstrip("_"))):
                 tree = parse(text)
                 check_known(tree, BOUNDS)
                 used |= names(tree).keys()
-                found += [] if (value := literal_value(tree)) is None else [value]
     if search.of is None and (used or search.grid in ("between", "frequency")):
         expected = "the position or column that span, low and the grid are of"
         faults.add(path, "missing-key", key="of", expected=expected)
     elif search.of is not None and not _is_column(search.of, family):
         faults.add((*path, "of"), "unknown-name", what="name", value=search.of, expected=COLUMNS)
-    low, high = max(values["from_"], default=-math.inf), min(values["to"], default=math.inf)
-    # Of several bounds the largest `from` counts, and an expression may be it.
-    ends = {"from": low if len(values["from_"]) == len(search.from_) else math.inf, "to": high}
-    if search.grid == "between":
-        return
-    for key, value in ends.items():
-        if search.grid in ("log", "frequency") and value <= 0:
-            faults.add((*path, key), "wrong-value", value=f"{value:g}", expected="more than 0")
-    if low >= high:
-        expected = f"more than {low:g}, where the search begins"
-        faults.add((*path, "to"), "wrong-value", value=f"{high:g}", expected=expected)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import codecs
 import hashlib
-import math
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -24,8 +23,9 @@ from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.language import names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
+WORD = re.compile(r"((?<![\w.])[A-Za-z_]\w*)")
 Entry = Mapping[str, Any]
-"""An effect as the contract has it, in plain data or arrays; what is None or {} is left out."""
+"""An effect as the contract has it, in plain data; what is None or {} is left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,9 +52,9 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
     """
     covariates = _needed_covariates(machine, effects)
     named = _named(machine, effects, covariates)
-    old = machine.document.data
+    old, shown = machine.document.data, machine.source.shown
     entries: list[Any] = [
-        {key: _plain(x) for key, x in effect.items() if key == "parameters" or x not in (None, {})}
+        {key: x for key, x in effect.items() if key == "parameters" or x not in (None, {})}
         for effect in named
     ]
     additions = {"covariates": covariates, "effects": entries}
@@ -64,28 +64,23 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
         mark = codecs.BOM_UTF8 if content.startswith(codecs.BOM_UTF8) else b""
         text, lossless = _with_lists(machine, lists)
         content = mark + text.encode()
-    lost = finding("machine-written-anew", file=machine.source.shown)
-    return ExtendedMachine(
-        content=content,
-        machine=_read_again(machine, content, {**old, **lists}),
-        parameters=tuple(f"{x['name']}.{name}" for x in named for name in x["parameters"]),
-        warnings=() if lossless else (lost,),
-    )
-
-
-def _read_again(machine: LoadedMachine, content: bytes, data: Mapping[str, Any]) -> LoadedMachine:
     source = replace(machine.source, sha256=hashlib.sha256(content).hexdigest())
-    shown = machine.source.shown
     try:
         document = parse_yaml(content.decode("utf-8-sig"), source)
-        if document.data != data:
+        if document.data != {**old, **lists}:
             raise error("not-writable", file=shown, reason="YAML does not give its values back")
-        return machine_from(replace(document, content=content))
+        extended = machine_from(replace(document, content=content))
     except InputError as fault:
         raise InputError(
             replace(own, code="not-writable", facts={"reason": own.text}, file=shown, line=None)
             for own in fault.findings
         ) from None
+    return ExtendedMachine(
+        content=content,
+        machine=extended,
+        parameters=tuple(f"{x['name']}.{name}" for x in named for name in x["parameters"]),
+        warnings=() if lossless else (finding("machine-written-anew", file=shown),),
+    )
 
 
 # Names of its own for every effect and parameter.
@@ -98,17 +93,15 @@ def _needed_covariates(machine: LoadedMachine, effects: Sequence[Entry]) -> list
     """
     entry = machine.machine
     known = {"pi", *POSITIONS, *entry.constants, *entry.components}
-    if taken := [effect for effect in effects if effect.get("covariate") in known]:
-        expected = "another name of the column or of the machine's constant"
-        facts = [{"taken": f"no column for {x['name']!r}", "value": x["covariate"]} for x in taken]
-        place = {"file": machine.source.shown, "expected": expected}
-        raise InputError(finding("name-taken", **each, **place) for each in facts)
     needed: dict[str, None] = {}
     for effect in effects:
+        if (column := effect.get("covariate")) in known:
+            expected = "another name of the column or of the machine's constant"
+            facts = {"taken": f"no column for {effect['name']!r}", "value": column}
+            raise error("name-taken", **facts, file=machine.source.shown, expected=expected)
         own = {*known, *entry.covariates, *effect["parameters"], *effect.get("components", ())}
-        for text in effect["equations"].values():
-            used = names(parse(text))
-            needed |= {name: None for name in used if not (name in own or is_covariate(name))}
+        used = [name for text in effect["equations"].values() for name in names(parse(text))]
+        needed |= {name: None for name in used if not (name in own or is_covariate(name))}
     return list(needed)
 
 
@@ -124,16 +117,16 @@ def _named(
     for effect in effects:
         name = free_name(effect["name"], taken, "-")
         taken.add(name)
-        new: dict[str, str] = {}
         keys = [key for key in ("parameters", "components") if key in effect]
-        own = dict.fromkeys(each for key in keys for each in effect[key])
+        own, new = dict.fromkeys(each for key in keys for each in effect[key]), dict[str, str]()
         for old in own:
             new[old] = free_name(old, used | (own.keys() - {old}) | {*new.values()}, "_")
-        changes: dict[str, Any] = {
-            key: {new[old]: value for old, value in effect[key].items()} for key in keys
+        equations = {
+            axis: "".join(new.get(word, word) for word in WORD.split(text))
+            for axis, text in effect["equations"].items()
         }
-        changes["equations"] = {x: _renamed(text, new) for x, text in effect["equations"].items()}
-        named.append({**effect, "name": name, **changes})
+        renamed = {key: {new[old]: x for old, x in effect[key].items()} for key in keys}
+        named.append({**effect, "name": name, **renamed, "equations": equations})
     return named
 
 
@@ -146,22 +139,7 @@ def free_name(name: str, taken: Collection[str], sign: str) -> str:
     return free
 
 
-def _renamed(equation: str, new: Mapping[str, str]) -> str:
-    return re.sub(r"(?<![\w.])[A-Za-z_]\w*", lambda word: new.get(word[0], word[0]), equation)
-
-
 # Plain data as YAML text, and where it goes.
-
-
-def _plain(value: Any) -> Any:
-    """Python's own types alone; a number that is not finite is null."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    return _plain(value.tolist()) if hasattr(value, "tolist") else value
 
 
 class _Dumper(yaml.SafeDumper):
@@ -169,12 +147,9 @@ class _Dumper(yaml.SafeDumper):
         return True
 
 
-_ESCAPED = re.compile("[\x00-\x1f\x7f-\xa0\u2028\u2029\ufeff]")
-
-
 def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
     # The library quotes what YAML 1.1 takes for a number; the reader knows others: 1e-6, 0o17.
-    style = '"' if _ESCAPED.search(text) or plain_scalar(text) != text else None
+    style = '"' if plain_scalar(text) != text else None
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 
 

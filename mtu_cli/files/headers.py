@@ -5,10 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from pathlib import Path
 from typing import Any, Literal
 
 from mtu_cli.files.contract import A_NAME, is_name
@@ -165,15 +163,6 @@ SYNONYMS = {
     **{f"dir_{a}": f"direction {a}, approach {a}" for a in "xyz"},
 }
 """What other programs call a column: words in any order, without unit, number and accents."""
-
-
-def measured_in(path: Path) -> str | None:
-    """What a file holds that begins as readings or points do; None of any other."""
-    with suppress(OSError), path.open(encoding="utf-8-sig", errors="replace") as file:
-        header = next((line for line in file if line.strip() and line[0] != "#"), "")
-        names = {name.strip(' "\n') for name in re.split("[,;]", header)}
-        return next((spec.holds for spec in (READINGS, POINTS) if {*spec.required} <= names), None)
-    return None
 
 
 def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpec) -> None:

@@ -114,7 +114,7 @@ def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
             facts = {"what": "figures", "names": idle, "reason": "there are no coefficients"}
             yield warning("not-used", *path, **facts)
         elif item.coefficients is not None and not idle and name in loaded.used:
-            yield warning("no-uncertainty", *path, names=[name], coefficients_of=name)
+            yield warning("no-uncertainty", *path, names=[name])
     for index, effect in enumerate(loaded.machine.effects):
         used = {name for text in effect.equations.values() for name in names(parse(text))}
         for name in [name for name in effect.parameters if name not in used]:

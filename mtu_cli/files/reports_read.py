@@ -100,7 +100,6 @@ class ReportedComponent(_Reported):
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
     half_difference_mean_square: Known | None = None
-    run_covariance: Known | None = None
     pass_center_mm: Number
     pass_dof: NonNegative | None
     repeat_dof: NonNegative | None
@@ -111,14 +110,13 @@ class ReportedComponent(_Reported):
         k = len(self.coefficients)
         passes = (min(2, k), min(2, k))
         self._shaped(
-            ("pass_covariance_moment", "run_covariance"),
+            ("pass_covariance_moment",),
             coefficients=(len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
             covariance=(k, k),
             covariance_independent=(k, k),
             pass_covariance=passes,
             pass_covariance_moment=passes,
             half_difference_mean_square=passes,
-            run_covariance=passes,
         )
         return self
 
@@ -219,27 +217,22 @@ class _Drifts(_Reported):
 
 
 class _Fit(_Reported):
-    inputs: list[dict[str, Any]] = []
     results: _Components
 
 
 class _ThermalFit(_Reported):
-    inputs: list[dict[str, Any]] = []
     results: _Drifts
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentsReport:
-    """A checked fit-components report; `document` is the whole of it as it was read, `readings`
-    the hashes of the files that it was fitted to.
-    """
+    """A checked fit-components report; `document` is the whole of it as it was read."""
 
     source: Source
     components: dict[str, ReportedComponent]
     joint: tuple[ReportedGroup, ...]
     effects: ReportedEffects | None = None
     document: dict[str, Any] = field(default_factory=dict)
-    readings: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,7 +242,6 @@ class ThermalReport:
     source: Source
     components: dict[str, ReportedDrift]
     document: dict[str, Any] = field(default_factory=dict)
-    readings: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,7 +310,6 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
         joint=tuple(report.results.joint_pass_covariance),
         effects=report.results.effects,
         document=document,
-        readings=_hashes(report, "lbb", "laser"),
     )
 
 
@@ -329,13 +320,7 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
         source=source,
         components=report.results.components,
         document=document,
-        readings=_hashes(report, "drift"),
     )
-
-
-def _hashes(report: _Fit | _ThermalFit, *roles: str) -> frozenset[str]:
-    """Of the readings that a report was made from, as far as it states them."""
-    return frozenset(str(file.get("sha256")) for file in report.inputs if file.get("role") in roles)
 
 
 def read_json(path: Path, role: str) -> tuple[Source, Any]:
@@ -350,15 +335,13 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
     place: dict[str, Any] = {"file": source.shown}
     try:
         data = json.loads(text)
-    except json.JSONDecodeError as fault:
-        place |= {"line": fault.lineno, "column": fault.colno}
-        why = fault.msg.lower().removesuffix(" starting at")
-        if not text[: fault.pos].strip():
-            why, place["expected"] = "it is no JSON", f"a {role} report, as -o FILE.json writes it"
-        raise error("not-readable", reason=why, **place) from None
     except (RecursionError, ValueError) as fault:
-        why = "it is nested too deeply" if isinstance(fault, RecursionError) else str(fault)
-        raise error("not-readable", reason=why, **place) from None
+        why = f"no JSON: {fault}"
+        if isinstance(fault, json.JSONDecodeError):
+            why = f"no JSON: {fault.msg.lower().removesuffix(' starting at')}"
+            place |= {"line": fault.lineno, "column": fault.colno}
+        expected = f"a {role} report, as -o FILE.json writes it"
+        raise error("not-readable", reason=why, expected=expected, **place) from None
     # What was fitted to synthetic data is no more than that.
     inputs = data.get("inputs") if isinstance(data, dict) else None
     made = any(isinstance(x, dict) and x.get("synthetic") is True for x in inputs or ())

@@ -90,13 +90,10 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     Raises InputError for a missing file (with the closest name in its folder), a folder, a
     device, a file that may not be read, is empty or is larger than `max_bytes`.
     """
-    shown, expected = shown_path(path), None
+    shown = shown_path(path)
+    expected = None if path.parent.is_dir() else "a path to an existing folder"
     # What is wrong is the path that was written: of /dev/null its last name alone says nothing.
     place = {"file": given_path(path) if path.is_absolute() else shown}
-    if not path.parent.is_dir():
-        expected = "a path to an existing folder"
-    elif role == "study" and path.suffix not in (".yaml", ".yml"):
-        expected = "a study or its folder"
     try:
         details = path.stat()
         mode = details.st_mode
@@ -119,18 +116,6 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     digest = hashlib.sha256(content).hexdigest()
     made = content.startswith(SYNTHETIC.encode())
     return Source(role=role, path=path, shown=shown, sha256=digest, synthetic=made), content
-
-
-def begins_with(path: Path, mark: str) -> bool:
-    """Whether a file begins so, blank lines left out; as if it did where there is nothing in it but
-    blanks, or no such file.
-    """
-    try:
-        content = path.read_bytes() if path.is_file() else b""
-    except OSError:
-        return False
-    start = content.removeprefix(codecs.BOM_UTF8).lstrip()
-    return not start or start.startswith(mark.encode())
 
 
 def near_name(path: Path) -> tuple[str, ...]:

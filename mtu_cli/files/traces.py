@@ -136,8 +136,6 @@ def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDAr
     """A column (n,), with the value of an option where the file has none: one for all files, or one
     for each; None where neither says it. Raises InputError where both do, and differ.
     """
-    import pandas as pd
-
     files = len(table.files)
     if values and len(values) not in (1, files):
         expected = f"one for all files, or {files} with commas"
@@ -148,7 +146,8 @@ def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDAr
         labels, codes = table.labelled(name)
         own = np.array([*labels, None], object)[codes]
     given = each[table.file_index]
-    other = np.flatnonzero(~pd.isna(own) & ~pd.isna(given) & (given != own))
+    stated = [x is not None and x == x for x in own]
+    other = np.flatnonzero(stated & (given != None) & (given != own))  # noqa: E711  # (n,)
     if other.size:
         place = {**table.place(int(other[0])), "column": name, "value": f"{own[other[0]]}"}
         raise error("contradicts", other=f"{option} {given[other[0]]}", **place)

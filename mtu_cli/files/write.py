@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import shutil
 import stat
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -57,106 +55,59 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"JSON cannot hold a {type(value).__name__}")
 
 
-@contextmanager
-def made_ready(contents: Mapping[Path, bytes]) -> Iterator[Callable[[], None]]:
-    """All files, or none: temporary files beside the targets; what is given renames them.
-
-    What else a run has to deliver goes in between, so that nothing is written where that fails.
-    A device, which nothing can be taken back from, is written first: it may be full.
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """All files, or none: temporary files beside the targets are renamed when all are there.
 
     Raises InputError for a target that is a folder, stands twice, lies in a missing folder, or may
     not be written; no target is changed then.
     """
-    check_targets(list(contents))
-    pending: dict[Path, tuple[Path, Path, Path]] = {}
-    for path in filter(_is_replaceable, contents):
-        target, unique = resolved(path), secrets.token_hex(6)
-        new, old = (target.with_name(f".{target.name[:100]}.{unique}.{x}") for x in ("tmp", "bak"))
-        pending[path] = target, new, old
+    if faults := target_faults(contents):
+        raise InputError(faults)
+    temporary: dict[Path, Path] = {}
+    path = Path()
     try:
-        for path, (target, new, _) in pending.items():
-            with _naming(path):
-                _write_temporary(new, target, contents[path])
-        for path in (path for path in contents if path not in pending):
-            with _naming(path):
-                path.write_bytes(contents[path])
-        yield lambda: _put_in_place(pending)
-    finally:
-        for path in (path for _, *both in pending.values() for path in both):
-            with suppress(OSError):
-                path.unlink(missing_ok=True)
-
-
-def _write_temporary(new: Path, target: Path, content: bytes) -> None:
-    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_BINARY", 0)
-    with os.fdopen(os.open(new, flags, 0o666), "wb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    if target.exists():
-        # A rename would also replace a file that is write-protected on purpose.
-        if not os.access(target, os.W_OK):
-            raise PermissionError(13, "Permission denied")
-        new.chmod(stat.S_IMODE(target.stat().st_mode))
-
-
-def _put_in_place(pending: Mapping[Path, tuple[Path, Path, Path]]) -> None:
-    """Each new file in the place of its target, whose old content is kept until all are there."""
-    try:
-        for path, (target, new, old) in pending.items():
-            with _naming(path):
-                if target.exists():
-                    try:
-                        os.link(target, old)
-                    except OSError:
-                        shutil.copy2(target, old)
-                os.replace(new, target)
-    except BaseException:
-        for target, new, old in pending.values():
-            with suppress(OSError):
-                if old.exists():
-                    os.replace(old, target)
-                elif not new.exists():
-                    target.unlink()
-        raise
-
-
-@contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Raises what the system says about a file as an InputError that names it."""
-    try:
-        yield
+        for path, content in contents.items():
+            target = resolved(path)
+            if not _is_replaceable(path):
+                path.write_bytes(content)
+                continue
+            temporary[path] = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
+            with temporary[path].open("xb") as stream:
+                stream.write(content)
+            if target.exists():
+                # A rename would also replace a file that is write-protected on purpose.
+                if not os.access(target, os.W_OK):
+                    raise PermissionError(13, "Permission denied")
+                temporary[path].chmod(stat.S_IMODE(target.stat().st_mode))
+        for path, new in temporary.items():
+            new.replace(resolved(path))
     except OSError as fault:
         raise error("not-writable", file=given_path(path), reason=system_reason(fault)) from None
+    finally:
+        for new in temporary.values():
+            new.unlink(missing_ok=True)
 
 
-def check_targets(targets: Sequence[Path]) -> None:
-    """Whether files can be written, as far as can be seen before they are there.
-
-    Raises InputError as `made_ready` does; also for a file that stands twice in `targets`.
-    """
+def target_faults(targets: Iterable[Path]) -> list[Finding]:
+    """Why files cannot be written, as far as can be seen before they are there."""
     findings: list[Finding] = []
     seen: set[Path] = set()
     for path in targets:
         place, target = {"file": given_path(path)}, resolved(path)
-        try:
-            if path.is_dir():
-                expected = "a file to write"
-                findings.append(finding("not-a-file", kind="folder", expected=expected, **place))
-            elif not target.parent.is_dir():
-                # Of a link the folder where it leads.
-                folder = target.parent if path.parent.is_dir() else path.parent
-                reason = f"the folder {given_path(folder)!r} does not exist"
-                findings.append(finding("not-writable", reason=reason, **place))
-        except OSError as fault:
-            findings.append(finding("not-writable", reason=system_reason(fault), **place))
+        if os.path.isdir(path):
+            expected = "a file to write"
+            findings.append(finding("not-a-file", kind="folder", expected=expected, **place))
+        elif not os.path.isdir(target.parent):
+            # Of a link the folder where it leads.
+            folder = target.parent if os.path.isdir(path.parent) else path.parent
+            reason = f"the folder {given_path(folder)!r} does not exist"
+            findings.append(finding("not-writable", reason=reason, **place))
         if target in seen and _is_replaceable(target):
             findings.append(finding("appears-twice", what="the output", **place))
         seen.add(target)
-    if findings:
-        raise InputError(findings)
+    return findings
 
 
 def _is_replaceable(target: Path) -> bool:
     # A device such as /dev/stdout is written to; renaming over it would destroy it.
-    return not target.exists() or target.is_file()
+    return os.path.isfile(target) or not os.path.exists(target)

@@ -19,13 +19,10 @@ from mtu_cli.files.source import MARKS, Source, read_source
 from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.units import UNITS, plain_unit
 
-READINGS, POINTS, DRIFT, OTHER, INSPECT = "readings", "points", "drift", "features", "inspect"
-"""What a file may be read as; `OTHER` is shown and not imported, `INSPECT` asks for no answers."""
 CODE_PAGES = ("utf-8-sig", "cp1252", "gbk")
 """In this order: the first that fits; each later one accepts more."""
 MOJIBAKE = {"\u00c2\u00b0": "\u00b0", "\u00c2\u00b5": "\u00b5", "\u00ce\u00bc": "\u00b5"}
 """UTF-8 that was once read as cp1252 and saved again."""
-FORWARD, REVERSE = "forward", "reverse"
 FIRST = ("component", "position_mm", "pass", "direction", "error", "unit")
 """How columns of readings are ordered."""
 MAX_BYTES = 200_000_000
@@ -73,7 +70,7 @@ class RawFile:
 @dataclass(frozen=True, kw_only=True)
 class Ask:
     """What the caller says of a file: the component it reads and its unit, what it is wanted as,
-    and what the file leaves open.
+    and what the file leaves open. Of `kind` inspect nothing has to be answered.
     """
 
     kind: str | None = None
@@ -93,7 +90,7 @@ class Imported:
     """
 
     format: str
-    kind: str = READINGS
+    kind: str = "readings"
     columns: dict[str, list[Any]] = field(default_factory=dict)
     rows: list[int] = field(default_factory=list)
     says: list[str] = field(default_factory=list)
@@ -117,7 +114,7 @@ class Imported:
     @property
     def sentence(self) -> str:
         """How the file was understood, and what was left out."""
-        kind = "drift readings" if self.kind == DRIFT else self.kind
+        kind = "drift readings" if self.kind == "drift" else self.kind
         left = ", ".join(f"{count} {what}" for what, count in self.left_out.items())
         # First what must not be lost where a message is cut.
         parts = [f"{len(self.rows)} {kind}", f"left out: {left or 'nothing'}", *self.says]
@@ -135,11 +132,13 @@ class Imported:
 
 
 class Format(NamedTuple):
-    """One entry of the registry: what recognises a file, and reads it."""
+    """One entry of the registry: what recognises a file, and reads it; it `gives` readings, points,
+    drift, or features that are shown and not imported.
+    """
 
     name: str
     title: str
-    gives: tuple[str, ...]
+    gives: str
     sniff: Callable[[RawFile], bool]
     read: Callable[[RawFile, Ask], Imported]
 
@@ -188,7 +187,7 @@ def unit_of(file: RawFile, ask: Ask, found: Imported, stated: str | None) -> str
         found.says.append(f"readings in {stated}, as the file says")
     elif ask.unit:
         found.says.append(f"readings without a unit taken in {ask.unit}, {ask.whose_unit}")
-    elif ask.kind != INSPECT:
+    elif ask.kind != "inspect":
         expected = "`unit: um` in the study, import --unit um, or a machine with the component"
         raise file.error("missing-input", what="the unit of the readings", expected=expected)
     return stated or ask.unit or ""
@@ -202,7 +201,7 @@ def add_readings(
 
     Raises InputError where the caller has not said which component that is, and for none.
     """
-    if not ask.component and ask.kind != INSPECT:
+    if not ask.component and ask.kind != "inspect":
         expected = "NAME=FILE, as --laser dx_x=FILE; with import --component NAME"
         raise file.error("missing-input", what="the component that the file reads",
                          expected=expected)  # fmt: skip

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from mtu_cli.formats.base import DRIFT, Ask, Format, Imported, RawFile, unit_in, unit_of
+from mtu_cli.formats.base import Ask, Format, Imported, RawFile, unit_in, unit_of
 from mtu_cli.formats.grid import Columns, Faults, Grid, grid_of, said
 from mtu_cli.units import UNITS, plain_unit
 
@@ -43,7 +43,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
         raise file.error("missing-input", what="a header that begins with time")
     grid, at = header
     names, rows = grid.rows[at].cells, grid.rows[at + 1 :]
-    result, faults = Imported(format="logger", kind=DRIFT), Faults(file)
+    result, faults = Imported(format="logger", kind="drift"), Faults(file)
     units = [_unit(name) for name in names]
     if rows and not rows[0].cells[0].strip("-[]() ").replace("s", ""):
         stated = [_unit(f"x [{cell.strip('[]()')}]") for cell in rows.pop(0).cells]
@@ -66,24 +66,17 @@ def _unit(name: str) -> str | None:
     return unit_in(name)
 
 
-def _plain(name: str) -> str:
-    """A channel's name as that of a component: without its unit."""
-    return re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", name)).strip("_")
-
-
-def _sensor(name: str) -> str:
-    plain = re.sub(r"[\[(].*|_?degC$", "", plain_unit(name))
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"^T[ _-]+", "", plain)).strip("_")
-    return f"T_{plain}_degC"
-
-
 def _assemble(
     file: RawFile, ask: Ask, found: Imported, names: Sequence[str], units: Sequence[str | None],
     times: tuple[str, Sequence[Any]], values: Sequence[Sequence[float | None]],
     lines: Sequence[int],
 ) -> None:  # fmt: skip
     """Rows of drift readings; channels that are neither temperature nor reading are counted."""
-    sensors = {i: _sensor(names[i]) for i, unit in enumerate(units) if unit == "degC"}
+    sensors = dict[int, str]()
+    for i in (i for i, unit in enumerate(units) if unit == "degC"):
+        plain = re.sub(r"[\[(].*|_?degC$", "", plain_unit(names[i]))
+        plain = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"^T[ _-]+", "", plain)).strip("_")
+        sensors[i] = f"T_{plain}_degC"
     probes = [i for i, unit in enumerate(units) if unit in UNITS]
     probes = probes or ([i for i in range(len(names)) if i not in sensors][:1] if ask.unit else [])
     found.facts = {"channels": list(names), "readings": [names[i] for i in probes],
@@ -97,7 +90,9 @@ def _assemble(
     other = len(names) - len(sensors) - len(probes)
     found.drop("channels without a unit of temperature, length or angle", other)
     for i in probes:
-        unit, component = unit_of(file, ask, found, units[i]), ask.component or _plain(names[i])
+        # Without a name of its own a channel's, less its unit.
+        plain = re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", names[i])).strip("_")
+        unit, component = unit_of(file, ask, found, units[i]), ask.component or plain
         for n, line in enumerate(lines):
             found.add(line, component=component, error=values[i][n], unit=unit, cycle="1",
                       **{times[0]: times[1][n]},
@@ -126,18 +121,18 @@ def _times(columns: Columns) -> tuple[str, list[Any]]:
         try:
             if match is None:
                 raise ValueError
-            result.append(_iso(match, day_first or match[2] != "/"))
+            a, b, c = (int(match[n]) for n in (1, 3, 4))
+            year, month, day = (
+                (a, b, c)
+                if len(match[1]) == 4
+                else ((c, b, a) if day_first or match[2] != "/" else (c, a, b))
+            )
+            micro = int((match[8] or "0")[:6].ljust(6, "0"))
+            clock = int(match[5]), int(match[6]), int(match[7] or 0), micro
+            result.append(datetime(year, month, day, *clock).isoformat() + (match[9] or ""))
         except ValueError:
             faults.cell(row.line, name, row.cells[0], "a date and time")
     return "time", result
-
-
-def _iso(match: re.Match[str], day_first: bool) -> str:
-    a, b, c = (int(match[n]) for n in (1, 3, 4))
-    year, month, day = (a, b, c) if len(match[1]) == 4 else (c, b, a) if day_first else (c, a, b)
-    micro = int((match[8] or "0")[:6].ljust(6, "0"))
-    time = datetime(year, month, day, int(match[5]), int(match[6]), int(match[7] or 0), micro)
-    return time.isoformat() + (match[9] or "")
 
 
 def read_tdms(file: RawFile, ask: Ask) -> Imported:
@@ -152,7 +147,7 @@ def read_tdms(file: RawFile, ask: Ask) -> Imported:
         raise file.error("not-readable", reason=f"damaged TDMS ({type(fault).__name__})") from None
     channels = [each for group in groups[:1] for each in group.channels() if len(each)]
     count = min(map(len, channels), default=0)
-    result = Imported(format="tdms", kind=DRIFT)
+    result = Imported(format="tdms", kind="drift")
     result.drop("groups beyond the first", max(0, len(groups) - 1))
     result.drop("samples beyond the shortest channel", sum(len(each) - count for each in channels))
     step = channels[0].properties.get("wf_increment") if channels else None
@@ -168,7 +163,7 @@ def read_tdms(file: RawFile, ask: Ask) -> Imported:
 
 
 FORMATS = (
-    Format("tdms", "National Instruments TDMS", (DRIFT,),
+    Format("tdms", "National Instruments TDMS", "drift",
            lambda file: file.content.startswith(b"TDSm"), read_tdms),
-    Format("logger", "time and channels", (DRIFT,), sniff, read),
+    Format("logger", "time and channels", "drift", sniff, read),
 )  # fmt: skip

@@ -6,16 +6,7 @@ from __future__ import annotations
 
 import re
 
-from mtu_cli.formats.base import (
-    FORWARD,
-    READINGS,
-    REVERSE,
-    Ask,
-    Format,
-    Imported,
-    RawFile,
-    add_readings,
-)
+from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings
 from mtu_cli.formats.grid import Faults, number, split
 
 _ENTRY = re.compile(r"(TGT_DATA|REF_DATA_FWD|REF_DATA_BWD)\[(\d+)(?:,(\d+))?\]\s*=\s*(.*)")
@@ -88,7 +79,7 @@ def _data(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
         elif cycle is None:
             targets[int(index)] = value
         else:
-            way = FORWARD if name.endswith("FWD") else REVERSE
+            way = "forward" if name.endswith("FWD") else "reverse"
             rows.append((line, way, int(index), int(cycle), value))
     return targets, rows
 
@@ -99,7 +90,10 @@ def _report(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
     for line, text in enumerate(file.lines, 1):
         if text.startswith("#"):
             heading = _HEADING.match(text)
-            way, header = {"f": FORWARD, "b": REVERSE}[heading[1][0].lower()] if heading else "", 0
+            way, header = (
+                {"f": "forward", "b": "reverse"}[heading[1][0].lower()] if heading else "",
+                0,
+            )
         elif way and "tgt_pos" in text and "|" in text:
             header = len(split(text, "|"))
         elif header and re.match(r"\s*\|?\s*\d+\s*\|", text):
@@ -114,5 +108,5 @@ def _report(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
 
 
 FORMATS = (
-    Format("ecmc-iso230", "ecmc positioning test (.dat or report)", (READINGS,), sniff, read),
+    Format("ecmc-iso230", "ecmc positioning test (.dat or report)", "readings", sniff, read),
 )

@@ -6,8 +6,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from mtu_cli.files.csv_table import CellFaults, Decimal
 from mtu_cli.files.csv_table import number as plain_number
@@ -25,16 +24,14 @@ _GROUPED = {
 OPEN = "?"
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(NamedTuple):
     """The cells of a line, counted from 1 as an editor does."""
 
     line: int
     cells: list[str]
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
+class Grid(NamedTuple):
     """The lines of a text as cells; blank lines and comments (#) are not among them."""
 
     separator: str

@@ -11,22 +11,19 @@ from importlib import import_module
 from pathlib import Path
 
 from mtu_cli.files.csv_file import GZIP
-from mtu_cli.files.headers import POINTS as POINTS_SPEC
-from mtu_cli.files.headers import READINGS as READINGS_SPEC
-from mtu_cli.files.headers import TableSpec
-from mtu_cli.files.source import DRIFT as DRIFT_ROLE
+from mtu_cli.files.headers import POINTS, READINGS
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, listed, nearest, shorten
-from mtu_cli.formats.base import DRIFT, POINTS, READINGS, Ask, Format, Imported, RawFile, of_content
+from mtu_cli.formats.base import Ask, Format, Imported, RawFile, of_content
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
 MODULES = ("renishaw", "ecmc", "dfq", "points", "channels", "wide")
 """From the surest to the least sure: the first that recognises a file reads it."""
-KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), READINGS) | {
-    DRIFT_ROLE: DRIFT,
-    "cmm": POINTS,
+KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), "readings") | {
+    "drift": "drift",
+    "cmm": "points",
 }
-SPECS: dict[str, TableSpec] = {READINGS: READINGS_SPEC, DRIFT: READINGS_SPEC, POINTS: POINTS_SPEC}
+SPECS = {"readings": READINGS, "drift": READINGS, "points": POINTS}
 CONTRACT = "contract-csv"
 HEAD = 1 << 16
 Converted = tuple[bytes, list[int]]
@@ -68,8 +65,8 @@ def read(file: RawFile, ask: Ask) -> Imported:
     known = identify(file)
     if known is None:
         raise unknown(file)
-    if ask.kind in SPECS and ask.kind not in known.gives:
-        kind = f"{known.title} ({known.name}), which gives {listed(known.gives)}"
+    if ask.kind in SPECS and ask.kind != known.gives:
+        kind = f"{known.title} ({known.name}), which gives {known.gives}"
         raise file.error("other-table", kind=kind, expected=str(ask.kind))
     try:
         return known.read(file, ask)
@@ -110,7 +107,7 @@ def converter(
         if content.startswith(GZIP):
             return None
         if is_contract(content) and not ask.profile:
-            alone = "error" in names and "component" not in names and ask.kind != POINTS
+            alone = "error" in names and "component" not in names and ask.kind != "points"
             if not (alone and ask.component):
                 return None
             # A CSV of readings that leaves out the component that the call names.
@@ -131,7 +128,7 @@ def contract_rows(file: RawFile) -> Imported:
     grid = grid_of(file.lines)
     names = grid.rows[0].cells if grid.rows else []
     result = Imported(format=CONTRACT, rows=[row.line for row in grid.rows[1:]])
-    result.kind = POINTS if {"part", "x_mm"} & {*names} else READINGS
+    result.kind = "points" if {"part", "x_mm"} & {*names} else "readings"
     result.facts = {"columns": names, "separator": NAMES[grid.separator]}
     result.drop("comment lines", grid.comments)
     return result

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from mtu_cli.files.csv_table import Decimal
-from mtu_cli.formats.base import INSPECT, POINTS, Ask, Format, Imported, RawFile, local
+from mtu_cli.formats.base import Ask, Format, Imported, RawFile, local
 from mtu_cli.formats.grid import Faults, decimals, grid_of, number, said
 
 FEATURE = ("feature", "feature id", "merkmal", "element", "hole", "bohrung", "characteristic")
@@ -65,7 +65,7 @@ def collect(
                 found.add(line, part=part, feature=feature, **place)
             else:
                 found.drop("features without X or Y")
-    if not found.rows and ask.kind != INSPECT:
+    if not found.rows and ask.kind != "inspect":
         expected = "features with X and Y in mm"
         raise file.error("empty-file", what=f"points of {found.format}", expected=expected)
     return signs
@@ -79,7 +79,7 @@ def read_calypso(file: RawFile, ask: Ask) -> Imported:
     """Actual and nominal of the characteristics X, Y, Z of each feature, by heading."""
     grid = grid_of(file.lines, separator="\t")
     header, (*rows, last) = _plain(grid.rows[0].cells), grid.rows
-    result, faults = Imported(format="calypso", kind=POINTS), Faults(file)
+    result, faults = Imported(format="calypso", kind="points"), Faults(file)
     if last.cells[0].upper() != "END":
         raise file.error("missing-input", what="the last line END", expected="a whole file")
     faults.widths(rows, len(header), fewest=max(map(header.index, CALYPSO)) + 1)
@@ -114,7 +114,7 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
     grid, faults = grid_of(file.lines), Faults(file)
     header, rows = grid.rows[0].cells, grid.rows[1:]
     faults.widths(rows, len(header))
-    result, coordinates = Imported(format="wide-points", kind=POINTS), list[Coordinate]()
+    result, coordinates = Imported(format="wide-points", kind="points"), list[Coordinate]()
     parts = {i: name for i, name in enumerate(header) if i not in place}
     for i, part in parts.items():
         for row in rows:
@@ -140,13 +140,9 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
     return result
 
 
-def _is_pcdmis(file: RawFile) -> bool:
-    return any("MEAS" in line and re.match(r"\s*AX\b", line) for line in file.lines[:400])
-
-
 def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
     """Measured X, Y, Z of each feature, by the heading line of its block."""
-    result, faults = Imported(format="pcdmis-text", kind=POINTS), Faults(file)
+    result, faults = Imported(format="pcdmis-text", kind="points"), Faults(file)
     units = re.search(r"UNITS\s*=\s*(MM|IN)", file.text, re.I)
     if units and units[1].upper() == "IN":
         raise file.error("wrong-type", kind="millimetres", value="IN", expected="UNITS=MM")
@@ -192,7 +188,7 @@ def _text(element: Element, name: str) -> str:
 
 def read_qif(file: RawFile, ask: Ask) -> Imported:
     """Locations of measured features in mm, joined by id to their items; others are counted."""
-    root, result = file.xml, Imported(format="qif", kind=POINTS)
+    root, result = file.xml, Imported(format="qif", kind="points")
     assert root is not None
     factor = 1.0
     for unit in [*_under(root, "LinearUnit")][:1]:
@@ -218,11 +214,12 @@ def read_qif(file: RawFile, ask: Ask) -> Imported:
 
 
 FORMATS = (
-    Format("qif", "QIF results", (POINTS,),
+    Format("qif", "QIF results", "points",
            lambda file: "QIFDocument" in file.head and file.xml is not None, read_qif),
-    Format("pcdmis-text", "PC-DMIS text report", (POINTS,), _is_pcdmis, read_pcdmis),
-    Format("calypso", "Calypso table of characteristics", (POINTS,),
+    Format("pcdmis-text", "PC-DMIS text report", "points",
+           lambda file: bool(re.search(r"^[ \t]*AX\b.*MEAS", file.text, re.M)), read_pcdmis),
+    Format("calypso", "Calypso table of characteristics", "points",
            lambda file: set(_plain(file.lines[0].split("\t"))) >= CALYPSO, read_calypso),
-    Format("wide-points", "features x parts", (POINTS,),
+    Format("wide-points", "features x parts", "points",
            lambda file: bool(file.text) and _header(file) is not None, read_wide_points),
 )  # fmt: skip

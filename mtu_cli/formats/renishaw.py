@@ -8,23 +8,10 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from mtu_cli.formats.base import (
-    FORWARD,
-    OTHER,
-    READINGS,
-    REVERSE,
-    Ask,
-    Format,
-    Imported,
-    RawFile,
-    add_readings,
-    local,
-)
+from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings, local
 from mtu_cli.formats.grid import Faults, number
 
 UNITS = {"rtl": "um", "rta": "mrad"}
-TARGET_UNITS = {"rtl": "mm", "rta": "degrees or mm"}
-OWNERS = {"rtl": "Linear", "rta": "Angular"}
 NO_SENSOR = -10.0
 SHOWN = ("HEADER", "USER-TEXT", "ENVIRONMENT")
 """Sections whose entries `mtu inspect` shows as they stand."""
@@ -58,22 +45,6 @@ def _entries(lines: Lines) -> dict[str, tuple[int, str]]:
     return {
         re.sub(r"[\s-]+", " ", match[1]): (row, match[2].strip()) for row, match in matches if match
     }
-
-
-def _targets(lines: Lines, faults: Faults) -> list[float]:
-    """All numbers from ``Targets :`` to the next key, however they are wrapped and signed."""
-    result: list[float] = []
-    inside = False
-    for row, line in lines:
-        if key := _KEY.match(line):
-            inside, line = key[1].lower().startswith("targets"), key[2]
-        for cell in line.split() if inside else ():
-            value = number(cell, ".")
-            if value is None:
-                faults.cell(row, "Targets", cell)
-            else:
-                result.append(value)
-    return result
 
 
 def _deviations(lines: Lines, targets: int, faults: Faults) -> dict[tuple[int, int], Any]:
@@ -115,7 +86,16 @@ def read(file: RawFile, ask: Ask) -> Imported:
             faults.add(file.finding("missing-input", **facts))
     faults.raise_if_any()
     head = _entries(sections["TARGET DATA"] + sections.get("RUNS", []))
-    targets = _targets(sections["TARGET DATA"], faults)
+    # All numbers from ``Targets :`` to the next key, however they are wrapped and signed.
+    targets, inside = list[float](), False
+    for row, line in sections["TARGET DATA"]:
+        named = _KEY.match(line)
+        inside = named[1].lower().startswith("targets") if named else inside
+        for cell in (named[2] if named else line).split() if inside else ():
+            if (value := number(cell, ".")) is None:
+                faults.cell(row, "Targets", cell)
+            else:
+                targets.append(value)
     values = _deviations(sections["DEVIATIONS"], len(targets), faults)
     runs = len({run for run, _ in values})
     for key, count, what in (("Target count", len(targets), "targets"),
@@ -134,10 +114,11 @@ def read(file: RawFile, ask: Ask) -> Imported:
         result.doubts.append("reverse runs of zeros in a file that is flagged as one-way")
     add_readings(file, ask, result, UNITS[kind], (
         (row, targets[index - 1], (run + 1) // 2 if padded or not one_way else run,
-         FORWARD if one_way or run % 2 else REVERSE, value)
+         "forward" if one_way or run % 2 else "reverse", value)
         for (run, index), (row, value) in values.items() if run % 2 or not padded
     ))  # fmt: skip
-    result.says = [f"targets in {TARGET_UNITS[kind]}, deviations in {UNITS[kind]}",
+    place = "mm" if kind == "rtl" else "degrees or mm"
+    result.says = [f"targets in {place}, deviations in {UNITS[kind]}",
                   "one-way runs" if one_way else "odd runs forward, even runs reverse"]  # fmt: skip
     shown = _entries([line for name in SHOWN for line in sections.get(name, [])])
     for name, (_, text) in shown.items():
@@ -168,18 +149,13 @@ def read_rtx(file: RawFile, ask: Ask) -> Imported:
     if len(body) < 8 * count or not body[8 * count :].strip(b"\r\n").startswith(b"EOF"):
         facts = {"found": f"{len(body)} bytes of samples", "expected": f"{8 * count} and EOF::"}
         raise file.error("wrong-count", **facts)
-    result = Imported(format="rtx", kind=OTHER, rows=[1] * count)
+    result = Imported(format="rtx", kind="features", rows=[1] * count)
     result.facts = {name: value for name, (_, value) in header.items() if 0 < len(value) < 80}
     if count:
         samples = np.frombuffer(body, "<f8", count)
         result.facts |= {"least": float(samples.min()), "largest": float(samples.max())}
     result.says = ["the order of day and month in Date is not known"]
     return result
-
-
-def _is_rtx(file: RawFile) -> bool:
-    head = file.content[:4000]
-    return b"CARTO-Dynamic" in head or (b"Sample no" in head and bool(_SAMPLES.search(head)))
 
 
 def features_of(file: RawFile) -> dict[str, Any]:
@@ -213,26 +189,23 @@ def read_b5r(file: RawFile, ask: Ask) -> Imported:
     features = known.pop("features")
     shown = {name: f"{each['value']:g} {each['unit']}".strip() for name, each in features.items()}
     says = ["A and B are first and second axis of the plane; raw samples are not read"]
-    return Imported(format="b5r", kind=OTHER, rows=[1] * len(features), facts=known | shown,
+    return Imported(format="b5r", kind="features", rows=[1] * len(features), facts=known | shown,
                     says=says)  # fmt: skip
-
-
-def _is_b5r(file: RawFile) -> bool:
-    return file.xml is not None and any(local(each) == "FEATURE" for each in file.xml.iter())
 
 
 def run_file(data: Imported) -> bytes:
     """Readings of one component as a run file, six decimals: the grammar of `read`."""
     columns, kind = data.columns, data.format
     targets = sorted(set(columns["position_mm"]))
-    one_way = set(columns["direction"]) == {FORWARD}
+    one_way = set(columns["direction"]) == {"forward"}
     cells = (columns[name] for name in ("pass", "direction", "position_mm", "error"))
     rows = [
-        (p if one_way else 2 * p - (way == FORWARD), targets.index(x) + 1, value)
+        (p if one_way else 2 * p - (way == "forward"), targets.index(x) + 1, value)
         for p, way, x, value in zip(*cells, strict=True)
     ]
+    owner = "Linear" if kind == "rtl" else "Angular"
     lines = [
-        *("HEADER::", f"File type  : {kind}", f"Owner      : {OWNERS[kind]}", "Version no : 1"),
+        *("HEADER::", f"File type  : {kind}", f"Owner      : {owner}", "Version no : 1"),
         *("TARGET DATA::", "Filetype  : ISO", f"Target-count: {len(targets)}", "Targets :"),
         *(" ".join(f"{x:.6f}" for x in targets[i : i + 5]) for i in range(0, len(targets), 5)),
         *(f"Flags: 0 {int(one_way)} 2 0", "USER-TEXT::", "RUNS::"),
@@ -244,8 +217,17 @@ def run_file(data: Imported) -> bytes:
 
 
 FORMATS = (
-    Format("rtl", "Renishaw linear run", (READINGS,), lambda f: _kind(f) == "rtl", read),
-    Format("rta", "Renishaw angular or rotary run", (READINGS,), lambda f: _kind(f) == "rta", read),
-    Format("rtx", "Renishaw dynamic capture", (OTHER,), _is_rtx, read_rtx),
-    Format("b5r", "Renishaw ballbar, features", (OTHER,), _is_b5r, read_b5r),
-)
+    Format("rtl", "Renishaw linear run", "readings", lambda x: _kind(x) == "rtl", read),
+    Format("rta", "Renishaw angular or rotary run", "readings", lambda x: _kind(x) == "rta", read),
+    Format(
+        "rtx", "Renishaw dynamic capture", "features",
+        lambda x: b"CARTO-Dynamic" in x.content[:4000] or bool(
+            b"Sample no" in x.content[:4000] and _SAMPLES.search(x.content[:4000])),
+        read_rtx,
+    ),
+    Format(
+        "b5r", "Renishaw ballbar, features", "features",
+        lambda x: x.xml is not None and any(local(each) == "FEATURE" for each in x.xml.iter()),
+        read_b5r,
+    ),
+)  # fmt: skip

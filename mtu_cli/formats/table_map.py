@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -14,23 +14,11 @@ from mtu_cli.files.contract import Contract, Faults, check_contract, optional
 from mtu_cli.files.headers import TIMES, TableSpec
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import suggestion
-from mtu_cli.formats.base import (
-    FORWARD,
-    POINTS,
-    READINGS,
-    REVERSE,
-    Ask,
-    Imported,
-    RawFile,
-    unit_of,
-)
+from mtu_cli.formats.base import Ask, Imported, RawFile, unit_of
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, said
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.wide import way_of
 from mtu_cli.units import UNITS, plain_unit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
 NUMBERS = ("error", "position_mm", "x_mm", "y_mm", "z_mm", "nominal_x_mm", "nominal_y_mm",
@@ -92,7 +80,7 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
 
     assert ask.profile is not None
     profile = read_profile(ask.profile)
-    kind = str(ask.kind if ask.kind in specs else READINGS)
+    kind = str(ask.kind if ask.kind in specs else "readings")
     skip, sign = profile.skip_rows, WORDS.get(profile.separator or "", profile.separator)
     grid = grid_of(file.lines[skip:], skip + 1, sign)
     if len(grid.rows) < 2:
@@ -128,8 +116,21 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         table = whole.dropna(subset=[unpivot.into])
         result.drop("empty cells", len(whole) - len(table))
     faults.raise_if_any()
-    table = _worked(profile, table)
-    if kind != POINTS and len(table):
+    factors = dict(profile.scale)
+    for name, text in profile.units.items():
+        if name == "error":
+            table = table.assign(unit=plain_unit(text))
+        else:
+            factors[name] = factors.get(name, 1.0) * UNITS[plain_unit(text)].to_internal
+    for name, by in factors.items():
+        if name in table and table[name].dtype.kind in "if":
+            table[name] = table[name] * by
+    for name, other in profile.subtract.items():
+        if {name, other} <= {*table} and table[name].dtype.kind in "if":
+            table[name] = table[name] - table[other]
+    subtracted = {*profile.subtract.values()} - {*profile.columns}
+    table = table.drop(columns=[*subtracted & {*table}])
+    if kind != "points" and len(table):
         if ask.component:
             table["component"] = ask.component
         elif "component" not in table:
@@ -179,26 +180,8 @@ def _turned(unpivot: Unpivot, ask: Ask) -> Iterator[dict[str, Any]]:
     """
     how, passes = ask.directions or unpivot.directions, Counter[str | None]()
     for n, name in enumerate(unpivot.columns):
-        ways = {"headings": way_of(name), "alternate": (FORWARD, REVERSE)[n % 2]}
+        ways = {"headings": way_of(name), "alternate": ("forward", "reverse")[n % 2]}
         way = ways.get(how or "", how)
         passes[way] += 1
         own = {"": name, unpivot.names: passes[way] if unpivot.names == "pass" else name}
         yield own | ({"direction": way} if way else {})
-
-
-def _worked(profile: Profile, table: pd.DataFrame) -> pd.DataFrame:
-    """Scaled to the units of the contract, and less what is subtracted."""
-    factors = dict(profile.scale)
-    for name, text in profile.units.items():
-        unit = plain_unit(text)
-        if name == "error":
-            table = table.assign(unit=unit)
-        else:
-            factors[name] = factors.get(name, 1.0) * UNITS[unit].to_internal
-    for name, by in factors.items():
-        if name in table and table[name].dtype.kind in "if":
-            table[name] = table[name] * by
-    for name, other in profile.subtract.items():
-        if {name, other} <= {*table} and table[name].dtype.kind in "if":
-            table[name] = table[name] - table[other]
-    return table.drop(columns=[*({*profile.subtract.values()} - {*profile.columns}) & {*table}])

@@ -8,28 +8,17 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from mtu_cli.formats.base import (
-    FORWARD,
-    READINGS,
-    REVERSE,
-    Ask,
-    Format,
-    Imported,
-    RawFile,
-    add_readings,
-    unit_in,
-    unit_of,
-)
-from mtu_cli.formats.grid import Columns, Faults, Grid, Row, evidence, grid_of, number, said
+from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings, unit_in, unit_of
+from mtu_cli.formats.grid import Columns, Faults, Grid, evidence, grid_of, number, said
 
 _FORWARD = "+ f fw fwd forward forwards fwrd pos hin vor vorw vorwaerts vorw\u00e4rts \u2191"
 _REVERSE = "- \u2212 b r bw bwd rev reverse back backward backwards neg rueck r\u00fcck her \u2193"
-WAYS = dict.fromkeys(_FORWARD.split(), FORWARD) | dict.fromkeys(_REVERSE.split(), REVERSE)
+WAYS = dict.fromkeys(_FORWARD.split(), "forward") | dict.fromkeys(_REVERSE.split(), "reverse")
 SUMMARY = re.compile(
     r"mean|average|avg|mittel|std|sigma|stdev|^s$|^b$|reversal|range|max|min", re.I
 )
 """Headings of columns that were calculated from the runs."""
-DIRECTIONS = ("alternate", FORWARD, REVERSE)
+DIRECTIONS = ("alternate", "forward", "reverse")
 
 
 def numeric_rows(grid: Grid) -> slice | None:
@@ -89,6 +78,9 @@ def read_laser(file: RawFile, ask: Ask) -> Imported:
 
 
 def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Imported:
+    """Raises InputError, too, where values follow their targets with a slope near 1 (or 1000)."""
+    import numpy as np
+
     grid, faults = grid_of(lines), Faults(file)
     place = numeric_rows(grid)
     if place is None:
@@ -122,7 +114,13 @@ def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Importe
         for row, target, *cells in zip(rows, targets, *values, strict=True)
         for run, way, value in zip(passes, ways, cells, strict=True) if value is not None
     ))  # fmt: skip
-    _refuse_positions(file, found, rows)
+    x, y = (np.array(found.columns[name], float) for name in ("position_mm", "error"))
+    if len(np.unique(x)) > 2 and np.ptp(y) and np.corrcoef(x, y)[0, 1] > 0.9999:
+        slope = float(np.polyfit(x, y, 1)[0])
+        if any(abs(slope / factor - 1) < 0.02 for factor in (1.0, 1e3, 1e-3)):
+            kind = "measured positions, no errors (they follow the targets)"
+            expected = "errors, or a --map profile with subtract: {error: position_mm}"
+            raise file.error("other-table", row=rows[0].line, kind=kind, expected=expected)
     found.says[:0] = [said(grid, columns.signs), how, f"{len(rows)} targets x {len(runs)} runs"]
     found.facts = {"targets": sorted(set(targets)), "runs": len(runs), "unit": unit}
     return found
@@ -132,39 +130,22 @@ def _ways(
     headings: Sequence[Sequence[str]], runs: int, ask: Ask, found: Imported
 ) -> tuple[list[str], str]:
     """The direction of each run, and where it was read."""
-    if ask.directions in (FORWARD, REVERSE):
+    if ask.directions in ("forward", "reverse"):
         return [ask.directions] * runs, f"all runs {ask.directions}, as given"
     for cells in headings:
         ways = [way_of(cell) or "" for cell in cells]
         if all(ways):
             return ways, "directions from the headings"
-    alternating = [(FORWARD, REVERSE)[n % 2] for n in range(runs)]
+    alternating = [("forward", "reverse")[n % 2] for n in range(runs)]
     if ask.directions:
         return alternating, "directions alternating, as given"
     found.doubts.append("directions are not stated: taken as alternating")
     return alternating, "directions not stated, taken as alternating"
 
 
-def _refuse_positions(file: RawFile, found: Imported, rows: Sequence[Row]) -> None:
-    """Raises InputError where values follow their targets with a slope near 1 (or 1000): they are
-    measured positions, no errors.
-    """
-    import numpy as np
-
-    x, y = (np.array(found.columns[name], float) for name in ("position_mm", "error"))
-    if len(np.unique(x)) < 3 or not np.ptp(y):
-        return
-    slope = float(np.polyfit(x, y, 1)[0])
-    near = any(abs(slope / factor - 1) < 0.02 for factor in (1.0, 1e3, 1e-3))
-    if near and np.corrcoef(x, y)[0, 1] > 0.9999:
-        kind = "measured positions, no errors (they follow the targets)"
-        expected = "errors, or a --map profile with subtract: {error: position_mm}"
-        raise file.error("other-table", row=rows[0].line, kind=kind, expected=expected)
-
-
 FORMATS = (
-    Format("laser-text", "Aerotech laser text", (READINGS,),
+    Format("laser-text", "Aerotech laser text", "readings",
            lambda file: "\nRaw Data:" in f"\n{file.text}" and "Target Position" in file.text,
            read_laser),
-    Format("wide", "a matrix of targets x runs", (READINGS,), sniff, read),
+    Format("wide", "a matrix of targets x runs", "readings", sniff, read),
 )  # fmt: skip

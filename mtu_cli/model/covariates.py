@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.files.csv_table import LISTED_FAULTS
 from mtu_cli.files.points import Points
@@ -20,7 +19,7 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     without_coordinate,
 )
-from mtu_cli.model.visits import BoolArray, Cells, IntArray, axes_of, only_rows
+from mtu_cli.model.visits import Cells, IntArray, axes_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import step_of
 
@@ -41,13 +40,6 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
     return named | points.covariates
 
 
-class Needed(NamedTuple):
-    """What the model's equations need, by name: one value a measurement (n,), or one for all."""
-
-    values: Values
-    warnings: tuple[Finding, ...]
-
-
 def needed_covariates(
     model: MachineModel,
     points: Points,
@@ -55,9 +47,10 @@ def needed_covariates(
     at: Mapping[str, float],
     *,
     at_nominal: bool = False,
-) -> Needed:
-    """The model's covariates at every point; the points' own `columns` come before `at`. A model
-    that is asked `at_nominal` places has no use for measured coordinates in their place.
+) -> tuple[Values, list[Finding]]:
+    """The model's covariates, one value a point (n,) or one for all; the points' own `columns` come
+    before `at`, which is warned of. A model that is asked `at_nominal` places has no use for
+    measured coordinates in their place.
 
     Times are added where a drift lags behind its temperatures.
 
@@ -87,8 +80,7 @@ def needed_covariates(
         raise InputError(problems)
     reason = "the points have the column"
     idle = [name for name in asked if name in columns and name in at]
-    warnings = [finding("not-used", what="--at", names=[name], reason=reason) for name in idle]
-    return Needed(values=values, warnings=tuple(warnings))
+    return values, [finding("not-used", what="--at", names=[x], reason=reason) for x in idle]
 
 
 def _row(measured: Points | Readings, i: int) -> dict[str, Any]:
@@ -139,13 +131,6 @@ def rows_of(
     }
 
 
-# As tables.
-
-FEW_ROWS = 0.05
-"""Share of the rows up to which they are left out: without its covariate an effect cannot be named,
-and looks like one that the library lacks."""
-FEW_TEXTS = 0.1
-"""Share of the cells that are texts up to which the others are what the column holds."""
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
 FEWEST = 8
@@ -156,7 +141,6 @@ every point is no chance: about one in four at each (2/3 of the density of a nor
 """
 DRAWN_MM = 0.1
 """The coarsest digit that a nominal place is written to."""
-MEASURED, NOMINAL = "what was measured", "the nominal place"
 
 
 def table_covariates(
@@ -172,20 +156,15 @@ def table_covariates(
     numeric = {name: x.astype(np.float64) for name, x in columns.items() if x.dtype != object}
     lost = {name: ~np.isfinite(column) for name, column in numeric.items()}
     result = {name: _smallest(x, cells) for name, x in numeric.items() if not lost[name].any()}
-    gaps = [
-        f"{name} ({int(own.sum())} of {len(own)} rows, the first {_shown(measured, rows, own)})"
-        for name, own in lost.items()
-        if own.any()
-    ]
+    gaps = []
+    for name, own in lost.items():
+        if own.any():
+            first = "{file}, row {row}".format(**_row(measured, int(rows[own.argmax()])))
+            gaps.append(f"{name} ({int(own.sum())} of {len(own)} rows, the first {first})")
     if not gaps:
         return result, []
     consequence = "no effect of such a column can be tested"
     return result, [finding("missing-values", what="cells", names=gaps, consequence=consequence)]
-
-
-def _shown(measured: Points | Readings, rows: IntArray, chosen: BoolArray) -> str:
-    place = _row(measured, int(rows[chosen.argmax()]))
-    return f"{place['file']}, row {place['row']}"
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
@@ -197,57 +176,9 @@ def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
 
 
-def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
-    """The points without the `gap_rows` of covariates but `needed` ones, whose gaps are faults."""
-    columns = {k: v for k, v in point_columns(points).items() if k not in needed}
-    groups = (points.part, points.feature, points.file_index)
-    gone, warned = gap_rows(columns, groups, points, np.arange(len(points)))
-    return (only_rows(points, ~gone) if warned else points), warned
-
-
-def gap_rows(
-    columns: Mapping[str, NDArray[Any]],
-    groups: Sequence[IntArray],
-    measured: Points | Readings,
-    rows: IntArray,
-    whose: str = "",
-) -> tuple[BoolArray, list[Finding]]:
-    """Which of the `rows` (n,) of what was `measured` to leave out, for they lack one of the
-    `columns` (n,) that nearly all others have; the columns with the fewest gaps come first.
-
-    None for columns that are the same everywhere, nor for gaps that are all that there is of one
-    code of `groups`: a part, feature, pass, target or file.
-    """
-    empty: dict[str, BoolArray] = {}
-    for name, column in columns.items():
-        if column.dtype != object:
-            known = np.isfinite(column)
-            if not known.all() and len(np.unique(column[known])) > 1:
-                empty[name] = ~known
-    gone, named = np.zeros(len(rows), bool), []
-    for name in sorted(empty, key=lambda name: int(empty[name].sum())):
-        both = gone | empty[name]
-        whole = any(len(np.unique(code)) > len(np.unique(code[~both])) for code in groups)
-        if both.sum() <= FEW_ROWS * len(gone) and not whole:
-            gone = both
-            named.append(name)
-    if not named:
-        return gone, []
-    count = f"{int(gone.sum())} of {len(gone)} rows{whose} left out"
-    consequence = f"{count}, the first {_shown(measured, rows, gone)}"
-    return gone, [finding("missing-values", what="cells", names=named, consequence=consequence)]
-
-
 def text_warnings(measured: Points | Readings) -> list[Finding]:
-    """One warning of all columns that are texts by more than a few of their cells."""
-    texts = []
-    for name, column in measured.covariates.items():
-        if column.dtype == object:
-            cells = np.array([text for text in map(str, column) if text], object)
-            words = cells[np.isnan(_numbers(np.char.replace(cells.astype(str), ",", ".")))]
-            if len(words) > FEW_TEXTS * len(cells):
-                some = f" ({len(words)} of {len(cells)} cells, such as {words[0]!r})"
-                texts.append(repr(name) + some * (len(words) < len(cells)))
+    """One warning of all columns that are texts."""
+    texts = [repr(name) for name, x in measured.covariates.items() if x.dtype == object]
     facts = {"what": "effects", "items": texts, "reason": "text, not numbers"}
     return [finding("not-tested", **facts)] if texts else []
 
@@ -262,38 +193,29 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
     digit of both: in um, with the other sign, or as the diameter of a position.
     """
     numeric = {k: x for k, x in points.covariates.items() if k not in needed and x.dtype != object}
-    written = list(_written(points)) if numeric else []
+    axes, errors = list(axes_of(points)), points.measured - points.nominal
+    digit = max((step_of(points.measured[:, k]) for k in axes), default=0.0)
+    # What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit, and
+    # the coarsest digit that they are repeated to; nominal places last, as measured ones are near.
+    written = [(f"the error along {AXES[k]}", errors[:, k], digit, np.inf) for k in axes]
+    written += [(f"the coordinate {AXES[k]}", points.measured[:, k], digit, np.inf) for k in axes]
+    for count in range(2, len(axes) + 1):
+        length = np.linalg.norm(errors[:, axes[:count]], axis=1)
+        written.append(("the length of the error", length, count * digit, np.inf))
+    written += [(f"the nominal {AXES[k]}", points.nominal[:, k], 0.0, DRAWN_MM) for k in axes]
     repeated = {
-        name: found
+        name: what
         for name, column in numeric.items()
-        if (found := next((x for x in written if _repeats(column.astype(float), *x[2:])), None))
+        for what, values, last, coarsest in written
+        if _repeats(column.astype(float), values, last, coarsest)
     }
     warned = []
-    for what in (MEASURED, NOMINAL):
-        if own := [f"{name!r} ({x[1]})" for name, x in repeated.items() if x[0] == what]:
-            reason = f"they repeat {what}"
-            warned.append(finding("not-tested", what="effects", items=own, reason=reason))
+    if repeated:
+        items = [f"{name!r} ({what})" for name, what in repeated.items()]
+        reason = "they repeat what was measured, or its nominal place"
+        warned = [finding("not-tested", what="effects", items=items, reason=reason)]
     left = {name: column for name, column in points.covariates.items() if name not in repeated}
     return (replace(points, covariates=left) if repeated else points), warned
-
-
-def _written(points: Points) -> Iterator[tuple[str, str, FloatArray, float, float]]:
-    """What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit,
-    and the coarsest digit that they are repeated to.
-    """
-    axes = axes_of(points)
-    errors = points.measured[:, axes] - points.nominal[:, axes]
-    digit = max((step_of(points.measured[:, axis]) for axis in axes), default=0.0)
-    for axis in axes:
-        # Before the coordinate as measured, which is near it; its own distances are no digits.
-        yield NOMINAL, f"the nominal {AXES[axis]}", points.nominal[:, axis], 0.0, DRAWN_MM
-    for k, axis in enumerate(axes):
-        yield MEASURED, f"the error along {AXES[axis]}", errors[:, k], digit, np.inf
-        measured = points.measured[:, axis]
-        yield MEASURED, f"the coordinate {AXES[axis]}", measured, digit, np.inf
-    for count in range(2, len(axes) + 1):
-        length = np.sqrt((errors[:, :count] ** 2).sum(axis=1))
-        yield MEASURED, "the length of the error", length, count * digit, np.inf
 
 
 def _repeats(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:

@@ -14,19 +14,17 @@ DEFAULT_COUNT = 40
 MARGIN = 2
 """Values on either side of a grid between values."""
 MOST_FREQUENCIES = 2000
-"""Frequencies where no number is asked for: as many as the places demand, up to here."""
 PER_SPAN = 4.0
 """Frequencies a span: halfway between two of them the phase is off by an eighth of a period at
-each end of the data at most."""
+each end of the data at most.
+"""
 LARGEST_COLUMNS = 2_000_000
 """Numbers that the columns of one parameter may take."""
 FEWEST_VALUES = 24
 FEWEST_FOR_WAVES = 6
-"""Different values from which on more is known than a wave's size, phase and period and a line
-take."""
+"""Different values: more than a wave's size, phase and period and a line take."""
 MANY_PLACES = 30
-"""Different values from which on waves are well separable, and those that lie unevenly show
-periods shorter than their steps."""
+"""Different values from which on uneven ones show periods shorter than their steps."""
 ALIKE = 0.9
 """Of all values' phases together: from which on a frequency looks like a constant at them."""
 FINEST = 0.25

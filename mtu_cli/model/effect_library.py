@@ -71,28 +71,6 @@ def effect_library(paths: Sequence[Path] = ()) -> EffectLibrary:
     return whole
 
 
-def check_excluded(exclude: Collection[str], library: EffectLibrary) -> None:
-    """Raises InputError for names that are neither a family's nor an effect's of a library, on
-    whatever axes: backlash-z is no mistake where the data has no z.
-    """
-    families = list(dict.fromkeys(family.family.family for family in library.families))
-    bindings = [dict(zip("abn", axes, strict=True)) for axes in product(AXES, repeat=3)]
-    effects = {filled(family.name, own) for family in library.families for own in bindings}
-    known = [*families, *sorted(effects)]
-    expected = (
-        f"a family ({', '.join(families)}) or one of its effects, such as backlash-x; --csv FILE "
-        "lists all that your data allows"
-    )
-    facts = {"what": "effect to exclude", "expected": expected}
-    faults = [
-        finding("unknown-name", value=name, meant=nearest(name, known), **facts)
-        for name in exclude
-        if name not in known
-    ]
-    if faults:
-        raise InputError(faults)
-
-
 # Columns of a table.
 
 STEADY_K = 0.05
@@ -380,9 +358,13 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
             units[str(meant(raw, {**binding, "each": axis}))] = own_unit
     levers = {axis: linear_form(tree, units).coefficients for axis, tree in equations.items()}
     if binding.get("c") == TIME:
+        # The time stands for {c}, a plain count: um/min for um.
         for name, unit in units.items():
-            own_levers = [own[name] for own in levers.values() if name in own]
-            units[name] = _per_minute(name, unit, own_levers, template.searched)
+            if any(TIME in names(own[name]) for own in levers.values() if name in own):
+                per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
+                if not per:
+                    raise NoMember(f"{unit} of {name} has no unit per minute")
+                units[name] = per[0]
     grid = None
     if search is not None:
         along = search.of and _column(search.of, binding, data)
@@ -422,24 +404,6 @@ def _column(raw: str, binding: Binding, data: TableData) -> str:
     return name
 
 
-def _per_minute(parameter: str, unit: str, levers: Sequence[Node], searched: str | None) -> str:
-    """The unit of a parameter where the time stands for {c}, a plain count: um/min for um.
-
-    Raises NoMember where there is no such unit, or a count is added to {c}.
-    """
-    held = {name for lever in levers for name in names(lever)}
-    algebra = Algebra(units={name: internal(minute=name == TIME) for name in held - {searched}})
-    timed = [algebra.of(filled_tree(lever, {str(searched): 1.0})).minute == 1 for lever in levers]
-    if algebra.faults:
-        raise NoMember(f"{TIME} in place of {{c}}: {algebra.faults[0].text}")
-    if not all(timed):
-        return unit
-    per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
-    if not per or PARAMETER_UNITS[unit].per is not None:
-        raise NoMember(f"{unit} of {parameter} has no unit per minute")
-    return per[0]
-
-
 # Candidates.
 
 SCATTER, OFFSET, OUTLIER = "scatter", "offset", "outlier"
@@ -473,7 +437,16 @@ def candidates_of(
 
     Raises InputError for a name in `exclude` that the library does not have.
     """
-    check_excluded(exclude, library)
+    known = list(dict.fromkeys(family.family.family for family in library.families))
+    expected = f"a family ({', '.join(known)}) or one of its effects, such as backlash-x"
+    # backlash-z is no mistake where the data has no z.
+    if faults := [
+        finding("unknown-name", value=name, meant=nearest(name, known),
+                what="effect to exclude", expected=expected)
+        for name in exclude
+        if not any(f"{name}-".startswith(f"{family}-") for family in known)
+    ]:  # fmt: skip
+        raise InputError(faults)
     data = TableData.of(table)
     candidates = (
         _candidate(family, binding, data)
@@ -490,8 +463,9 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
     reasons: dict[str, None] = {}
     # Of two neither is the outlier.
     least = 3 if own.kind == OUTLIER else 2
-    if own.over is not None and (there := len(choices(data.table, own.over))) < least:
-        reasons[f"there {'is one' if there == 1 else f'are {there}'} {own.over} only"] = None
+    chosen = None if own.over is None else tuple(choices(data.table, own.over))
+    if chosen is not None and len(chosen) < least:
+        reasons[f"fewer than {least} of {own.over}"] = None
     elif own.kind == SCATTER:
         for name in own.needs:
             try:
@@ -499,12 +473,19 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
             except NoMember as lack:
                 reasons[str(lack) or f"no column {name}"] = None
     else:
-        for template in family.templates:
-            for item in of_members(template, binding, data):
-                try:
-                    forms.append(_form(family, template, item, data))
-                except NoMember as lack:
-                    reasons |= {str(lack): None} if str(lack) else {}
+        for template, item in (
+            (one, item) for one in family.templates for item in of_members(one, binding, data)
+        ):
+            try:
+                if isinstance(item, str):
+                    raise NoMember(item)
+                effect, *margins = (bound(own, x, item, data) for x in (template, *family.margins))
+                levers = [node for by_name in effect.levers.values() for node in by_name.values()]
+                if own.kind != OFFSET and not all(any(names(node)) for node in levers):
+                    raise NoMember(CONSTANT)
+                forms.append(replace(effect, margins=tuple(margins), chosen=chosen))
+            except NoMember as lack:
+                reasons |= {str(lack): None} if str(lack) else {}
         if not forms and not reasons:
             return None
     readings, notes = data.table.component is not None, "; ".join(reasons)
@@ -523,18 +504,3 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
         unavailable=notes or NOTHING_LEFT if missing else None,
         notes="" if missing else notes,
     )
-
-
-def _form(
-    family: LoadedFamily, template: Template, item: Binding | str, data: TableData
-) -> BoundTemplate:
-    """With its margins. Raises NoMember where the table has none."""
-    if isinstance(item, str):
-        raise NoMember(item)
-    own = family.family
-    effect, *margins = (bound(own, one, item, data) for one in (template, *family.margins))
-    levers = [node for by_name in effect.levers.values() for node in by_name.values()]
-    if own.kind != OFFSET and not all(any(names(node)) for node in levers):
-        raise NoMember(CONSTANT)
-    chosen = None if own.over is None else tuple(choices(data.table, own.over))
-    return replace(effect, margins=tuple(margins), chosen=chosen)

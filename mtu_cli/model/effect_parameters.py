@@ -1,4 +1,6 @@
-"""The parameters of declared effects, as components that a machine file states."""
+"""Declared effects: their parameters as components that a machine file states, and where they were
+found.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.files.covariates import POSITIONS
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.machine_contract import Effect
 from mtu_cli.findings import Finding, finding
@@ -21,34 +24,11 @@ from mtu_cli.units import PARAMETER_UNITS
 
 EFFECT_MARK = "."
 """Stands between an effect and its parameter; no component's name holds it."""
-SAME_VALUE = 1e-9
-"""Relative; less is the rounding of a value that went through a report's unit."""
+SAME = 1e-9
+"""Relative; less is the rounding of a value that went through a file's unit."""
+SLACK = 0.1
+"""Share of the range seen that may be exceeded without a warning."""
 ELSEWHERE = "elsewhere each predicts other errors, and u is that of this one"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeclaredEffect:
-    """An effect of a machine file: its place among the effects of `file`, and by column the lowest
-    and highest value that it was found on.
-    """
-
-    name: str
-    file: str
-    index: int
-    seen: Mapping[str, Sequence[float]]
-
-
-def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
-    """The effects of a machine in the file's order."""
-    return tuple(
-        DeclaredEffect(
-            name=effect.name,
-            file=machine.source.shown,
-            index=i,
-            seen=effect.seen,
-        )
-        for i, effect in enumerate(machine.machine.effects)
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,28 +51,26 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
     """
     components: dict[str, ComponentEstimate] = {}
     tables: dict[str, ComponentEstimate] = {}
-    joint, renames, together = [], [], []
+    joint, renames, together = [], [], list[str]()
+    known = () if reported is None else reported.names
     for effect in machine.machine.effects:
         names = (*effect.parameters, *effect.components)
         rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in names}
         renames.append(rename)
         stated, covariance = _stated(effect, rename)
+        components |= stated
         for name, entry in effect.components.items():
             tables[rename[name]] = known_component(rename[name], entry)
-        components |= stated
-        if all(_is_reported(item, reported) for item in stated.values()):
-            together += list(stated)
+        if stated.keys() <= {*known}:
+            together += stated
         elif effect.covariance is not None:
             joint.append(_known_together(tuple(stated), covariance))
     if reported is not None and together:
-        rows = [reported.names.index(name) for name in together]
+        rows = [known.index(name) for name in together]
         C = reported.covariance[np.ix_(rows, rows)]
-        for i, name in enumerate(together):
-            value = np.array([reported.values[rows[i]]])
-            if np.isclose(value, components[name].coefficients, SAME_VALUE, 0.0).all():
-                value = components[name].coefficients
-            own = replace(components[name], coefficients=value, covariance=C[i : i + 1, i : i + 1])
-            components[name] = own
+        for i, (name, row) in enumerate(zip(together, rows, strict=True)):
+            value, own = reported.values[row : row + 1], C[i : i + 1, i : i + 1]
+            components[name] = replace(components[name], coefficients=value, covariance=own)
         joint.append(_known_together(tuple(together), C))
     return EffectParameters(
         components=components, own=tables, joint=tuple(joint), renames=tuple(renames)
@@ -126,14 +104,6 @@ def _stated(
         for i, (name, parameter) in enumerate(effect.parameters.items())
     }
     return estimates, C
-
-
-def _is_reported(stated: ComponentEstimate, reported: EffectEstimates | None) -> bool:
-    """Whether a report has a parameter, in a unit of the same kind."""
-    if reported is None or stated.name not in reported.names:
-        return False
-    unit = reported.units[reported.names.index(stated.name)]
-    return unit.dimension == stated.unit.dimension
 
 
 def _known_together(names: tuple[str, ...], C: FloatArray) -> JointPasses:
@@ -184,32 +154,55 @@ def effect_warnings(
     """Where the report `shown` and the machine file differ in their effects."""
     if reported is None:
         return []
-    stated = effects_of(machine, None).components
-    found = effects_of(machine, reported).components
+    stated, found = (effects_of(machine, own).components for own in (None, reported))
     file = machine.source.shown
-    known = [name for name, item in stated.items() if _is_reported(item, reported)]
-    unknown = [name for name in reported.names if name not in known]
-    changed = [n for n in found if (found[n].coefficients != stated[n].coefficients).any()]
-    warnings = []
-    if unknown:
-        facts = {"what": f"effects of {shown}", "reason": f"{file} has no such effects"}
-        warnings.append(finding("not-used", names=unknown, **facts))
-    if changed:
-        facts = {"what": f"values of {file}", "reason": f"those of {shown} replace them"}
-        warnings.append(finding("not-used", names=changed, **facts))
-    return warnings
+    unknown = [name for name in reported.names if name not in stated]
+    changed = [
+        name for name, item in found.items()
+        if not np.allclose(item.coefficients, stated[name].coefficients, SAME, 0.0)
+    ]  # fmt: skip
+    differing = (
+        (unknown, f"effects of {shown}", f"{file} has no such effects"),
+        (changed, f"values of {file}", f"those of {shown} replace them"),
+    )
+    return [
+        finding("not-used", names=names, what=what, reason=reason)
+        for names, what, reason in differing
+        if names
+    ]
 
 
 def searched_warnings(machine: LoadedMachine) -> list[Finding]:
     """Of effects whose name is one of several that fit what they were found on."""
     warnings = []
     for i, effect in enumerate(machine.machine.effects):
-        what = f"effects[{i}] ({effect.name})"
-        facts = {"file": machine.source.shown, "line": machine.line_of("effects", i)}
         names = effect.found.get("class")
-        names = names if isinstance(names, list) else []
-        rivals = [name for name in names if isinstance(name, str) and name != effect.name]
+        rivals = [str(x) for x in names if x != effect.name] if isinstance(names, list) else []
         if rivals:
-            more = {"others": rivals, "consequence": ELSEWHERE}
+            facts = {"file": machine.source.shown, "line": machine.line_of("effects", i)}
+            what, more = f"the effect {effect.name}", {"others": rivals, "consequence": ELSEWHERE}
             warnings.append(finding("not-separable", what=what, **facts, **more))
+    return warnings
+
+
+def outside_seen(
+    effects: Sequence[Effect], values: Mapping[str, FloatArray | float], file: str | None
+) -> list[Finding]:
+    """Of effects of a machine `file` that are used, at `values` by name of column or position, more
+    than a tenth of the range away from what they were found on.
+    """
+    warnings = []
+    for effect in effects:
+        for column, (low, high) in effect.seen.items():
+            given = np.atleast_1d(np.asarray(values.get(column, np.nan), float))
+            given = given[np.isfinite(given)]
+            excess = np.maximum(low - given, given - high)
+            slack = max(SLACK * (high - low), SAME * max(abs(low), abs(high)))
+            if len(given) and excess.max() > slack:
+                unit = " mm" if column in POSITIONS else ""
+                seen = f"from {low:.8g} to {high:.8g}" if low < high else f"at {low:.8g}"
+                far = f"extrapolated to {given[int(np.argmax(excess))]:.8g}{unit}"
+                facts = {"effects": effect.name, "covariate": column, "range": seen + unit}
+                code = "outside-effect-range"
+                warnings.append(finding(code, **facts, consequence=far, file=file))
     return warnings

@@ -72,10 +72,9 @@ class ComponentEstimate:
     pass_dof 0: one mean square, with `repeat_dof`, stands behind all of them). `n_passes` is
     given where C is the between-pass mean square over that number. `half_differences` (k, k) is
     the mean square S_h of runs there and back, S = S_m + S_h and C = S_m/runs (see
-    `stats.mixed_model`); None where all passes count as independent. `run_covariance` (k, k) is
-    K = S_m - S_h of several instruments, which have no mean square in common; it may have a
-    negative part, too. `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1
-    and s. `position_range` in mm is that of the readings; None of none, or without `of`.
+    `stats.mixed_model`); None where all passes count as independent. `independent_covariance` and
+    `independent_s` are the paper's s^2 (X'X)^-1 and s. `position_range` in mm is that of the
+    readings; None of none, or without `of`.
     """
 
     name: str
@@ -92,7 +91,6 @@ class ComponentEstimate:
     independent_s: float | None = None
     position_range: tuple[float, float] | None = None
     half_differences: FloatArray | None = None
-    run_covariance: FloatArray | None = None
     table: TableShape | None = None
 
     @property
@@ -183,11 +181,11 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
 
 
 def covariance_in_run(estimate: ComponentEstimate) -> FloatArray | None:
-    """K (k, k), the covariance of level and slope of the passes there and back of one run; None
-    where all passes count as independent.
+    """K = S_m - S_h (k, k), the covariance of level and slope of the passes there and back of one
+    run; None where all passes count as independent, and of several instruments.
     """
     S, halves = between_passes(estimate), estimate.half_differences
-    return estimate.run_covariance if S is None or halves is None else S - 2 * halves
+    return None if S is None or halves is None else S - 2 * halves
 
 
 def from_mean(C: FloatArray, n: int, halves: FloatArray | None) -> FloatArray:
@@ -204,41 +202,22 @@ def term_label(name: str) -> str:
     return name if component == name else f"the drift of {component}"
 
 
-def temperature_estimate(drift: ThermalEstimate) -> ComponentEstimate:
-    """The coefficients of a drift as those of a component, powers first, then sensors."""
-    return ComponentEstimate(
-        name=f"{drift.component}{TEMPERATURE_MARK}",
-        of=drift.of,
-        unit=drift.unit,
-        coefficients=drift.coefficients.reshape(-1),
-        covariance=drift.covariance,
-        pass_covariance=np.zeros_like(drift.covariance),
-        pass_dof=drift.coefficient_dof,
-        # What does not depend on the position holds beyond the positions where it was read.
-        position_range=drift.position_range if drift.degree else None,
-    )
-
-
-def leftover_estimate(drift: ThermalEstimate) -> ComponentEstimate:
-    """What the thermal model leaves: mean 0, one draw for all points of a part."""
-    return ComponentEstimate(
-        name=f"{drift.component}.leftover",
-        of=drift.of,
-        unit=drift.unit,
-        coefficients=np.zeros(len(drift.leftover)),
-        covariance=np.zeros_like(drift.leftover),
-        pass_covariance=drift.leftover,
-        pass_dof=drift.leftover_dof,
-    )
-
-
 def known_component(name: str, entry: Component | ReportedComponent) -> ComponentEstimate:
     """A component whose coefficients a machine file states, without a covariance as known, or a
     report. `u_future`, the standard uncertainty of a future observation that many tables print,
     counts as repeatability or, without an axis, as shared by all points of a part.
     """
     unit, k = UNITS[entry.unit], len(entry.coefficients or ())
-    f, q, table = unit.to_internal, min(2, k), stated_table(entry)
+    f, q, table = unit.to_internal, min(2, k), None
+    if entry.at_mm is not None:
+        square = (UM if unit.dimension == LENGTH else ARCSEC) ** 2
+        table = TableShape(
+            at=np.asarray(entry.at_mm, float),
+            roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,
+            between=(entry.between_um2 or 0.0) * square,
+            own=(entry.own_um2_per_mm3 or 0.0) * square,
+            own_dof=dof_or(getattr(entry, "own_dof", None)),
+        )
     T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q) * f
 
     def squared(key: str, by: FloatArray) -> FloatArray | None:
@@ -255,7 +234,6 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
             "independent_s": None if entry.s is None else entry.s * f,
             "position_range": entry.position_range_mm,
             "half_differences": squared("half_difference_mean_square", T),
-            "run_covariance": squared("run_covariance", T),
         }
     else:
         D, repeat = squared("pass_covariance", T), entry.s_repeat or 0.0
@@ -286,17 +264,3 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
 def dof_or(stated: float | None, missing: float = np.inf) -> float:
     """Degrees of freedom as stated, else `missing`."""
     return missing if stated is None else float(stated)
-
-
-def stated_table(entry: Component | ReportedComponent) -> TableShape | None:
-    """The table that a file states; None of a polynomial."""
-    if entry.at_mm is None:
-        return None
-    square = (UM if UNITS[entry.unit].dimension == LENGTH else ARCSEC) ** 2
-    return TableShape(
-        at=np.asarray(entry.at_mm, float),
-        roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,
-        between=(entry.between_um2 or 0.0) * square,
-        own=(entry.own_um2_per_mm3 or 0.0) * square,
-        own_dof=dof_or(getattr(entry, "own_dof", None)),
-    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -17,10 +17,9 @@ from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
     between_passes,
-    covariance_in_run,
 )
 from mtu_cli.model.passes import Passes, PassKey, passes_read
-from mtu_cli.model.shapes import MOST_AUTO, as_table, chosen_degree, fit_table
+from mtu_cli.model.shapes import as_table, chosen_degree, fit_table
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray, IntArray
@@ -76,12 +75,6 @@ class InstrumentFit:
         """Coefficients of the polynomial."""
         return len(self.fit.plain.coefficients)
 
-    @property
-    def way(self) -> int | None:
-        """The direction that all readings have, +1 forward or -1; None of both, or of none."""
-        result = np.unique(self.direction).astype(int).tolist()
-        return result[0] if result in ([1], [-1]) else None
-
     @cached_property
     def tests(self) -> dict[str, FTest | Shift]:
         """By TESTS, those that passes, directions and positions allow; a table fits by design."""
@@ -115,40 +108,29 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     `unit`, `degree`. Instruments (ball bar, laser) are fitted apart, each with its own variances,
     and combined.
 
-    Raises InputError for one of several instruments whose readings show no scatter, and for tables
-    of several.
+    Raises InputError for one of several instruments whose readings show no scatter, and for
+    tables, or a degree that readings choose, of several.
     """
     rows = np.flatnonzero(readings.code == readings.components.index(name))
     roles = np.array(readings.roles)[readings.file_index[rows]]
-    by_role = {role: rows[roles == role] for role in dict.fromkeys(roles.tolist())}
-    degree = None if component.is_table else component.degree
-
-    def fitted(degree: int | str | None) -> tuple[InstrumentFit, ...]:
-        items = by_role.items()
-        return tuple(_fit_instrument(readings, own, role, component, degree) for role, own in items)
-
-    fits = fitted(degree)
-    if degree == AUTO and len(fits) > 1:
-        # One shape for all: the highest degree that any of them chooses, in place of a table.
-        highest = max(MOST_AUTO if x.profile else x.powers - 1 for x in fits)
-        fits = fitted(min(highest, *(len(np.unique(x.position)) - 1 for x in fits)))
-    if len(fits) > 1 and any(fit.profile is not None for fit in fits):
-        reason = f"{name!r} was read by several instruments, whose tables are not combined"
-        raise error(
-            "not-applicable", reason=reason, expected="readings of one instrument, or a degree"
-        )
+    fits = tuple(
+        _fit_instrument(readings, rows[roles == role], role, component)
+        for role in dict.fromkeys(roles.tolist())
+    )
+    if len(fits) > 1 and (component.is_table or component.degree == AUTO):
+        reason = f"{name!r} was read by several instruments, which need one shape"
+        expected = "readings of one instrument, or a degree"
+        raise error("not-applicable", reason=reason, expected=expected)
     unit = UNITS[component.unit]
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
     agreement_p = None
     if len(fits) > 1:
         for fit, estimate in zip(fits, estimates, strict=True):
             if not (np.diag(estimate.covariance) > 0).all():
-                what = f"the readings of {name!r} by {fit.role} do not scatter, so that they have "
-                what += "no weight beside the others"
+                what = f"the readings of {name!r} by {fit.role} do not scatter"
                 file = ", ".join(x.shown for x in readings.sources if x.role == fit.role) or None
                 expected = "more readings, with all their digits"
                 raise error("too-little-data", what=what, file=file, expected=expected)
-        estimates = _at_both_ways(estimates, fits)
         agreement_p = agreement(estimates[0], estimates[1])
     estimate = combine(estimates, [len(fit.error) for fit in fits])
     return ComponentFit(
@@ -156,10 +138,8 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     )
 
 
-def _fit_instrument(
-    readings: Readings, rows: IntArray, role: str, component: Any, degree: int | str | None
-) -> InstrumentFit:
-    """Of a `degree`, or that (or the table) which its readings choose; None: a table.
+def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentFit:
+    """Of the component's degree or table, or that which its readings choose.
 
     Raises InputError for too few readings for a table.
     """
@@ -172,6 +152,7 @@ def _fit_instrument(
     if component.of is None or readings.has_pass[rows].all():
         group, read = passes_read(readings, rows, component.of)
         runs = read.runs[group]
+    degree = None if component.is_table else component.degree
     if degree == AUTO:
         degree = chosen_degree(position, values, group, runs)
     if degree is not None:
@@ -206,13 +187,15 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
     """The variance of a reading by its last digit (`stats.resolution`), mm^2 or rad^2, where
     coarsest.
     """
-    units = None if readings.unit is None else readings.unit[rows]
-    codes = readings.file_index[rows] * len(UNITS) + (0 if units is None else units)
-    result = [0.0]
-    for code in np.unique(codes).tolist():
-        unit = stated if units is None else list(UNITS.values())[code % len(UNITS)]
-        result.append(rounding_variance(readings.error[rows[codes == code]], unit.to_internal))
-    return max(result)
+    unit = np.full(len(rows), list(UNITS).index(stated.name))
+    if readings.unit is not None:
+        unit = readings.unit[rows]
+    files, result = readings.file_index[rows], 0.0
+    for file, code in {*zip(files.tolist(), unit.tolist(), strict=True)}:
+        values = readings.error[rows[(files == file) & (unit == code)]]
+        size = list(UNITS.values())[code].to_internal
+        result = max(result, rounding_variance(values, size))
+    return result
 
 
 def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:
@@ -250,8 +233,8 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
     1/W_i proportional to d^2/G_i + s_i^2/n_i. The inverses of whole covariances that few
     passes estimate would follow their errors (95 % intervals then cover 80 %).
     C = sum W_i^2 C_i whatever the weights. The scatter of passes and of visits is pooled by
-    degrees of freedom, and so is what passes there and back of a run share: an instrument's own
-    noise stays in s_repeat, which is then an upper bound of the machine's.
+    degrees of freedom: an instrument's own noise stays in s_repeat, which is then an upper bound of
+    the machine's.
     """
     first = estimates[0]
     if len(estimates) == 1:
@@ -260,75 +243,42 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
     def each(name: str) -> FloatArray:
         return np.array([getattr(item, name) for item in estimates])
 
+    def pooled(values: FloatArray, dofs: FloatArray) -> FloatArray:
+        """Mean weighted by degrees of freedom; those without any have no say."""
+        weights = np.where(np.isinf(dofs), 1e9, dofs)
+        return np.average(values, axis=0, weights=weights) if weights.any() else 0 * values[0]
+
     passes, repeats, n = each("pass_dof"), each("repeat_dof"), np.array(counts, np.float64)
-    D = _pooled(each("pass_covariance"), passes)
-    W = _weights(estimates, D, n)
-    covariance = _weighted(each("covariance"), W**2)
+    D = pooled(each("pass_covariance"), passes)
     ranges = [item.position_range for item in estimates if item.position_range is not None]
-    runs = [(K, item.pass_dof) for item in estimates if (K := covariance_in_run(item)) is not None]
-    in_run = _pooled([K for K, _ in runs], np.array([dof for _, dof in runs])) if runs else None
+    # By the variance of the level in the middle of the range.
+    x = np.mean(ranges or 0.0) ** np.arange(len(D))
+    drift = max(float(x @ D @ x), 0.0)
+    of_passes = np.array([drift / item.n_passes if item.n_passes else 0.0 for item in estimates])
+    variance = of_passes + each("s_repeat") ** 2 / n
+    # One reading a pass has no repeatability of its own to weigh it by.
+    W = 1.0 / variance if (variance > 0).all() else n
+    W = W / W.sum()
+    covariance = np.tensordot(W**2, each("covariance"), axes=1)
     # Welch-Satterthwaite over the mean squares behind C, by its trace; 0 where no instrument tells
     # passes apart: then one mean square stands behind all.
     by_trace = np.array([np.sum(np.diag(own) / np.diag(covariance)) for own in each("covariance")])
     dof = welch_satterthwaite(W**2 * by_trace, np.where(passes != 0, passes, repeats))
-    s, plain = each("independent_s"), n - len(first.coefficients)
+    plain = n - len(first.coefficients)
     return ComponentEstimate(
         name=first.name,
         of=first.of,
         unit=first.unit,
-        coefficients=_weighted(each("coefficients"), W),
+        coefficients=W @ each("coefficients"),
         covariance=covariance,
         pass_covariance=D,
-        s_repeat=float(np.sqrt(_pooled(each("s_repeat") ** 2, repeats))),
+        s_repeat=float(np.sqrt(pooled(each("s_repeat") ** 2, repeats))),
         pass_dof=dof if passes.any() else 0.0,
         repeat_dof=float(repeats.sum()),
-        independent_covariance=_weighted(each("independent_covariance"), W**2),
-        independent_s=float(np.sqrt(_pooled(s**2, plain))),
+        independent_covariance=np.tensordot(W**2, each("independent_covariance"), axes=1),
+        independent_s=float(np.sqrt(pooled(each("independent_s") ** 2, plain))),
         position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
-        run_covariance=in_run,
     )
-
-
-def _at_both_ways(
-    estimates: Sequence[ComponentEstimate], fits: Sequence[InstrumentFit]
-) -> list[ComponentEstimate]:
-    """Lines of the mean of both directions, which predictions are for: an instrument that ran one
-    way alone, w = +1 or -1, reads a line half of the reversal value h away: b_0 - w h/2, with
-    u(h)^2/4 more variance, h of one that ran both ways. Without such a one it stays as it is.
-    """
-    known = next((fit.tests["reversal"] for fit in fits if "reversal" in fit.tests), None)
-    result = list(estimates)
-    for i, fit in enumerate(fits):
-        if isinstance(known, Shift) and fit.way is not None:
-            b, C = result[i].coefficients.copy(), result[i].covariance.copy()
-            b[0] -= fit.way * known.value / 2
-            C[0, 0] += known.u**2 / 4
-            result[i] = replace(result[i], coefficients=b, covariance=C)
-    return result
-
-
-def _weights(estimates: Sequence[ComponentEstimate], D: FloatArray, n: FloatArray) -> FloatArray:
-    """W (instruments,), summing to 1, by the variance of the level in the middle of the range."""
-    middle = np.mean([np.mean(item.position_range or (0.0, 0.0)) for item in estimates])
-    x = middle ** np.arange(len(D))
-    drift = max(float(x @ D @ x), 0.0)
-    of_passes = np.array([drift / item.n_passes if item.n_passes else 0.0 for item in estimates])
-    variance = of_passes + np.array([item.s_repeat**2 for item in estimates]) / n
-    # One reading a pass has no repeatability of its own to weigh it by.
-    known = variance if (variance > 0).all() else 1.0 / n
-    return (1.0 / known) / np.sum(1.0 / known)
-
-
-def _weighted(values: Sequence[FloatArray] | FloatArray, weights: FloatArray) -> FloatArray:
-    return np.tensordot(weights, np.array(values), axes=1)
-
-
-def _pooled(values: Sequence[FloatArray] | FloatArray, dofs: FloatArray) -> FloatArray:
-    """Mean weighted by degrees of freedom; those without any have no say."""
-    finite = np.where(np.isinf(dofs), 1e9, dofs)
-    if finite.sum() == 0:
-        return np.zeros_like(values[0])
-    return _weighted(values, finite / finite.sum())
 
 
 def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:

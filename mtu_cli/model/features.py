@@ -12,16 +12,16 @@ import numpy as np
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, InputError, error, finding
-from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.effect_parameters import outside_seen
 from mtu_cli.model.machine_model import (
     AXES,
     Covariates,
     MachineModel,
     coordinates_of,
+    places,
     without_coordinate,
 )
-from mtu_cli.model.prediction import Prediction
-from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.prediction import Prediction, temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0
@@ -79,16 +79,22 @@ def outside_warnings(prediction: Prediction) -> list[Finding]:
     return warnings
 
 
+def guess_warnings(model: MachineModel, points: FloatArray, values: Covariates) -> list[Finding]:
+    """Of temperatures, and of effects beyond what they were found on, at `points` (n, 3) in mm
+    under covariates `values`, one for all or one a point.
+    """
+    whole = {**values, **places(model, points)}
+    known = {name: value for name, value in whole.items() if name not in model.constants}
+    seen = outside_seen(model.effects, known, model.file)
+    return [*temperature_warnings(model, values), *seen]
+
+
 def prediction_warnings(
     model: MachineModel, prediction: Prediction, covariates: Covariates | None
 ) -> list[Finding]:
     """Of places, temperatures and effects beyond what is known of them."""
-    given = covariates or {}
-    return [
-        *outside_warnings(prediction),
-        *temperature_warnings(model, prediction.points, given),
-        *effect_warnings_at(model, prediction.points, given),
-    ]
+    guessed = guess_warnings(model, prediction.points, covariates or {})
+    return [*outside_warnings(prediction), *guessed]
 
 
 def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Finding]:

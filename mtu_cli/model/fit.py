@@ -17,13 +17,11 @@ from mtu_cli.files.reports_read import (
     ComponentsReport,
     ReportedComponent,
     ReportedDrift,
-    ReportedGroup,
     ThermalReport,
 )
-from mtu_cli.findings import Finding, InputError, finding, suggestion
+from mtu_cli.findings import Finding, InputError, finding, listed, suggestion
 from mtu_cli.language import evaluate
-from mtu_cli.model.effect_parameters import declared_effects
-from mtu_cli.model.effect_ranges import outside_seen
+from mtu_cli.model.effect_parameters import outside_seen
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -39,6 +37,7 @@ from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.passes import passes_read
 from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
+from mtu_cli.stats.pass_tests import Shift
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 SAME_TEMPERATURE = 1e-9
@@ -96,6 +95,67 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     return MachineFit(
         components=fits, joint=joint, missing=tuple(missing), warnings=tuple(warnings)
     )
+
+
+SCATTERS = 1e-12
+"""Less, in mm or rad, is rounding: the readings do not scatter."""
+NO_SCATTER = "they do not scatter, and their uncertainty counts as 0"
+ONE_RUN = "read in one run there and back: scatter from run to run is not seen"
+ALL_REPEATABILITY = "one pass, or no column `pass`: all of it counts as repeatability"
+
+
+def fit_warnings(fit: MachineFit) -> list[Finding]:
+    """Warnings on scatter that cannot be split, or is not seen, on lack of fit, reversal, trend and
+    disagreement of instruments, and what else the fit warns of.
+    """
+    mixed: list[str] = []
+    kinds = [("readings", ONE_RUN), ("readings", NO_SCATTER), ("means of the passes", NO_SCATTER)]
+    unknown: dict[tuple[str, str], list[str]] = {kind: [] for kind in kinds}
+    for name, component in fit.components.items():
+        fits, known = [x.fit for x in component.instruments], component.estimate
+        if not all(each.separated for each in fits):
+            mixed.append(name)
+        if any(each.separated and each.n_passes == 2 == 2 * len(each.pairs) for each in fits):
+            unknown["readings", ONE_RUN].append(name)
+        if known.independent_s is not None and known.independent_s < SCATTERS:
+            unknown["readings", NO_SCATTER].append(name)
+        elif not np.diag(known.covariance).all():
+            unknown["means of the passes", NO_SCATTER].append(name)
+    warnings = []
+    if mixed:
+        facts = {"what": f"the scatter from pass to pass of {listed(mixed)}", "names": mixed}
+        facts |= {"others": ["repeatability"], "consequence": ALL_REPEATABILITY}
+        warnings.append(finding("not-separable", **facts))
+    for (what, consequence), names in unknown.items():
+        if names:
+            facts = {"what": what, "names": names, "consequence": consequence}
+            warnings.append(finding("no-scatter-known", **facts))
+    p_values = {name: x.agreement_p for name, x in fit.components.items()}
+    apart = significant({name: p for name, p in p_values.items() if p is not None})
+    return [
+        *fit.warnings,
+        *warnings,
+        *_significant(fit, "lack_of_fit", "lack-of-fit"),
+        *_significant(fit, "reversal", "reversal"),
+        *_significant(fit, "trend", "passes-drift"),
+        *(finding("instruments-disagree", component=name, p=p) for name, p in apart.items()),
+    ]
+
+
+def _significant(fit: MachineFit, test: str, code: str) -> list[Finding]:
+    """The warnings of one kind of test on the passes."""
+    warnings = []
+    for (name, role), p in fit.significant[test].items():
+        component = fit.components[name]
+        item = next(x for x in component.instruments if x.role == role)
+        found, unit = item.tests[test], component.unit
+        facts: dict[str, Any] = {"component": name, "p": p, "unit": unit.name}
+        if isinstance(found, Shift):
+            facts["size"] = found.value / unit.to_internal
+        if test == "trend":
+            facts["each"] = "a pass there and back" if len(item.fit.pairs) else "a pass"
+        warnings.append(finding(code, **facts))
+    return warnings
 
 
 def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Readings, list[Finding]]:
@@ -183,7 +243,7 @@ def effects_on_readings(
             read, what = [f"the readings of {component}"], f"the effect {effect.name}"
             warned.append(finding("not-used", what=what, names=read, **facts))
             continue
-        warned += outside_seen([declared_effects(machine)[index]], numeric | along)
+        warned += outside_seen([effect], numeric | along, machine.source.shown)
         rows = design(model, points, known)
         errors = (rows.J @ theta(model)).reshape(len(places), -1)[:, model.axes.index(both)]
         values: dict[str, Any] = {**fixed_places(model, points), **known}
@@ -199,18 +259,6 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
         return Estimates(components=result)
     result |= {name: item.estimate for name, item in fit.components.items()}
     return Estimates(components=result, joint=fit.joint)
-
-
-def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
-    """What the machine file makes one ask; not of coefficients that readings, or a report, beat."""
-    stated = from_machine_file(machine)
-    # A report may do no more than carry the file's own.
-    used = {
-        name
-        for name, own in stated.items()
-        if np.array_equal(estimates.components[name].coefficients, own.coefficients)
-    }
-    return [x for x in machine.warnings if x.facts.get("coefficients_of") in {None, *used}]
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
@@ -242,8 +290,22 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
             values=np.asarray(item.values, float) * f,
             covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
         )
-    joint = tuple(_joint(group, result) for group in report.joint)
-    return Estimates(components=result, joint=joint, effects=effects)
+    joint = []
+    for group in report.joint:
+        f = np.repeat([result[name].unit.to_internal for name in group.components], group.widths)
+        halves = group.half_difference_mean_square
+        joint.append(
+            JointPasses(
+                components=tuple(group.components),
+                widths=tuple(group.widths),
+                covariance=np.asarray(group.coefficient_covariance, float) * np.outer(f, f),
+                pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
+                pass_dof=group.pass_dof,
+                n_passes=group.n_passes,
+                half_differences=None if halves is None else np.asarray(halves) * np.outer(f, f),
+            )
+        )
+    return Estimates(components=result, joint=tuple(joint), effects=effects)
 
 
 def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalReport) -> None:
@@ -282,20 +344,6 @@ def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalRepo
 def _shape(entry: Component | ReportedComponent) -> str:
     """As messages have it."""
     return "`shape: table`" if entry.shape == "table" else f"degree {entry.degree}"
-
-
-def _joint(group: ReportedGroup, found: Mapping[str, ComponentEstimate]) -> JointPasses:
-    f = np.repeat([found[name].unit.to_internal for name in group.components], group.widths)
-    halves = group.half_difference_mean_square
-    return JointPasses(
-        components=tuple(group.components),
-        widths=tuple(group.widths),
-        covariance=np.asarray(group.coefficient_covariance, float) * np.outer(f, f),
-        pass_covariance=np.asarray(group.pass_covariance, float) * np.outer(f, f),
-        pass_dof=group.pass_dof,
-        n_passes=group.n_passes,
-        half_differences=None if halves is None else np.asarray(halves, float) * np.outer(f, f),
-    )
 
 
 def thermal_from_machine_file(machine: LoadedMachine) -> dict[str, ThermalEstimate]:
@@ -344,27 +392,26 @@ def thermal_from_report(
     kind of unit, or the reference temperature.
     """
     _check_report(machine, report)
-    stated = thermal_from_machine_file(machine)
-    return stated | {name: _reported_drift(name, item) for name, item in report.components.items()}
-
-
-def _reported_drift(name: str, item: ReportedDrift) -> ThermalEstimate:
-    unit, ranges = UNITS[item.unit], item.temperature_range_degC
-    f, powers, sensors = unit.to_internal, item.degree + 1, len(item.sensors)
-    size = powers * sensors
-    return ThermalEstimate(
-        component=name,
-        of=item.of,
-        unit=unit,
-        sensors=tuple(item.sensors),
-        reference=item.reference_temperature_degC,
-        coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
-        covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
-        coefficient_dof=dof_or(item.coefficient_dof),
-        leftover=np.array(item.leftover_covariance, float) * f**2,
-        leftover_dof=dof_or(item.leftover_dof),
-        time_constants=np.array(item.time_constants_min, float),
-        sensor_u=np.array(item.sensor_u_degC, float),
-        temperature_range=None if ranges is None else np.array(ranges, float).reshape(sensors, 2),
-        position_range=item.position_range_mm,
-    )
+    result = thermal_from_machine_file(machine)
+    for name, item in report.components.items():
+        unit, ranges = UNITS[item.unit], item.temperature_range_degC
+        f, powers, sensors = unit.to_internal, item.degree + 1, len(item.sensors)
+        size = powers * sensors
+        seen = None if ranges is None else np.array(ranges, float).reshape(sensors, 2)
+        result[name] = ThermalEstimate(
+            component=name,
+            of=item.of,
+            unit=unit,
+            sensors=tuple(item.sensors),
+            reference=item.reference_temperature_degC,
+            coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
+            covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
+            coefficient_dof=dof_or(item.coefficient_dof),
+            leftover=np.array(item.leftover_covariance, float) * f**2,
+            leftover_dof=dof_or(item.leftover_dof),
+            time_constants=np.array(item.time_constants_min, float),
+            sensor_u=np.array(item.sensor_u_degC, float),
+            temperature_range=seen,
+            position_range=item.position_range_mm,
+        )
+    return result

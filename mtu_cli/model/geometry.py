@@ -125,9 +125,6 @@ def _round(points: FloatArray) -> RoundFit:
     """The circle of points (n, 2), the sphere of points (n, 3)."""
     d = points.shape[1]
     centroid, q, scale = _centred(points)
-    distinct = len(np.unique(np.round(q / SAME), axis=0))
-    if distinct <= d:
-        raise GeometryError(f"{distinct} distinct points; a {KINDS[d]} needs {d + 1}")
     # (c, r) of |p|^2 = 2 c.p + (r^2 - |c|^2), Kasa 1976.
     start = _solved(2 * q, (q**2).sum(axis=1))
     radius = max(float(start[d] + start[:d] @ start[:d]), 0.0) ** 0.5

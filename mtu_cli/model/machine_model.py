@@ -13,24 +13,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.covariates import SENSOR_EXPECTED, no_temperature
 from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.machine_contract import Effect
 from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call, Number
 from mtu_cli.model.effect_parameters import (
     EFFECT_MARK,
-    DeclaredEffect,
-    declared_effects,
     effects_of,
 )
 from mtu_cli.model.estimates import (
+    TEMPERATURE_MARK,
     ComponentEstimate,
     Estimates,
     JointPasses,
     ThermalEstimate,
-    leftover_estimate,
-    temperature_estimate,
 )
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray, polynomial
@@ -65,9 +62,33 @@ class Term:
 
 
 def drift_terms(drift: ThermalEstimate, levers: dict[str, Node]) -> tuple[Term, Term]:
-    """The drift by its temperatures, and what its model leaves of it."""
-    by_temperature = Term(estimate=temperature_estimate(drift), levers=levers, drift=drift)
-    return by_temperature, Term(estimate=leftover_estimate(drift), levers=levers)
+    """The drift by its temperatures, powers first, then sensors; and what its model leaves of it:
+    mean 0, one draw for all points of a part.
+    """
+    by_temperature = ComponentEstimate(
+        name=f"{drift.component}{TEMPERATURE_MARK}",
+        of=drift.of,
+        unit=drift.unit,
+        coefficients=drift.coefficients.reshape(-1),
+        covariance=drift.covariance,
+        pass_covariance=np.zeros_like(drift.covariance),
+        pass_dof=drift.coefficient_dof,
+        # What does not depend on the position holds beyond the positions where it was read.
+        position_range=drift.position_range if drift.degree else None,
+    )
+    left = ComponentEstimate(
+        name=f"{drift.component}.leftover",
+        of=drift.of,
+        unit=drift.unit,
+        coefficients=np.zeros(len(drift.leftover)),
+        covariance=np.zeros_like(drift.leftover),
+        pass_covariance=drift.leftover,
+        pass_dof=drift.leftover_dof,
+    )
+    return (
+        Term(estimate=by_temperature, levers=levers, drift=drift),
+        Term(estimate=left, levers=levers),
+    )
 
 
 def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> FloatArray:
@@ -106,7 +127,7 @@ class MachineModel:
     remainders: dict[str, tuple[Node, ...]]
     constants: dict[str, tuple[float, float]] = field(default_factory=dict)
     joint: tuple[JointPasses, ...] = ()
-    effects: tuple[DeclaredEffect, ...] = ()
+    effects: tuple[Effect, ...] = ()
     file: str | None = None
 
     @property
@@ -157,7 +178,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
         if levers.get(name):
             terms += drift_terms(drift, levers[name])
     joint = (*estimates.joint, *effects.joint)
-    return replace(_joined(machine, parts, terms, joint), effects=declared_effects(machine))
+    return replace(_joined(machine, parts, terms, joint), effects=tuple(machine.machine.effects))
 
 
 def _joined(
@@ -224,41 +245,25 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
     """Raises InputError for `missing` components, and for one too few readings leave without
     scatter.
     """
-    shown, problems = machine.source.shown, []
+    shown = machine.source.shown
     if not terms and not missing:
         raise error("not-applicable", reason="no equation contains a component", file=shown)
-
-    def add(name: str, code: str, what: str, expected: str) -> None:
-        place = {"path": f"components.{name}", "file": shown, "expected": expected}
-        line = machine.line_of("components", name)
-        problems.append(finding(code, what=what, line=line, **place))
-
-    for name in missing:
-        expected = "readings of it (--lbb, --laser), coefficients here, or a components report (-c)"
-        add(
-            name, "missing-input", f"an estimate of {name}", f"{expected}; with -m no study is read"
-        )
+    known = "readings of it (--lbb, --laser), coefficients here, or a components report (-c)"
+    known += "; with -m no study is read"
+    needs = [(name, "missing-input", f"an estimate of {name}", known) for name in missing]
+    more = "more readings of it, best in several passes"
     for item in (term.estimate for term in terms):
         if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat)):
             what = f"as many readings of {item.name!r} as coefficients"
-            add(item.name, "too-little-data", what, "more readings of it, best in several passes")
-    if problems:
-        raise InputError(problems)
-
-
-def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
-    """Raises InputError naming every covariate that the equations need and nobody gave, and a
-    temperature that none can be.
-    """
-    for sensor in sensors_of(model):
-        values = np.atleast_1d(np.asarray(given.get(sensor, 0.0), float))
-        faulty = no_temperature(values)
-        if faulty.any():
-            value = float(values[faulty][0])
-            place = {"path": sensor, "value": f"{value:g}"}
-            raise error("out-of-range", **place, expected=SENSOR_EXPECTED)
-    if problems := missing_covariates(model, given):
-        raise InputError(problems)
+            needs.append((item.name, "too-little-data", what, more))
+    if needs:
+        raise InputError(
+            finding(
+                code, what=what, expected=expected, file=shown, path=f"components.{name}",
+                line=machine.line_of("components", name),
+            )
+            for name, code, what, expected in needs
+        )  # fmt: skip
 
 
 def missing_covariates(
@@ -338,33 +343,27 @@ def design(model: MachineModel, points: FloatArray, covariates: Covariates) -> D
         for i, axis in enumerate(model.axes):
             if axis in term.levers:
                 levers[:, i, t] = evaluate(term.levers[axis], values)
-                # An infinite lever arm is reported by _check_finite, in words.
+                # An infinite lever arm is reported below, in words.
                 with np.errstate(invalid="ignore"):
                     J[:, i, columns[t]] = levers[:, i, t, None] * rows
     remainder = np.zeros((n, a))
     for i, axis in enumerate(model.axes):
         for node in model.remainders[axis]:
             remainder[:, i] += evaluate(node, values)
-    _check_finite(model, J, remainder, points)
-    return Design(
-        J.reshape(n * a, -1), levers.reshape(n * a, -1), remainder.reshape(n * a), columns
-    )
-
-
-def _check_finite(
-    model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
-) -> None:
-    """Raises InputError for the first equation and point without a finite value, or its effect."""
     with np.errstate(invalid="ignore"):
         beyond = ~(np.abs(J) < LARGEST)
         bad = beyond.any(axis=2) | ~(np.abs(remainder) < LARGEST)
-    for i, a in np.argwhere(bad)[:1]:
-        names = [term.estimate.name for term in model.terms for _ in term.estimate.coefficients]
-        first = names[int(np.argmax(beyond[i, a]))] if beyond[i, a].any() else ""
+    for i, k in np.argwhere(bad)[:1]:
+        # The first equation and point without a finite value, or its effect.
+        owners = [term.estimate.name for term in model.terms for _ in term.estimate.coefficients]
+        first = owners[int(np.argmax(beyond[i, k]))] if beyond[i, k].any() else ""
         effect = first.rpartition(EFFECT_MARK)[0]
-        path = f"effects.{effect}" if effect else f"equations.E{model.axes[a]}"
-        problem = _not_finite(model, model.axes[a], points[i])
+        path = f"effects.{effect}" if effect else f"equations.E{model.axes[k]}"
+        problem = _not_finite(model, model.axes[k], points[i])
         raise InputError(replace(problem, file=model.file, path=path))
+    return Design(
+        J.reshape(n * a, -1), levers.reshape(n * a, -1), remainder.reshape(n * a), columns
+    )
 
 
 def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:

@@ -14,7 +14,6 @@ from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measurands import Line, angle_error, check_square, differences, length_error
 from mtu_cli.model.visits import (
-    IntArray,
     Visits,
     axes_of,
     distinct,
@@ -25,7 +24,6 @@ from mtu_cli.model.visits import (
 from mtu_cli.stats.anova import Cells, cells_of, only
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import SEEN, rounding_variance
-from mtu_cli.stats.threads import workers
 
 Label = tuple[str, str, str]
 """Operation, name, axis; "" where there is none."""
@@ -76,16 +74,11 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
     """
     operations, operation = operations_of(points)
     features, parts, axes = len(points.features), len(points.parts), axes_of(points)
+    check_repeats(points)
     used, table = distinct(operation.astype(np.int64) * features + points.feature)
     cell = table * parts + points.part
-    check_repeats(points, cell)
-
-    def along(axis: int) -> Cells:
-        errors = points.measured[:, axis] - points.nominal[:, axis]
-        return cells_of(errors, cell, len(used), parts, spare=True)
-
-    with workers(3) as pool:
-        found = list(pool.map(along, axes))
+    errors = points.measured - points.nominal
+    found = [cells_of(errors[:, k], cell, len(used), parts, spare=True) for k in axes]
     each = {x.name: [getattr(cells, x.name) for cells in found] for x in fields(Cells)}
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(
@@ -100,12 +93,11 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
     )
 
 
-def check_repeats(points: Points, cell: IntArray | None = None) -> None:
-    """Raises InputError for a feature twice in one repeat of one part, each a `cell` (n,)."""
-    if cell is None:
-        _, operation = operations_of(points)
-        features, parts = len(points.features), len(points.parts)
-        cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
+def check_repeats(points: Points) -> None:
+    """Raises InputError for a feature twice in one repeat of one part."""
+    _, operation = operations_of(points)
+    features, parts = len(points.features), len(points.parts)
+    cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
     given = points.repeat >= 0
     if given.any():
         numbers, code = distinct(points.repeat)
@@ -169,7 +161,7 @@ def missing_entries(what: str, entries: Iterable[Any], labels: Iterable[Label]) 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
     """One table an operation and length of the part file: measured minus nominal, mm; free of error
-    along an axis that not every end was measured along (`length_warnings` says so).
+    along an axis that not every end was measured along.
 
     Raises InputError for a length of which one end alone has a nominal z.
     """
@@ -179,7 +171,8 @@ def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredT
         return None
     pairs = np.array([[index[e.from_], index[e.to]] for e in entries])
     ids = [e.id for e in entries]
-    axes = list(length_axes(points, part))
+    ends = {name for e in part.part.lengths for name in (e.from_, e.to)}
+    axes = list(axes_of(only_features(points, sorted(ends))))
     delta = differences(visits.nominal, pairs, ids, part.source.shown)
     nominal, along = np.linalg.norm(delta, axis=1), delta[:, axes]
     errors = visits.errors[:, :, axes]
@@ -187,24 +180,6 @@ def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredT
     # Of both ends, along the length.
     r = 2 * (along / nominal[:, None]) ** 2 @ roundings(points)[axes]
     return _visit_tables(points, visits, ids, length_error(nominal, along, e), r)
-
-
-def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
-    """The axes (0, 1, 2) along which every point at an end of a length was measured."""
-    ends = {name for e in part.part.lengths for name in (e.from_, e.to)}
-    return axes_of(only_features(points, sorted(ends)))
-
-
-def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
-    """Lengths with a nominal difference along z that was not measured at all their ends."""
-    places = part.part.places()
-    z = {name: places[name][2] for name in points.features if name in places}
-    ends = ((e.id, z.get(e.from_), z.get(e.to)) for e in part.part.lengths)
-    lost = [id for id, a, b in ends if None not in (a, b) and a != b]
-    if not lost or 2 in length_axes(points, part):
-        return []
-    what, free = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
-    return [finding("axis-not-measured", what=what, names=lost, axis="z", consequence=free)]
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:

@@ -16,17 +16,19 @@ from functools import cached_property
 
 import numpy as np
 
+from mtu_cli.findings import Finding, InputError, finding, listed
 from mtu_cli.model.estimates import term_label
 from mtu_cli.model.machine_model import (
     Covariates,
     Design,
     MachineModel,
-    check_covariates,
     design,
+    missing_covariates,
     places,
+    row_times,
+    sensors_of,
     theta,
 )
-from mtu_cli.model.temperatures import temperature_blocks
 from mtu_cli.model.variance import (
     Block,
     MeanSquares,
@@ -40,6 +42,7 @@ from mtu_cli.model.variance import (
 )
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import effective_dof
+from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
 
 NEGLIGIBLE = 1e-9
@@ -79,7 +82,7 @@ def constant_effects(
         change = (up.J - down.J) / 2
         if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
             levers = (up.levers - down.levers) / 2
-            blocks += component_blocks(model, change, levers, centre.columns)
+            blocks += component_blocks(model, change, levers)
     return blocks, shift
 
 
@@ -118,11 +121,6 @@ class Prediction:
     def drawable(self) -> FloatArray:
         """The same without the negative part of any D: a covariance, somewhat too large."""
         return self.assembled(drawable=True)
-
-    @cached_property
-    def scatter(self) -> FloatArray:
-        """The part of the covariance that differs from one part to the next: passes and visits."""
-        return self.assembled(coefficients=0.0)
 
     def assembled(
         self, *, drawable: bool = False, coefficients: float = 1.0, by_point: bool = False
@@ -174,11 +172,7 @@ class Prediction:
         """
         found = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         parts = np.array([part for part, _ in found])
-        behind = MeanSquares(
-            of_mean=np.concatenate([own.of_mean for _, own in found]),
-            of_part=np.concatenate([own.of_part for _, own in found]),
-            dof=np.concatenate([own.dof for _, own in found]),
-        )
+        behind = MeanSquares(*map(np.concatenate, zip(*(own for _, own in found), strict=True)))
         by_block, split = parts.sum(axis=1), parts.sum(axis=0)
         total = by_block.sum(axis=0)
         squares = behind.of_mean + behind.of_part
@@ -207,9 +201,10 @@ def predict(
     Raises InputError for a missing covariate or coordinate.
     """
     given = covariates or {}
-    check_covariates(model, given)
+    if missing := missing_covariates(model, given):
+        raise InputError(missing)
     rows = design(model, points, given)
-    blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
+    blocks = component_blocks(model, rows.J, rows.levers)
     of_constants, shift = constant_effects(model, points, given, rows)
     others = temperature_blocks(model, points, given, rows.levers)
     others += [*table_blocks(model, points, rows.levers), *of_constants]
@@ -263,27 +258,131 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
     return blocks
 
 
-def reportable(
-    prediction: Prediction, variance: FloatArray, *, by_point: bool = False
-) -> FloatArray:
-    """The covariance (rows, rows), or those (n, a, a) of each point alone, with the variances
-    (rows,), without negative eigenvalues, as reports and pictures show it: D that is estimated
-    without bias may have a negative part; correlations are those without it. The prediction's own
-    where it has both already.
+# Temperatures: the noise of the sensors, and what to warn of.
+
+SLACK = 0.05
+"""Share of the fitted range of temperatures that may be exceeded without a word."""
+
+
+def _by_sensor(
+    model: MachineModel, points: FloatArray, levers: FloatArray
+) -> dict[str, dict[float, FloatArray]]:
+    """dE/dT u(T) (rows,) in mm by sensor and lag in min, over all drifts."""
+    place, n = places(model, points), len(points)
+    result: dict[str, dict[float, FloatArray]] = {}
+    for lever, drift in zip(levers.T, (term.drift for term in model.terms), strict=True):
+        if drift is None:
+            continue
+        gradients = drift.gradients(np.zeros(n) if drift.of is None else place[drift.of])
+        gradients = gradients * drift.sensor_u[:, None]
+        for sensor, tau, each in zip(
+            drift.sensors, drift.time_constants.tolist(), gradients, strict=True
+        ):
+            column = lever * np.repeat(each, len(levers) // max(n, 1))
+            by_lag = result.setdefault(sensor, {})
+            by_lag[tau] = by_lag.get(tau, 0.0) + column
+    return result
+
+
+def temperature_noise(
+    model: MachineModel, points: FloatArray, levers: FloatArray
+) -> dict[str, FloatArray]:
+    """dE/dT_s u(T_s) (rows,) in mm of every sensor, dE/dT_s = lever sum_m g[m, s] p^m over all
+    drifts: what one standard uncertainty of a reading does to the errors once they have settled.
+
+    `points` (n, 3), `levers` (rows, terms) as `design` gives them.
     """
-    wanted = variance.reshape(-1, len(prediction.axes)) if by_point else variance
-    own = prediction.assembled(by_point=True) if by_point else prediction.covariance
-    if np.allclose(np.einsum("...ii->...i", own), wanted, rtol=1e-9, atol=0.0):
-        # C + D of every block a covariance: then so is their sum, however many rows.
-        sound = not any(_indefinite(block.C + block.D) for block in prediction.blocks)
-        if sound or not (by_point or _indefinite(own)):
+    found = _by_sensor(model, points, levers)
+    return {sensor: np.sum([*by_lag.values()], axis=0) for sensor, by_lag in found.items()}
+
+
+def temperature_blocks(
+    model: MachineModel, points: FloatArray, covariates: Covariates, levers: FloatArray
+) -> list[Block]:
+    """What the noise of the temperature readings adds to the errors at `points` (n, 3).
+
+    Rows with the same temperatures share one reading, and its error; other readings are
+    independent. A lag is linear in the readings, u = L T: with times, the noise of earlier
+    readings comes through it as they do, and rows near in time are wrong together. With R
+    (n, K) the readings of the rows, sensor s of noise u_s adds F F', F = diag(dE/dT_s) u_s L R.
+    """
+    n, times = len(points), row_times(covariates)
+    each = [np.asarray(covariates[sensor], float) for sensor in sensors_of(model)]
+    each = [column for column in each if column.ndim]
+    which, result = np.zeros(n, np.int64), list[Block]()
+    if each:
+        which = np.unique(np.column_stack(each), axis=0, return_inverse=True)[1].reshape(-1)
+    for sensor, by_lag in _by_sensor(model, points, levers).items():
+        live = {tau: column for tau, column in by_lag.items() if column.any()}
+        readings = int(which.max()) + 1 if np.ndim(covariates[sensor]) else 1
+        lagged = times is not None and readings > 1 and any(live)
+        if not live:
+            continue
+        if readings == n > 1 and not lagged:
+            # Every row has a reading of its own.
+            F = np.sum([*live.values()], axis=0)
+        else:
+            R = np.eye(readings)[which if readings > 1 else np.zeros(n, np.int64)]
+            through = np.broadcast_to(R, (len(live), n, readings))
+            if times is not None and lagged:
+                order = np.argsort(times, kind="stable")
+                through = np.empty((len(live), n, readings))
+                through[:, order] = first_order_lag(R[order], times[order], np.array([*live]))
+            F = np.zeros((len(levers), readings))
+            for column, own in zip(live.values(), through, strict=True):
+                F += column[:, None] * np.repeat(own, len(levers) // n, axis=0)
+        result.append(normal_block(sensor, F, of_part=True))
+    return result
+
+
+def temperature_warnings(model: MachineModel, covariates: Covariates) -> list[Finding]:
+    """Temperatures beyond those of the fit, one warning a sensor and range for all drifts that were
+    read in it, and lags without a history.
+
+    `covariates` hold one value for all or one a point.
+    """
+    beyond: dict[tuple[str, float, float], list[str]] = {}
+    for drift in model.drifts():
+        ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
+        for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
+            given = np.asarray(covariates[sensor], float)
+            if max(low - given.min(), given.max() - high) > max(SLACK * (high - low), 1e-9):
+                beyond.setdefault((sensor, low, high), []).append(drift.component)
+    warnings = []
+    for (sensor, low, high), names in beyond.items():
+        given = np.atleast_1d(np.asarray(covariates[sensor], float))
+        worst = int(np.argmax(np.maximum(low - given, given - high)))
+        what = f"{sensor} at {given[worst]:.4g} degC"
+        facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
+        of = [f"the drift of {listed(names)}"]
+        warnings.append(finding("outside-measured-range", what=what, names=of, **facts))
+    times = row_times(covariates)
+    lagged = [drift for drift in model.drifts() if drift.time_constants.any()]
+    if lagged and (times is None or np.ptp(times) == 0):
+        slowest = max(float(drift.time_constants.max()) for drift in lagged)
+        names = [drift.component for drift in lagged]
+        warnings.append(finding("settled-temperatures", components=names, minutes=slowest))
+    return warnings
+
+
+# As reports show it.
+
+
+def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
+    """The covariance (rows, rows) with the variances (rows,), without negative eigenvalues, as
+    reports show it: D that is estimated without bias may have a negative part; correlations are
+    those without it. The prediction's own where it has both already.
+    """
+    own = prediction.covariance
+    if np.allclose(np.diag(own), variance, rtol=1e-9, atol=0.0):
+        values = np.linalg.eigvalsh(own)
+        if values[0] >= -INDEFINITE * abs(values[-1]):
             return own
-    own = prediction.assembled(drawable=True, by_point=True) if by_point else prediction.drawable
-    drawn = np.einsum("...ii->...i", own)
-    ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
-    return own * ratio[..., :, None] * ratio[..., None, :]
+    return rescaled(prediction.drawable, variance)
 
 
-def _indefinite(matrix: FloatArray) -> bool:
-    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    return bool(values[0] < -INDEFINITE * abs(values[-1]))
+def rescaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
+    """The correlations of a covariance (..., rows, rows) with other variances (..., rows)."""
+    drawn = np.einsum("...ii->...i", covariance)
+    ratio = np.sqrt(np.divide(variance, drawn, out=np.zeros_like(drawn), where=drawn > 0))
+    return covariance * ratio[..., :, None] * ratio[..., None, :]

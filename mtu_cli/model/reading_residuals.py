@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.covariates import gap_rows, table_covariates, text_warnings
+from mtu_cli.model.covariates import table_covariates, text_warnings
 from mtu_cli.model.estimates import (
-    ComponentEstimate,
     Estimates,
-    ThermalEstimate,
     covariance_in_run,
 )
 from mtu_cli.model.estimation import reading_rounding
 from mtu_cli.model.fit import effects_on_readings, error_axis, reading_columns, reading_places
 from mtu_cli.model.machine_model import AXES, TIME, component_alone
 from mtu_cli.model.passes import Passes, passes_read
+from mtu_cli.model.prediction import temperature_warnings
 from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
 from mtu_cli.model.shapes import MOST_AUTO
-from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.model.visits import IntArray, cells_of
 from mtu_cli.stats.covariance import bounded
@@ -49,22 +47,8 @@ def reading_tables(
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
-            layout, columns = _laid_out(machine, readings, rows, name)
-            direction = f"dir_{error_axis(machine, name)}"
-            tested = {key: column for key, column in columns.items() if key != direction}
-            groups = (layout.cells.part, layout.cells.column, readings.file_index[rows])
-            gone, gaps = gap_rows(tested, groups, readings, rows, f" of {name}")
-            warned += gaps
-            tables.append(_table(machine, name, known, readings, rows[~gone], warned))
+            tables.append(_table(machine, name, known, readings, rows, warned))
     return tuple(tables), tuple(warned)
-
-
-def _laid_out(
-    machine: LoadedMachine, readings: Readings, rows: IntArray, name: str
-) -> tuple[ReadingLayout, Columns]:
-    layout = reading_layout(readings, rows, machine.machine.components[name].of, name)
-    axis = error_axis(machine, name)
-    return layout, reading_columns(readings, rows, layout.cells.part, axis)
 
 
 def _table(
@@ -78,25 +62,43 @@ def _table(
     """The table of the readings `rows` (n,) of one component."""
     entry, estimate = machine.machine.components[name], known.components.get(name)
     of, unit = entry.of, UNITS[entry.unit]
-    layout, columns = _laid_out(machine, readings, rows, name)
+    layout = reading_layout(readings, rows, of, name)
+    axis = error_axis(machine, name)
+    columns = reading_columns(readings, rows, layout.cells.part, axis)
     shown, gaps = table_covariates(columns, layout.cells, readings, rows)
     warned += gaps
-    drift = _usable(known.thermal.get(name), name, columns, warned)
+    if (drift := known.thermal.get(name)) is not None:
+        # It needs its temperatures, and the times where it lags.
+        needed = [*drift.sensors, *((TIME,) if drift.time_constants.any() else ())]
+        whole = {k for k, x in columns.items() if x.dtype != object and np.isfinite(x).all()}
+        if lost := [key for key in needed if key not in whole]:
+            warned.append(finding("drift-not-removed", component=name, columns=", ".join(lost)))
+            drift = None
     said, left_out = effects_on_readings(machine, name, layout.nominal, columns)
     warned += left_out
     errors, degree = readings.error[rows] - said, -1
     common = of_part = np.zeros((1, len(layout.features), 1, 0))
     if estimate is not None or drift is not None:
-        own, both = (None, None) if estimate is None else _shared_by_directions(estimate)
+        own, both = estimate, None
+        if estimate is not None and (in_run := covariance_in_run(estimate)) is not None:
+            # What forward and reverse of a run share of D, K = S_m - S_h (`stats.pass_pairs`). Of
+            # several instruments D is of all, K of those that ran both ways.
+            C, zero = estimate.covariance, np.zeros_like(estimate.coefficients)
+            D = drawable_passes(estimate.pass_covariance, C)
+            K = bounded(drawable_passes(in_run, C), D)
+            own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
+            both = replace(own, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
         model = component_alone(name, of or AXES[0], own, drift)
         wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in wanted if key in columns}
-        warned += temperature_warnings(model, layout.nominal, values)
+        warned += temperature_warnings(model, values)
         predicted, common, drawn = cell_model(model, layout.nominal, values, layout.cells, shown)
         errors = errors - predicted[:, 0]
         if estimate is not None and np.any(estimate.pass_covariance):
             # Forward and reverse draw with columns of their own.
-            signs = layout.direction[None, :, None, None]
+            way = np.zeros(len(layout.features))
+            way[layout.cells.column] = readings.direction[rows]
+            signs = way[None, :, None, None]
             apart = [np.where(signs == sign, drawn, 0.0) for sign in np.unique(signs)]
             if both is not None:
                 model = component_alone(name, of or AXES[0], both)
@@ -124,42 +126,6 @@ def _table(
     )
 
 
-def _usable(
-    drift: ThermalEstimate | None, name: str, columns: Columns, warned: list[Finding]
-) -> ThermalEstimate | None:
-    """The known drift if the readings have its temperatures, and its times where it lags."""
-    if drift is None:
-        return None
-    known = {
-        key
-        for key, column in columns.items()
-        if column.dtype != object and np.isfinite(column).all()
-    }
-    needed = [*drift.sensors, *((TIME,) if drift.time_constants.any() else ())]
-    lost = [key for key in needed if key not in known]
-    if lost:
-        warned.append(finding("drift-not-removed", component=name, columns=", ".join(lost)))
-    return None if lost else drift
-
-
-def _shared_by_directions(
-    estimate: ComponentEstimate,
-) -> tuple[ComponentEstimate, ComponentEstimate | None]:
-    """The estimate with what forward and reverse of a run do not share of D, and an error of zero
-    with what they do, K = S_m - S_h (`stats.pass_pairs`).
-    """
-    known = covariance_in_run(estimate)
-    if known is None:
-        return estimate, None
-    C = estimate.covariance
-    # Of several instruments D is of all, K of those that ran both ways: together they are D.
-    D = drawable_passes(estimate.pass_covariance, C)
-    K = bounded(drawable_passes(known, C), D)
-    own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
-    zero = np.zeros_like(estimate.coefficients)
-    return own, replace(estimate, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
-
-
 # Passes and targets.
 
 SAME = 1e-4
@@ -167,14 +133,7 @@ SAME = 1e-4
 SIGNS = {1: " +", -1: " -", 0: ""}
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReadingLayout(Layout):
-    """Passes in order of time by targets and directions, whose sign is `direction` (H,)."""
-
-    direction: IntArray
-
-
-def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str) -> ReadingLayout:
+def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str) -> Layout:
     """The readings `rows` (n,) of the component `name`, a function of the axis `of`.
 
     A pass is one number of one file, in one direction where it is not a run there and back.
@@ -189,7 +148,7 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
     names = _row_names(readings, passes)
-    return ReadingLayout(
+    return Layout(
         parts=names,
         features=tuple(
             labels[code // 3] + SIGNS[int(way)] * several
@@ -198,7 +157,6 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
         operation=np.zeros(len(columns), np.int64),
         cells=cells_of(passes.runs[group], column.reshape(-1), len(names), len(columns)),
         nominal=reading_places(readings, rows, of),
-        direction=signs,
     )
 
 
@@ -211,7 +169,7 @@ def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
     found: list[dict[str, str]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
     for g in np.argsort(passes.order).tolist():
         file, number, way = passes.keys[g]
-        shown = f"{readings.sources[file].shown} {number}" if twice else str(number)
+        shown = f"{readings.sources[file].shown} " * twice + str(number)
         found[passes.runs[g]][shown] = SIGNS[way]
     names = ["/".join(own) for own in found]
     if len(set(names)) < len(names):

@@ -6,7 +6,6 @@ covariance D adds each part draws anew. Readings become such tables in `reading_
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,12 +22,10 @@ from mtu_cli.model.covariates import (
     rows_of,
     table_covariates,
     text_warnings,
-    without_gaps,
     without_repeated,
 )
-from mtu_cli.model.effect_ranges import guess_warnings
-from mtu_cli.model.features import outside_warnings
-from mtu_cli.model.machine_model import AXES, TIME, MachineModel, design, sensors_of, theta
+from mtu_cli.model.features import guess_warnings, outside_warnings
+from mtu_cli.model.machine_model import AXES, MachineModel, design, sensors_of, theta
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import (
     check_repeats,
@@ -37,8 +34,7 @@ from mtu_cli.model.measured import (
     not_measured,
     roundings,
 )
-from mtu_cli.model.prediction import constant_effects, predict
-from mtu_cli.model.temperatures import temperature_gradients
+from mtu_cli.model.prediction import constant_effects, predict, temperature_noise
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
     BoolArray,
@@ -123,26 +119,15 @@ class ResidualTable:
 
     def ranges(self, columns: Iterable[str]) -> dict[str, list[float]]:
         """Lowest and highest value over the measured cells of positions and those `columns` that
-        the table has, rounded outward to a millionth of the range.
+        the table has.
         """
         values = {axis: self.places[..., i] for i, axis in enumerate(AXES)} | self.covariates
         result = {}
         for name in dict.fromkeys(columns):
             own = np.broadcast_to(values.get(name, np.nan), self.there.shape)[self.there]
             if len(own) and np.isfinite(own).all():
-                result[name] = _outward(float(own.min()), float(own.max()))
+                result[name] = [float(own.min()), float(own.max())]
         return result
-
-
-def _outward(low: float, high: float) -> list[float]:
-    """The ends of a range to about a millionth of it, and all of it between them."""
-    fine = 1e-6 * (high - low)
-    if not 0.0 < fine < math.inf:
-        return [low, high]
-    decimals = -math.floor(math.log10(fine))
-    near = [round(low, decimals), round(high, decimals)]
-    steps = (-(near[0] > low), near[1] < high)
-    return [round(end + n * 10.0**-decimals, decimals) for end, n in zip(near, steps, strict=True)]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,7 +191,7 @@ def residual_table(
     the points' nominal places and own covariates, `covariates` where they have no such column. A
     `datum` that frees is projected out of every measurement of a part and of the factors. An axis
     without an equation, or that not every point has, is left out with a warning; so are covariates
-    that repeat the errors or are texts, and rows with one of few gaps in a covariate.
+    that repeat the errors, are texts or have gaps.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they claim,
     or points of no axis that an equation is for.
@@ -214,9 +199,15 @@ def residual_table(
     check_repeats(points)
     warned = left_out(points)
     points, repeated = without_repeated(points, model.covariates())
-    points, gaps = without_gaps(points, model.covariates())
-    warned += [*repeated, *gaps, *text_warnings(points)]
-    axes = _axes(model, points, warned)
+    warned += [*repeated, *text_warnings(points)]
+    measured_axes = axes_of(points)
+    for axis in (AXES[i] for i in measured_axes if AXES[i] not in model.axes):
+        consequence = f"errors along {axis} are left out"
+        warned.append(finding("axis-without-equation", axis=axis, consequence=consequence))
+    warned += not_measured(model.axes, points)
+    axes = tuple(i for i in measured_axes if AXES[i] in model.axes)
+    if not axes:
+        raise no_shared_axis(model, points, measured_axes)
     lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
     if lost.all() and len(lost):
         raise error(
@@ -232,13 +223,13 @@ def residual_table(
         points = only_rows(points, ~lost)
     layout = _layout(model, points)
     at, cells, columns = covariates or {}, layout.cells, point_columns(points)
-    needed = needed_covariates(model, points, columns, at, at_nominal=True)
+    values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
     shown, more = table_covariates(columns, cells, points, np.arange(len(points)))
-    predicted, common, of_part = cell_model(model, points.nominal, needed.values, cells, shown)
+    predicted, common, of_part = cell_model(model, points.nominal, values, cells, shown)
     first = np.unique(cells.column, return_index=True)[1]
-    once = predict(model, layout.features, points.nominal[first], rows_of(needed.values, first))
-    warned += [*needed.warnings, *more, *outside_warnings(once)]
-    warned += guess_warnings(model, points.nominal, needed.values)
+    once = predict(model, layout.features, points.nominal[first], rows_of(values, first))
+    warned += [*idle, *more, *outside_warnings(once)]
+    warned += guess_warnings(model, points.nominal, values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
     errors = freed_errors(points, errors, axes, datum)[0]
@@ -270,18 +261,6 @@ def residual_table(
             of_part=compressed(table.freed(table.of_part)),
         )
     return table, tuple(warned)
-
-
-def _axes(model: MachineModel, points: Points, warned: list[Finding]) -> tuple[int, ...]:
-    measured = axes_of(points)
-    for axis in (AXES[i] for i in measured if AXES[i] not in model.axes):
-        consequence = f"errors along {axis} are left out"
-        warned.append(finding("axis-without-equation", axis=axis, consequence=consequence))
-    warned += not_measured(model.axes, points)
-    axes = tuple(axis for axis in measured if AXES[axis] in model.axes)
-    if not axes:
-        raise no_shared_axis(model, points, measured)
-    return axes
 
 
 def _layout(model: MachineModel, points: Points) -> Layout:
@@ -328,27 +307,15 @@ def cell_model(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Predictions (n, a) mm at `places` (n, 3) mm under the covariates `values`, as `predict` makes
     them, and of the cells the factors F (P or 1, H, a, K) of the covariances F F', mm^2, that all
-    parts share and that every part draws anew. Measurements that differ in nothing the equations
-    hold are predicted once. `shown` are the covariates' tables: the noise of a temperature that all
-    points share is common to all parts, that of one reading a part is of the part; that of a
-    reading a point adds to the scatter of single cells and is in neither factor. A drift with a lag
-    is given the history of all measurements.
+    parts share and that every part draws anew. `shown` are the covariates' tables: the noise of a
+    temperature that all points share is common to all parts, that of one reading a part is of the
+    part; that of a reading a point adds to the scatter of single cells and is in neither factor. A
+    drift with a lag is given the history of all measurements.
     """
-    lagged = any(bool(drift.time_constants.any()) for drift in model.drifts())
-    fixed, used = model.position_constants(), {*model.covariates(), TIME}
-    inputs = [places[:, i] for i, axis in enumerate(AXES) if axis not in fixed]
-    inputs += [np.asarray(v) for name, v in values.items() if name in used and np.ndim(v)]
-    rows = code = np.arange(len(places))
-    for own in () if lagged else (cells.column, cells.index):
-        _, first, index = np.unique(own, return_index=True, return_inverse=True)
-        alike = first[index]
-        if all(np.array_equal(v, v[alike], equal_nan=True) for v in inputs):
-            rows, code = first, index
-            break
-    mean, *factors = _evaluated(model, places[rows], rows_of(values, rows), shown)
-    tables = (cells.table(cells.means(F[code]), 0.0) for F in factors)
+    mean, *factors = _evaluated(model, places, values, shown)
+    tables = (cells.table(cells.means(F), 0.0) for F in factors)
     common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
-    return mean[code], common, of_part
+    return mean, common, of_part
 
 
 def _evaluated(
@@ -359,13 +326,13 @@ def _evaluated(
     of_constants, shift = constant_effects(model, places, values, centre)
     mean = centre.J @ theta(model) + centre.remainder + shift
     shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
-    blocks = component_blocks(model, centre.J, centre.levers, centre.columns)
+    blocks = component_blocks(model, centre.J, centre.levers)
     for block in (*blocks, *of_constants):
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: shown[name].shape if name in shown else (1, 1) for name in sensors_of(model)}
     if any(shape[1] == 1 for shape in read.values()):
-        gradients = temperature_gradients(model, places, centre.levers, noise=True)
+        gradients = temperature_noise(model, places, centre.levers)
         for sensor, column in gradients.items():
             # The noise of a reading of its own at every cell is none of the two.
             if read[sensor][1] == 1:

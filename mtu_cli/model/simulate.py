@@ -13,8 +13,8 @@ import numpy as np
 
 from mtu_cli.files.headers import LARGEST_READING
 from mtu_cli.files.part import Circle
-from mtu_cli.findings import InputError, error, suggestion
-from mtu_cli.language import Node, check_known, evaluate, parse
+from mtu_cli.findings import InputError, error
+from mtu_cli.language import Node, check_known, evaluate
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.geometry import GeometryError, fit_circle
@@ -35,12 +35,6 @@ READINGS_STREAM, PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 0
 """Further ones: 4 of the climate, 6 of drifts."""
 LARGEST_MM = 1e6
 """No machine is a kilometre long."""
-TAKEN = {
-    *("part", "feature", "operation", "repeat", "sequence", "time", "time_min"),
-    *(f"{start}{axis}" for axis in AXES for start in ("", "dir_")),
-    *(f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")),
-}
-"""Columns that points have anyway: no covariate may be called so."""
 Equations = tuple[tuple[str, Node], ...]
 
 
@@ -54,7 +48,7 @@ def pass_root(model: MachineModel) -> FloatArray:
     K = columns[-1].stop
     result, every = np.zeros((K, K)), np.arange(K)
     place = {term.estimate.name: every[own] for term, own in zip(model.terms, columns, strict=True)}
-    for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns))), columns):
+    for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns)))):
         if not np.isfinite(block.D).all():
             raise error(
                 "too-little-data",
@@ -134,48 +128,6 @@ def simulate_readings(
         direction=np.array(direction),
         error=np.array(errors),
     )
-
-
-def errors_by_axis(option: str, texts: Sequence[str], axes: Sequence[str]) -> Equations:
-    """Equations named Ex, Ey or Ez, by their axis, which is one of `axes`."""
-    known = [f"E{axis}" for axis in axes]
-    equations = [named_equation(option, text) for text in texts]
-    for name, _ in equations:
-        if name not in known:
-            hint = suggestion(name, known)
-            raise error("unknown-name", path=option, what="equation", value=name, **hint)
-    return tuple((name[1:], node) for name, node in equations)
-
-
-def covariate_equations(option: str, texts: Sequence[str]) -> Equations:
-    """Declared covariates; none may take a column that the points have anyway."""
-    result: dict[str, Node] = {}
-    for text in texts:
-        name, node = named_equation(option, text, column=True)
-        if name in TAKEN or name in result:
-            place = {"path": option, "value": text, "taken": "a column of the points"}
-            raise error("name-taken", **place, expected="another name, such as T_spindle_degC")
-        result[name] = node
-    return tuple(result.items())
-
-
-def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str, Node]:
-    """Name and equation of an error in mm, or of a `column` in the unit that its name tells. Its
-    numbers may have units: ``0.004*dir_x`` are mm. Raises InputError for what is no such text.
-    """
-    name, colon, equation = text.partition(":")
-    blanks, name = " " * len(name + colon), name.strip()
-    if not (colon and name.isascii() and name.isidentifier()):
-        example = "'T_spindle_degC: 20 + 2*(sequence - 1)'" if column else "'Ex: 0.004*dir_x'"
-        place = {"path": option, "value": text, "expected": f"{example}, say"}
-        raise error("wrong-type", kind="NAME: EQUATION", **place)
-    try:
-        # Blanks for the name: columns count from the start of the option's text.
-        tree = parse(blanks + equation)
-    except InputError as fault:
-        place = {"path": f"{option} {name}", "value": text}
-        raise InputError(each.at(**place) for each in fault.findings) from None
-    return name, tree
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -290,8 +242,13 @@ def simulate_points(
     not state.
     """
     parts = _parts(ids, points, plan)
-    _check(model, parts[0])
+    ask, rooms = "--covariate '{}: EQUATION'", ", or --cmm-room DEGC"
+    if missing := missing_covariates(model, parts[0].values, ask=ask, of_sensor=rooms):
+        raise InputError(missing)
     root, n, axes = pass_root(model), len(ids), _written(model)
+    for i, k in np.argwhere(np.isnan(points[:, [AXES.index(axis) for axis in axes]]))[:1]:
+        key, path = f"{axes[k]}_mm", f"features.{ids[i]}"
+        raise error("missing-key", key=key, path=path, expected=f"{key} of every feature")
     # Without covariates in the equations the places alone make the design, of every part.
     fixed = None if model.covariates() else design(model, points, {})
     measured = [
@@ -312,18 +269,6 @@ def simulate_points(
             for name in parts[0].values
         },
     )
-
-
-def _check(model: MachineModel, part: Part) -> None:
-    """Raises InputError for covariates that the part lacks, and for an unknown coordinate."""
-    ask = "--covariate '{}: EQUATION'"
-    if missing := missing_covariates(model, part.values, ask=ask, of_sensor=", or --cmm-room DEGC"):
-        raise InputError(missing)
-    axes = _written(model)
-    unknown = np.argwhere(np.isnan(part.points[:, [AXES.index(axis) for axis in axes]]))
-    for i, k in unknown[:1]:
-        key, path = f"{axes[k]}_mm", f"features.{part.ids[i]}"
-        raise error("missing-key", key=key, path=path, expected=f"{key} of every feature")
 
 
 def _measured(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,8 +20,7 @@ POINTS = 11
 """Over the travel, of what is no table."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StatedErrors:
+class StatedErrors(NamedTuple):
     """Errors (2, n) forward and reverse at n positions along an axis, mm or rad, and their
     covariance (2n, 2n); `turns`: the directions differ.
     """
@@ -70,7 +69,7 @@ class Stated:
         way, points = f"dir_{self.axis}", np.full((2 * len(positions), 3), np.nan)
         points[:, AXES.index(self.axis)] = np.tile(positions, 2)
         rows = design(model, points, {way: np.repeat([1.0, -1.0], len(positions))})
-        blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
+        blocks = component_blocks(model, rows.J, rows.levers)
         return StatedErrors(
             values=(rows.J @ theta(model)).reshape(2, -1),
             covariance=np.sum([block.G @ block.C @ block.G.T for block in blocks], axis=0),
@@ -85,39 +84,34 @@ def known_names(machine: LoadedMachine) -> list[str]:
 
 def stated(machine: LoadedMachine, name: str) -> Stated:
     """The component or effect of this name; raises InputError for none along one axis."""
-    components, effects = machine.machine.components, machine.machine.effects
-    if name in components:
-        component = components[name]
+    names_known = known_names(machine)
+    if name not in names_known:
+        near = suggestion(name, names_known)
+        raise error("unknown-name", path="--component", what="component", value=name, **near)
+    axis, angle, component = "", False, machine.machine.components.get(name)
+    if component is not None:
         if component.of is None:
             raise error("not-applicable", reason=f"{name} is a constant: no table of an axis")
+        angle, axis, at = UNITS[component.unit].dimension != LENGTH, component.of, component.at_mm
         equations = [key for key, form in machine.forms.items() if name in form.coefficients]
-        at = np.array(component.at_mm, float) if component.at_mm else None
-        angle = UNITS[component.unit].dimension != LENGTH
-        output = _output(equations, component.of)
-        return Stated(name=name, axis=component.of, output=output, angle=angle, at_mm=at)
-    place = {each.name: i for i, each in enumerate(effects)}
-    if name not in place:
-        near = suggestion(name, known_names(machine))
-        raise error("unknown-name", path="--component", what="component", value=name, **near)
-    form, own = machine.effect_forms[place[name]], effects[place[name]].components.values()
-    levers = [lever for each in form.values() for lever in each.coefficients.values()]
-    used = {x for lever in levers for x in names(lever)} | {x.of for x in own if x.of}
-    axes = {x.removeprefix("dir_") for x in used} & {*AXES}
-    left = used - {*axes, *(f"dir_{x}" for x in axes), *machine.machine.constants}
-    if (
-        len(form) > 1
-        or len(axes) != 1
-        or left
-        or any(x.remainder is not None for x in form.values())
-    ):
-        depends = ", ".join(sorted(left | (axes if len(axes) != 1 else set()))) or "several axes"
-        reason = f"the effect {name} depends on {depends}: no table of one axis holds it"
-        raise error("not-applicable", reason=reason)
-    (axis,) = axes
-    at = next((np.array(x.at_mm, float) for x in own if x.at_mm), None)
-    return Stated(name=name, axis=axis, output=_output(form, axis), at_mm=at)
-
-
-def _output(equations: Collection[str], axis: str) -> str:
-    """The axis of the only equation it stands in; of several `axis` itself."""
-    return next(iter(equations))[1:] if len(equations) == 1 else axis
+    else:
+        index = names_known.index(name) - len(machine.machine.components)
+        form, own = machine.effect_forms[index], machine.machine.effects[index].components.values()
+        levers = [lever for each in form.values() for lever in each.coefficients.values()]
+        used = {x for lever in levers for x in names(lever)} | {x.of for x in own if x.of}
+        axes = {x.removeprefix("dir_") for x in used} & {*AXES}
+        left = used - {*axes, *(f"dir_{x}" for x in axes), *machine.machine.constants}
+        plain = all(x.remainder is None for x in form.values())
+        if len(form) > 1 or len(axes) != 1 or left or not plain:
+            depends = ", ".join(sorted(left | axes)) or "several axes"
+            reason = f"the effect {name} depends on {depends}: no table of one axis holds it"
+            raise error("not-applicable", reason=reason)
+        axis, equations = axes.pop(), [*form]
+        at = next((x.at_mm for x in own if x.at_mm), None)
+    return Stated(
+        name=name,
+        axis=axis,
+        output=equations[0][1:] if len(equations) == 1 else axis,
+        angle=angle,
+        at_mm=None if at is None else np.array(at, float),
+    )

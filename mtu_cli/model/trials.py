@@ -15,7 +15,7 @@ from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.covariance import as_covariance, factor_of
-from mtu_cli.stats.coverage import t_quantiles
+from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.monte_carlo import monte_carlo
@@ -111,7 +111,7 @@ class PointTrials:
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
         """Those (outputs, n) of the first-order values less their mean."""
-        return self.linear_u * t_quantiles(probability, self.linear_dof)
+        return self.linear_u * [t_quantile(probability, dof) for dof in self.linear_dof.tolist()]
 
 
 def _factor(covariance: FloatArray) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -38,8 +37,7 @@ class Block:
     half_differences: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeanSquares:
+class MeanSquares(NamedTuple):
     """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
     (K, m) is what each adds to the variance of the mean over all future parts, that of the
     coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
@@ -224,14 +222,12 @@ def normal_block(name: str, F: FloatArray, *, of_part: bool = False) -> Block:
     )
 
 
-def component_blocks(
-    model: MachineModel, J: FloatArray, levers: FloatArray, columns: Sequence[slice]
-) -> list[Block]:
+def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> list[Block]:
     """One block a group of components that share passes, one for every other component.
 
-    `J` (rows, K) and `levers` (rows, c) as `design` gives them, `columns` of each term in J.
+    `J` (rows, K) and `levers` (rows, c) as `design` gives them.
     """
-    at = {term.estimate.name: t for t, term in enumerate(model.terms)}
+    at, columns = {term.estimate.name: t for t, term in enumerate(model.terms)}, model.columns
     groups: list[tuple[list[str], JointPasses | None]] = []
     for group in model.joint:
         kept = [name for name in group.components if name in at]
@@ -239,48 +235,39 @@ def component_blocks(
             groups.append((kept, group))
     joint = {name for kept, _ in groups for name in kept}
     groups += [([name], None) for name in at if name not in joint]
-    return [
-        _block(model, [at[n] for n in kept], group, J, levers, columns) for kept, group in groups
-    ]
-
-
-def _block(
-    model: MachineModel,
-    terms: Sequence[int],
-    group: JointPasses | None,
-    J: FloatArray,
-    levers: FloatArray,
-    columns: Sequence[slice],
-) -> Block:
-    """The block of some `terms` that share the passes of a group, or of one of its own."""
-    known = [model.terms[t].estimate for t in terms]
-    ends = np.cumsum([0, *(len(x.coefficients) for x in known)]).tolist()
-    inside = tuple(slice(*pair) for pair in pairwise(ends))
-    squares = [between_passes(x) for x in known]
-    of = group or known[0]
-    C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, squares[0]
-    if group is not None:
-        owners = np.repeat(np.array(group.components, object), group.widths)
-        rows = np.ix_(*[np.flatnonzero(np.isin(owners, [x.name for x in known]))] * 2)
-        C, D, halves = C[rows], D[rows], None if halves is None else halves[rows]
-        between = None
-        if group.n_passes is not None and all(own is not None for own in squares):
-            # Between components C is of their level and slope alone, whatever their degree.
-            between = from_mean(C, group.n_passes, halves)
-            for part, own in zip(inside, squares, strict=True):
-                between[part, part] = own
-    sides = [J[:, columns[t]] for t in terms]
-    visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, known, strict=True)]
-    return Block(
-        names=tuple(x.name for x in known),
-        columns=inside,
-        G=sides[0] if group is None else np.column_stack(sides),
-        C=C,
-        D=D,
-        noise=np.column_stack(visits),
-        pass_dof=of.pass_dof,
-        repeat_dof=tuple(x.repeat_dof for x in known),
-        between=between,
-        n_passes=of.n_passes or 0,
-        half_differences=halves,
-    )
+    blocks = []
+    for names, shared in groups:
+        terms = [at[name] for name in names]
+        known = [model.terms[t].estimate for t in terms]
+        ends = np.cumsum([0, *(len(x.coefficients) for x in known)]).tolist()
+        inside = tuple(slice(*pair) for pair in pairwise(ends))
+        squares = [between_passes(x) for x in known]
+        of = shared or known[0]
+        C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, squares[0]
+        if shared is not None:
+            owners = np.repeat(np.array(shared.components, object), shared.widths)
+            rows = np.ix_(*[np.flatnonzero(np.isin(owners, names))] * 2)
+            C, D, halves = C[rows], D[rows], None if halves is None else halves[rows]
+            between = None
+            if shared.n_passes is not None and all(own is not None for own in squares):
+                # Between components C is of their level and slope alone, whatever their degree.
+                between = from_mean(C, shared.n_passes, halves)
+                for part, own in zip(inside, squares, strict=True):
+                    between[part, part] = own
+        sides = [J[:, columns[t]] for t in terms]
+        visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, known, strict=True)]
+        block = Block(
+            names=tuple(names),
+            columns=inside,
+            G=sides[0] if shared is None else np.column_stack(sides),
+            C=C,
+            D=D,
+            noise=np.column_stack(visits),
+            pass_dof=of.pass_dof,
+            repeat_dof=tuple(x.repeat_dof for x in known),
+            between=between,
+            n_passes=of.n_passes or 0,
+            half_differences=halves,
+        )
+        blocks.append(block)
+    return blocks

@@ -5,35 +5,41 @@ With --method paper `var_part` is MS_between (Gilsinn & Ling 2004, eqs. (31)-(34
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.anova import Analysed, AnovaResult
-from mtu_cli.analyses.anova.parts import Trend
+from mtu_cli.analyses.anova import AnovaResult
 from mtu_cli.analyses.anova.tables import Kind
 from mtu_cli.findings import listed
-from mtu_cli.reports import part_figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, RowOf, declare, read, rows_of
-from mtu_cli.reports.numbers import MISSING
+from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, read, rows_of
+from mtu_cli.reports.numbers import MISSING, cut, words
 from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import ARCSEC, UM
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SHOWN = 24
-"""Tables of a kind that are listed in full; of more the worst are shown."""
-WORST = 10
-TITLES = {"feature": "Features", "length": "Lengths", "angle": "Right angles"}
+"""Tables of a kind that are listed without ``--detail``."""
+DRAWN, RUNS = 6, 4
+"""Features whose parts are drawn, and charts of what has a tolerance."""
 KINDS = {"feature": "feature", "length": "length", "angle": "orthogonality"}
 PLACE = """
     operation | stated(LABEL.0) | null: not stated | operation, text
-    NAME | stated(LABEL.1) | its name; null: all together | TITLE, text
+    NAME | stated(LABEL.1) | its name; null: all together | item, text
     axis | stated(LABEL.2) | of outliers length or angle, too | axis, text
 """
 """What a figure is of, by its label (operation, name, axis)."""
 ENTRY = """
+    *place
     parts | int(one_way.parts) | number of parts
     n | int(one_way.N) | number of readings | n, count
     mean_error_UNIT | one_way.mean | mean of all readings: a part counts by its repeats \
@@ -74,69 +80,50 @@ ENTRY = """
 """
 
 
-def place(label: str, name: str = "id") -> Fields:
-    """The figures that name what others are of."""
-    text = PLACE.replace("LABEL", label).replace("NAME", name)
-    return declare(text.replace("TITLE", name.replace("id", "item")))
-
-
-def entry(kind: Kind) -> Fields:
+def entry(kind: Kind) -> list[Field | Group]:
     """The figures of a feature along an axis, of a length or of a right angle."""
-    fields = declare(
-        ENTRY.replace("UNIT", "arcsec" if kind == "angle" else "um"),
-        rounding=_rounding,
+    return declare(
+        ENTRY,
+        place=PLACE,
+        LABEL="tables.labels",
+        NAME="feature" if kind == "feature" else "id",
+        UNIT="arcsec" if kind == "angle" else "um",
+        # Of one part the scatter of its repeats.
+        rounding=lambda x: x.u_mean if x.u_mean > 0 else np.sqrt(x.one_way.ms_within),
         # Both limits for the part variance were below 0: [0, 0] is no bound on it.
         below_zero=lambda x: bool(x.one_way.ms_within > 0 and (x.interval == 0).all()),
         U_future=lambda x: x.coverage_factor * x.u_future,
         joined=lambda names, u, digits: " ".join(names),
     )
-    return (*place("tables.labels", "feature" if kind == "feature" else "id"), *fields)
 
 
-def _rounding(item: Any) -> float:
-    """What a mean is rounded to: its u, of one part the scatter of its repeats."""
-    return float(item.u_mean if item.u_mean > 0 else np.sqrt(item.one_way.ms_within))
+def _only(unit: str, fields: Fields) -> list[Field]:
+    """The fields, those with a unit of items of that unit alone."""
 
+    def own(item: Any) -> Any:
+        kind = item.where[2] if hasattr(item, "where") else item.kind
+        return item if (kind == "angle") == (unit == "arcsec") else None
 
-def _of_unit(field: Field, unit: str) -> Field:
-    """The field, of items of that unit alone where it has one."""
-    if not field.unit_name:
-        return field
-    return replace(
-        field, value=lambda item: read(item, field.value) if _unit(item) == unit else None
-    )
+    known = [each for each in fields if isinstance(each, Field)]
+    return [replace(each, within=(own,)) if each.unit_name else each for each in known]
 
 
 def _in_units(text: str) -> list[Field]:
     """Fields of lengths and of angles, each of its own items."""
-    return [
-        _of_unit(field, unit)
-        for unit in ("um", "arcsec")
-        for field in declare(text.replace("UNIT", unit))
-        if isinstance(field, Field)
-    ]
+    return [x for unit in ("um", "arcsec") for x in _only(unit, declare(text, UNIT=unit))]
 
 
-def _unit(item: Any) -> str:
-    """Of the figures of an outlying part or of a table."""
-    kind = item.where[2] if hasattr(item, "where") else item.kind
-    return "arcsec" if kind == "angle" else "um"
-
-
-def listing() -> Fields:
+def _row() -> Fields:
     """The CSV: angles in the columns of arcsec and all else in those of um."""
-    um, arcsec = (
-        [field for field in entry(kind) if isinstance(field, Field)]
-        for kind in ("feature", "angle")
-    )
-    name = replace(um[1], value=lambda x: x.tables.labels[1] if x.kind == "feature" else None)
-    meaning = "feature, length or orthogonality"
+    operation, feature, *um = _only("um", entry("feature"))
+    label = feature.value
+    name = "feature, length or orthogonality"
     return (
-        Field("", lambda item: KINDS[item.kind], meaning, csv="kind"),
-        um[0],
-        name,
-        *(_of_unit(field, "um") for field in um[2:]),
-        *(_of_unit(field, "arcsec") for field in arcsec if field.unit_name),
+        Field("", lambda item: KINDS[item.kind], name, csv="kind"),
+        operation,
+        replace(feature, value=lambda item: read(item, label) if item.kind == "feature" else None),
+        *um,
+        *(field for field in _only("arcsec", entry("angle")) if field.unit_name),
     )
 
 
@@ -149,10 +136,8 @@ TOTAL = declare(
     operation | stated(operation) | null: not stated | operation, text
     axis | | x, y or z | axis, text
     features | | number of features | features, count
-    mean_error_um | mean | mean of the mean errors | mean error, u=rounding
+    mean_error_um | mean | mean of the mean errors | mean error, u=spread
     s_mean_errors_um | spread | their standard deviation | feature s
-    largest_mean_error_um | largest | the largest | largest, u=rounding
-    largest_at | worst | of which feature | at, text
     mean_var_part_um2 | part | mean variance from part to part
     mean_var_repeat_um2 | repeat | mean variance of repeated measurement
     mean_var_both_um2 | both | mean variance of both, without repeats
@@ -168,10 +153,16 @@ SLOPE = """
     slope_UNIT | slope | change from part to part in the sequence | slope, u=u
     u_slope_UNIT | u | its standard uncertainty
 """
-TREND: Fields = (
-    *place("where"),
-    *_in_units(SLOPE),
-    *declare("p_familywise | p | p that the sequence changes nothing | p, p"),
+TREND = declare(
+    """
+    *place
+    *slope
+    p_familywise | p | p that the sequence changes nothing | p, p
+    """,
+    place=PLACE,
+    LABEL="where",
+    NAME="id",
+    slope=_in_units(SLOPE),
 )
 LIMITS = """
     low_UNIT | low | lower limit | low
@@ -204,23 +195,21 @@ CAPABILITY = declare(
 UNUSUAL = declare(
     """
     part | | its name | part, text
-    where. | where | *place | json
+    where. | where | *place
     *deviation
     p_familywise | p | p over all parts and tables | p, p
     singles[] | singles | *place
     """,
-    place=place(""),
+    place=PLACE,
+    LABEL="",
+    NAME="id",
     deviation=_in_units(DEVIATION),
 )
 
 
-def _rows(kind: Kind) -> Callable[[AnovaResult], list[RowOf]]:
-    return lambda result: [
-        row
-        for found in result.kinds
-        if found.kind == kind
-        for row in rows_of(found, len(found.tables.labels))
-    ]
+def _rows(result: AnovaResult, kind: Kind) -> list[RowOf]:
+    known = [found for found in result.kinds if found.kind == kind]
+    return [row for found in known for row in rows_of(found, len(found.tables.labels))]
 
 
 RESULTS = declare(
@@ -235,9 +224,9 @@ RESULTS = declare(
     trends[] | trends | *trend
     capability[] | capabilities | *capability
     """,
-    features=_rows("feature"),
-    lengths=_rows("length"),
-    angles=_rows("angle"),
+    features=partial(_rows, kind="feature"),
+    lengths=partial(_rows, kind="length"),
+    angles=partial(_rows, kind="angle"),
     feature=entry("feature"),
     length=entry("length"),
     angle=entry("angle"),
@@ -246,65 +235,115 @@ RESULTS = declare(
     trend=TREND,
     capability=CAPABILITY,
 )
-ROW = listing()
+ROW = _row()
 
 
 def document(result: AnovaResult, digits: int = 2) -> Document:
-    """A row an operation and axis; then outliers, lengths, angles and features."""
-    figure, tables = partial(part_figures.anova, result), list(_tables(result))
-    verdict = _verdict(result)
-    return Document("Measured parts", (RESULTS, result), tables, figure, verdict, digits)
-
-
-def _tables(result: AnovaResult) -> Iterator[Table]:
-    rows = {found.kind: _rows(found.kind)(result) for found in result.kinds}
-    yield Table("", ROW, [row for of_kind in rows.values() for row in of_kind], shown=())
+    """A row an operation and axis; then outliers, trends, capability, lengths, angles, features."""
+    features, lengths, angles = (_rows(result, kind) for kind in ("feature", "length", "angle"))
+    trending = [item for item in result.trends if item.p <= FAMILY_RATE]
     datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
-    footer = (
+    of_totals = (
         "s: standard deviations of the features' mean errors, from part to part, of repeated "
         "measurement (CMM); parts differ: F test, 5 % over all (Holm)"
     )
-    yield Table(f"Features by operation and axis{datum}", TOTAL, result.totals, footer)
-    footer = f"mean of the other parts; false alarms in {100 * FAMILY_RATE:g} % of studies"
-    yield Table("Outlying parts", UNUSUAL, result.unusual or (), f"deviation from the {footer}")
-    footer = "change from part to part, p over all tables (Holm)"
-    yield Table("Trends over the sequence", TREND, _significant(result), footer)
-    footer = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"
-    yield Table("Capability", CAPABILITY, result.capabilities, footer)
-    for found in (*result.kinds[1:], result.features):
-        yield _listed(found, rows[found.kind])
-
-
-def _listed(found: Analysed, rows: Sequence[RowOf]) -> Table:
-    """All tables of a kind where they are few, else those of the largest errors."""
-    title, footer, chosen = TITLES[found.kind], "", rows
-    if len(rows) > SHOWN:
-        chosen = [rows[i] for i in found.order[:WORST]]
-        title += f": the {WORST} of {len(rows)} with the largest errors"
-    if found.kind == "feature":
-        footer = f"mean and its u; U future = {found.coverage_factor:g} u of a future part"
-        papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))"
-        footer += papers * (found.method == "paper") + "; p of the F test"
-    return Table(title, entry(found.kind), rows, footer, shown=chosen)
-
-
-def _verdict(result: AnovaResult) -> str:
-    """Whether parts differ, which are outliers, and what changes over the sequence."""
+    of_unusual = (
+        "deviation from the mean of the other parts; false alarms in "
+        f"{100 * FAMILY_RATE:g} % of studies"
+    )
+    of_trends = "change from part to part, p over all tables (Holm)"
+    of_capability = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"
+    papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))"
+    papers = papers if result.method == "paper" else ""
+    k = result.features.coverage_factor
+    of_features = f"mean and its u; U future = {k:g} u of a future part{papers}; p of the F test"
+    tables = [
+        Table("", ROW, [*features, *lengths, *angles], shown=()),
+        Table(f"Features by operation and axis{datum}", TOTAL, result.totals, of_totals),
+        Table("Outlying parts", UNUSUAL, result.unusual or (), of_unusual),
+        Table("Trends over the sequence", TREND, trending, of_trends),
+        Table("Capability", CAPABILITY, result.capabilities, of_capability),
+        Table("Lengths", entry("length"), lengths, detail=len(lengths) > SHOWN),
+        Table("Right angles", entry("angle"), angles, detail=len(angles) > SHOWN),
+        Table("Features", entry("feature"), features, of_features, detail=len(features) > SHOWN),
+    ]
     tested = sum(item.tested for item in result.totals)
     differ = sum(item.differ for item in result.totals)
-    said = []
-    if tested:
-        said.append(
-            f"F test: parts differ significantly in {differ} of {tested} features and axes."
-        )
+    said = [f"F test: parts differ significantly in {differ} of {tested} features and axes."]
+    said = said if tested else []
     if result.unusual is not None:
         names = listed(item.part for item in result.unusual)
         said.append(f"Outlying parts: {names}." if names else "No part is an outlier.")
-    if trending := _significant(result):
-        names = listed(" ".join(filter(None, item.where)) for item in trending)
-        said.append(f"Trend over the sequence: {names}.")
-    return " ".join(said) or "Too few parts or repeats for the F test and for outliers."
+    if trending:
+        said.append(f"Trend over the sequence: {listed(words(*x.where) for x in trending)}.")
+    verdict = " ".join(said) or "Too few parts or repeats for the F test and for outliers."
+    figure_ = partial(figure, result)
+    return Document("Measured parts", (RESULTS, result), tables, figure_, verdict, digits)
 
 
-def _significant(result: AnovaResult) -> list[Trend]:
-    return [item for item in result.trends if item.p <= FAMILY_RATE]
+class Chart(NamedTuple):
+    """The mean of each part over the sequence of manufacture, with what the CMM's scatter makes of
+    it and the names of outliers; `limits` of the tolerance.
+    """
+
+    title: str
+    unit: str
+    sequence: FloatArray
+    values: FloatArray
+    half: FloatArray | None
+    limits: Sequence[float]
+    outliers: dict[int, str]
+
+
+@figures.styled
+def figure(result: AnovaResult) -> Figure:
+    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and what has a tolerance."""
+    charts = list(_charts(result))
+    columns = min(len(charts), 2)
+    page = figures.blank(8.5, 1.45 * math.ceil(len(charts) / columns) + 1.0)
+    for panel, chart in zip(figures.panels_of(page, len(charts), columns), charts, strict=False):
+        order = np.argsort(chart.sequence, kind="stable")
+        half = None if chart.half is None else chart.half[order]
+        panel.errorbar(
+            chart.sequence[order], chart.values[order], half, fmt="o-", color=figures.INK, ms=3,
+            lw=0.5, elinewidth=1.0, label="mean of a part ± k s_repeat/√n",
+        )  # fmt: skip
+        for limit in chart.limits:
+            panel.axhline(limit, color=figures.RED, lw=1.0, ls="--", label="tolerance")
+        for i, name in chart.outliers.items():
+            place = chart.sequence[i], chart.values[i]
+            panel.plot(*place, "D", color=figures.RED, ms=5, label="outlier among the parts")
+            panel.annotate(cut(name, 14), place, (5, 3), textcoords="offset points", fontsize=7)
+        panel.set_title(cut(chart.title, 44))
+        panel.set_ylabel(chart.unit)
+        panel.locator_params(axis="x", integer=True)
+    for panel in page.axes[-columns:]:
+        panel.set_xlabel("sequence of the parts")
+    figures.legend(page, 2)
+    count = len({label[:2] for label in result.features.labels})
+    some = f"; {DRAWN} of {count} features" * (count > DRAWN)
+    figures.title(page, f"Mean errors by part, actual minus nominal{some}")
+    return page
+
+
+def _charts(result: AnovaResult) -> Iterator[Chart]:
+    """Features, clear trends, outliers and the largest errors first; then what has a tolerance, the
+    least capable first.
+    """
+    found, k = result.features, result.features.coverage_factor
+    clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in found.labels]
+    outliers = [x for x, parts in zip(found.labels, found.unusual, strict=True) if parts]
+    most = [*clear, *outliers, *(found.labels[i] for i in found.order)]
+    for key in list(dict.fromkeys(label[:2] for label in most))[:DRAWN]:
+        for i in (i for i, label in enumerate(found.labels) if label[:2] == key):
+            mean, u = (each / UM for each in found.part_means(i))
+            out = {p: name for p, name in enumerate(found.tables.parts) if name in found.unusual[i]}
+            text = words(*found.labels[i])
+            yield Chart(text, "um", result.sequence[key[0]], mean, k * u, (), out)
+    by_merit = sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf]))
+    for item in by_merit[:RUNS]:
+        unit, size = ("arcsec", ARCSEC) if item.kind == "angle" else ("um", UM)
+        limits = [item.high] if item.kind == "position" else [item.low, item.high]
+        title = f"{words(item.operation, item.id)} {item.kind}: ppk {item.ppk:.2f}"
+        ends = [limit / size for limit in limits]
+        yield Chart(title, unit, item.sequence, item.values / size, None, ends, {})

@@ -13,8 +13,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.visits import IntArray
 from mtu_cli.reports import figures
 from mtu_cli.reports.figures import LETTER
-from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.numbers import cut, significant, spread
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -80,74 +79,118 @@ class Panel(NamedTuple):
         return np.sqrt(np.clip(values, 0.0, None)), directions
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """How maps lie on paper: panels in the `plane` of two axes, in `columns`; a page of `width` and
-    `height` inches; limits (2,) in mm; `scales` in the plane and across it, mm of the figure a um;
-    and whether the features are `named`.
-    """
-
-    maps: Maps
-    plane: list[int]
-    panels: list[Panel]
-    columns: int
-    width: float
-    height: float
-    low: FloatArray
-    high: FloatArray
-    scales: dict[int, float]
-    named: bool
-
-
-def sheet(maps: Maps, width: float | None = None) -> Sheet:
-    """The layout of maps on a page, 12 inches wide, or 8 where one panel is all.
+    """How maps lie on a page `width` inches wide, 12 or of one panel 8; it is `height` high.
 
     Level by level from above, or from the side where all features lie in such a plane. The longest
     arrow is about as long as features are apart, and the ellipses of neighbours about touch at the
-    largest u; errors across the plane are of another size, and have a scale of their own.
+    largest u; errors across the plane are of another size, and have a scale of their own: `scales`
+    are mm of the figure a um, by the number of axes of a panel.
     """
-    flat = [len(np.unique(np.round(column, 1))) == 1 for column in maps.places.T]
-    whole = len(maps.axes) == len(AXES)
-    normal = next((axis for axis in (2, 1, 0) if whole and flat[axis]), 2)
-    plane = [axis for axis in range(3) if axis != normal]
-    levels = _levels(np.round(maps.places[:, normal], 1))
-    panels = [
-        Panel(_title(maps, name, axes, rows, normal), rows, axes, sides)
-        for name, sides in maps.groups
-        for axes in ([plane, [normal]] if whole else [plane])
-        for rows in levels
-    ]
-    places = maps.places[:, plane]
-    apart = min(_spacing(places[rows]) for rows in levels)
-    scales: dict[int, float] = {}
-    for count in (2, 1):
-        sizes = [1e-12]
-        for panel in (panel for panel in panels if len(panel.axes) == count):
-            for side in panel.sides:
-                arrows, half = panel.errors(side), panel.ellipses(side, maps.k)[0]
-                longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
-                sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
-        scales[count] = apart / max(sizes)
-    low, high = places.min(axis=0) - 1.3 * apart, places.max(axis=0) + 1.3 * apart
-    columns = min(len(panels), len(levels) if len(levels) > 1 else 2, 3)
-    page = width or (8.0 if columns == 1 else 12.0)
-    inches = (page - 0.9) / columns - 0.2
-    inch = max((high - low) / (inches, PANEL[1]))
-    tall = max(PANEL[0], float(high[1] - low[1]) / inch)
-    fits = apart / inch > LETTER * max(map(len, maps.ids)) + 0.1
-    return Sheet(
-        maps=maps, plane=plane, panels=panels, columns=columns, width=page, low=low, high=high,
-        height=-(-len(panels) // columns) * (tall + ABOVE) + 0.45, scales=scales,
-        named=fits and max(map(len, levels)) <= NAMED,
-    )  # fmt: skip
 
+    def __init__(self, maps: Maps, width: float | None = None) -> None:
+        flat = [len(np.unique(np.round(column, 1))) == 1 for column in maps.places.T]
+        whole = len(maps.axes) == len(AXES)
+        normal = next((axis for axis in (2, 1, 0) if whole and flat[axis]), 2)
+        self.maps, self.plane = maps, [axis for axis in range(3) if axis != normal]
+        self.places = maps.places[:, self.plane]
+        heights = np.round(maps.places[:, normal], 1) + 0.0
+        known, code = np.unique(np.nan_to_num(heights, nan=np.inf), return_inverse=True)
+        levels = [np.flatnonzero(code == i) for i in spread(len(known), MOST)]
+        if len(known) > FEW and 3 * len(known) > len(heights):
+            levels = [np.arange(len(heights))]
+        self.panels = []
+        for name, sides in maps.groups:
+            for axes in [self.plane, [normal]] if whole else [self.plane]:
+                kind = " and ".join(f"E{AXES[axis]}" for axis in axes)
+                kind += " (up is +)" * (len(axes) == 1)
+                for rows in levels:
+                    ends = {f"{h:.6g}": None for h in (heights[rows].min(), heights[rows].max())}
+                    at = f"{AXES[normal]} = {' to '.join(ends)} mm"
+                    at = at if np.isfinite(heights[rows]).all() else ""
+                    text = ", ".join(filter(None, (cut(name, 20), kind, at)))
+                    self.panels.append(Panel(text, rows, axes, sides))
+        apart = min(_spacing(self.places[rows]) for rows in levels)
+        self.scales: dict[int, float] = {}
+        for count in (2, 1):
+            sizes = [1e-12]
+            for panel in (panel for panel in self.panels if len(panel.axes) == count):
+                for side in panel.sides:
+                    arrows, half = panel.errors(side), panel.ellipses(side, maps.k)[0]
+                    longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
+                    sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
+            self.scales[count] = apart / max(sizes)
+        self.low = self.places.min(axis=0) - 1.3 * apart
+        self.high = self.places.max(axis=0) + 1.3 * apart
+        self.columns = min(len(self.panels), len(levels) if len(levels) > 1 else 2, 3)
+        self.width = width or (8.0 if self.columns == 1 else 12.0)
+        inches = (self.width - 0.9) / self.columns - 0.2
+        inch = max((self.high - self.low) / (inches, PANEL[1]))
+        tall = max(PANEL[0], float(self.high[1] - self.low[1]) / inch)
+        self.height = -(-len(self.panels) // self.columns) * (tall + ABOVE) + 0.45
+        fits = apart / inch > LETTER * max(map(len, maps.ids)) + 0.1
+        self.named = fits and max(map(len, levels)) <= NAMED
 
-def _levels(heights: FloatArray) -> list[IntArray]:
-    """The features of each level that is drawn; unknown heights are one."""
-    known, code = np.unique(np.nan_to_num(heights, nan=np.inf), return_inverse=True)
-    if len(known) > FEW and 3 * len(known) > len(heights):
-        return [np.arange(len(heights))]
-    return [np.flatnonzero(code == i) for i in spread(len(known), MOST)]
+    def draw(self, page: Figure | SubFigure, title: str) -> None:
+        """The panels, each with its scale; title and sides above."""
+        from matplotlib.lines import Line2D
+
+        figures.title(page, title)
+        sides = {side.name: side.colour for _, group in self.maps.groups for side in group}
+        handles = [Line2D([], [], color=c, lw=2.2, label=name) for name, c in sides.items() if name]
+        if handles:
+            page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
+        across, up = (AXES[axis] for axis in self.plane)
+        panels = figures.panels_of(page, len(self.panels), self.columns)
+        for panel, what in zip(panels, self.panels, strict=False):
+            self._draw_panel(panel, what)
+            panel.set(
+                xlabel=f"{across}, mm", ylabel=f"{up}, mm", aspect="equal",
+                xlim=(self.low[0], self.high[0]), ylim=(self.low[1], self.high[1]),
+            )  # fmt: skip
+            panel.set_title(what.title, pad=20, fontsize=9)
+
+    def _draw_panel(self, panel: Axes, what: Panel) -> None:
+        """Arrows over ellipses; names stand opposite to the arrows."""
+        from matplotlib.collections import EllipseCollection
+        from matplotlib.patheffects import withStroke
+
+        places, scale = self.places[what.rows], self.scales[len(what.axes)]
+        for i, side in enumerate(what.sides):
+            errors = what.errors(side)
+            if side.covariance is not None:
+                half, directions = what.ellipses(side, self.maps.k)
+                turned = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
+                ellipses = EllipseCollection(
+                    2 * scale * half[:, 1], 2 * scale * half[:, 0], turned, units="xy",
+                    offsets=places + scale * errors, offset_transform=panel.transData,
+                    facecolors=figures.PALE, edgecolors=figures.BLUE, linewidths=0.8, alpha=0.55,
+                    zorder=2,
+                )  # fmt: skip
+                panel.add_collection(ellipses, autolim=False)
+            # The first is wider, to be seen where both are the same.
+            width = 0.04 if len(what.sides) > 1 and i == 0 else 0.02
+            arrows = panel.quiver(
+                *places.T, *errors.T, angles="xy", scale_units="xy", scale=1 / scale,
+                color=side.colour, units="inches", width=width, headwidth=4, zorder=4,
+            )  # fmt: skip
+            if i == 0:
+                length = 0.12 * float(self.high[0] - self.low[0]) / scale
+                words = significant(length, 1)
+                panel.quiverkey(
+                    arrows, 0.12 * float(words) / length, 1.02, float(words), f"{words} um",
+                    labelpos="E", color=figures.INK,
+                )  # fmt: skip
+        panel.plot(*places.T, "o", color=figures.INK, markersize=2.6, zorder=5)
+        total = np.nansum([what.errors(side) for side in what.sides], axis=0)
+        for i, row in enumerate(what.rows if self.named else ()):
+            name, size = self.maps.ids[row], float(np.linalg.norm(total[i]))
+            away = -total[i] / size if size > 0 else np.array([0.0, -1.0])
+            panel.annotate(
+                name, places[i].tolist(), textcoords="offset points", ha="center", va="center",
+                xytext=(away * (4 + 36 * LETTER * len(name), 8)).tolist(), fontsize=7.5, zorder=6,
+                path_effects=[withStroke(linewidth=2.2, foreground="white")],
+            )  # fmt: skip
 
 
 def _spacing(places: FloatArray) -> float:
@@ -159,83 +202,3 @@ def _spacing(places: FloatArray) -> float:
         return 10.0
     nearest: Any = KDTree(spots).query(spots, 2)[0]
     return max(float(np.median(nearest[:, 1])), 0.05 * float(np.ptp(spots, axis=0).max()))
-
-
-def _title(maps: Maps, group: str, axes: list[int], rows: IntArray, normal: int) -> str:
-    kind = " and ".join(f"E{AXES[axis]}" for axis in axes) + " (up is +)" * (len(axes) == 1)
-    heights, at = maps.places[rows, normal] + 0.0, ""
-    if np.isfinite(heights).all():
-        ends = dict.fromkeys(f"{h:.6g}" for h in (heights.min(), heights.max()))
-        at = f"{AXES[normal]} = {' to '.join(ends)} mm"
-    return ", ".join(filter(None, (cut(group, 20), kind, at)))
-
-
-def page_of(maps: Maps, title: str) -> Figure:
-    """A page of nothing else."""
-    drawn = sheet(maps)
-    page = figures.blank(drawn.width, drawn.height)
-    draw(page, drawn, title)
-    return page
-
-
-def draw(page: Figure | SubFigure, drawn: Sheet, title: str) -> None:
-    """The panels, each with its scale; title and sides above."""
-    from matplotlib.lines import Line2D
-
-    figures.title(page, title)
-    sides = {side.name: side.colour for _, group in drawn.maps.groups for side in group}
-    handles = [Line2D([], [], color=c, lw=2.2, label=name) for name, c in sides.items() if name]
-    if handles:
-        page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
-    across, up = (AXES[axis] for axis in drawn.plane)
-    panels = figures.panels_of(page, len(drawn.panels), drawn.columns)
-    for panel, what in zip(panels, drawn.panels, strict=False):
-        _draw_panel(panel, drawn, what)
-        panel.set(
-            xlabel=f"{across}, mm", ylabel=f"{up}, mm", aspect="equal",
-            xlim=(drawn.low[0], drawn.high[0]), ylim=(drawn.low[1], drawn.high[1]),
-        )  # fmt: skip
-        panel.set_title(what.title, pad=20, fontsize=9)
-
-
-def _draw_panel(panel: Axes, drawn: Sheet, what: Panel) -> None:
-    """Arrows over ellipses; names stand opposite to the arrows."""
-    from matplotlib.collections import EllipseCollection
-    from matplotlib.patheffects import withStroke
-
-    places, scale = drawn.maps.places[what.rows][:, drawn.plane], drawn.scales[len(what.axes)]
-    for i, side in enumerate(what.sides):
-        errors = what.errors(side)
-        if side.covariance is not None:
-            half, directions = what.ellipses(side, drawn.maps.k)
-            turned = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
-            ellipses = EllipseCollection(
-                2 * scale * half[:, 1], 2 * scale * half[:, 0], turned, units="xy",
-                offsets=places + scale * errors, offset_transform=panel.transData,
-                facecolors=figures.PALE, edgecolors=figures.BLUE, linewidths=0.8, alpha=0.55,
-                zorder=2,
-            )  # fmt: skip
-            panel.add_collection(ellipses, autolim=False)
-        # The first is wider, to be seen where both are the same.
-        width = 0.04 if len(what.sides) > 1 and i == 0 else 0.02
-        arrows = panel.quiver(
-            *places.T, *errors.T, angles="xy", scale_units="xy", scale=1 / scale,
-            color=side.colour, units="inches", width=width, headwidth=4, zorder=4,
-        )  # fmt: skip
-        if i == 0:
-            length = 0.12 * float(drawn.high[0] - drawn.low[0]) / scale
-            words = significant(length, 1)
-            panel.quiverkey(
-                arrows, 0.12 * float(words) / length, 1.02, float(words), f"{words} um",
-                labelpos="E", color=figures.INK,
-            )  # fmt: skip
-    panel.plot(*places.T, "o", color=figures.INK, markersize=2.6, zorder=5)
-    total = np.nansum([what.errors(side) for side in what.sides], axis=0)
-    for i, row in enumerate(what.rows if drawn.named else ()):
-        name, size = drawn.maps.ids[row], float(np.linalg.norm(total[i]))
-        away = -total[i] / size if size > 0 else np.array([0.0, -1.0])
-        panel.annotate(
-            name, places[i].tolist(), textcoords="offset points", ha="center", va="center",
-            xytext=(away * (4 + 36 * LETTER * len(name), 8)).tolist(), fontsize=7.5, zorder=6,
-            path_effects=[withStroke(linewidth=2.2, foreground="white")],
-        )  # fmt: skip

@@ -11,7 +11,7 @@ from mtu_cli.findings import listed
 from mtu_cli.reports import monte_carlo_figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, rows_of
-from mtu_cli.reports.numbers import interval, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import degrees_of_freedom, interval, plus_minus, significant, with_u
 
 SHOWN = 4
 """Outputs of which the verdict states the value."""
@@ -98,13 +98,6 @@ ONE = declare(
         for name in ("u", "se_mean", "se_u", "se_low", "se_high")
     },
 )
-INPUTS = declare(
-    """
-    input_correlation.inputs | names() | names of the inputs
-    input_correlation.matrix | input_correlation | their correlation coefficients
-    """,
-    names=lambda result: [item.name for item in result.inputs],
-)
 OUTPUTS = declare(
     """
     outputs{} | by_name() | *output
@@ -118,7 +111,7 @@ NAME = declare("""
     name | outputs.0.name | name of the output; of a single one its figures stand here, \
         without `outputs`
 """)
-RESULTS: Fields = (*NAME, *OUTPUTS, *INPUTS)
+RESULTS: Fields = (*NAME, *OUTPUTS)
 ESTIMATE = declare("""
     - | output.name | | output, text
     - | method | | method, text
@@ -177,7 +170,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         partial(monte_carlo_figures.budget, result),
         _verdict(result, percent, digits),
         digits,
-        [(INPUTS, result), *[(NAME, result)] * single],
+        [(NAME, result)] * single,
     )
 
 
@@ -185,7 +178,7 @@ def _factor(item: OutputBudget) -> str:
     """The coverage factor of the first-order interval, whatever U has."""
     if math.isnan(item.dof):
         return "k undefined"
-    of = "normal" if math.isinf(item.dof) else f"t of {item.dof:.3g} dof"
+    of = "normal" if math.isinf(item.dof) else f"t of {degrees_of_freedom(item.dof)} dof"
     return f"k = {significant(item.k_probability, 3)} ({of})"
 
 

@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure as Page
 
-MOST_ANGLES = 720
-"""Of the fit, drawn."""
 UNIT: dict[str, Any] = {"size": lambda item: UM}
 ROW = declare(
     """
@@ -31,7 +29,7 @@ ROW = declare(
     u | | its standard uncertainty | u, size=size
     unit | | um, um/m or ms | unit, text
     share_percent | share() | range of the term over the sum of all terms' ranges; null of the \
-        set-up | share / %, fix1
+        set-up | share / %, whole
     meaning | meaning(name) | what it is | meaning, text
     """,
     meaning=MEANING.get,
@@ -113,31 +111,23 @@ def document(result: CircularResult, digits: int = 2) -> Document:
         Table(f"Causes, {_of(result)}", ROW, result.causes, footer, shown=causes),
         Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
     ]
-    figure, verdict = partial(polar, result), _verdict(result, digits)
+    most = max(result.figures, key=lambda x: x.G_lsc)
+    verdict = f"G {significant(most.G_lsc / UM, 3)} um ({most.trace.direction})"
+    if not math.isnan(result.G_bidirectional):
+        verdict += f", of both directions {significant(result.G_bidirectional / UM, 3)} um"
+    largest = ", ".join(
+        f"{x.name} {plus_minus(x.value / x.size, x.u / x.size, digits)} {x.unit} "
+        f"({100 * x.share:.0f} %)"
+        for x in [x for x in causes if x.share == x.share and abs(x.value) > 2 * x.u][:3]
+    )
+    verdict += f". Largest causes: {largest}." if largest else ". No cause exceeds 2 u."
+    figure = partial(polar, result)
     return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def _of(result: CircularResult) -> str:
     plane = f"{result.traces.plane}, " if result.traces.plane else ""
     return f"{plane}radius {result.traces.radius:g} mm"
-
-
-def _verdict(result: CircularResult, digits: int) -> str:
-    """G, and the causes that make most of it."""
-    most = max(result.figures, key=lambda x: x.G_lsc)
-    text = f"G {significant(most.G_lsc / UM, 3)} um ({most.trace.direction})"
-    if not math.isnan(result.G_bidirectional):
-        text += f", of both directions {significant(result.G_bidirectional / UM, 3)} um"
-    known = [x for x in result.causes if x.share == x.share and abs(x.value) > 2 * x.u]
-    causes = sorted(known, key=lambda x: -x.share)[:3]
-    if not causes:
-        return f"{text}. No cause exceeds 2 u."
-    shown = ", ".join(
-        f"{x.name} {plus_minus(x.value / x.size, x.u / x.size, digits)} {x.unit} "
-        f"({100 * x.share:.0f} %)"
-        for x in causes
-    )
-    return f"{text}. Largest causes: {shown}."
 
 
 def components(result: CircularResult) -> dict[str, Any]:
@@ -181,14 +171,14 @@ def polar(result: CircularResult) -> Page:
         rest, model = (
             about_circle(trace.angle, values)[order] / UM for values in (trace.deviation, fitted)
         )
-        angle, step = trace.angle[order], len(order) // MOST_ANGLES + 1
+        angle = trace.angle[order]
         panel.plot(angle, rest, color=colours[trace.direction], lw=1.0, label=trace.direction)
-        panel.plot(angle[::step], model[::step], color=INK, lw=0.6, ls="--", label="joint fit")
+        panel.plot(angle, model, color=INK, lw=0.6, ls="--", label="joint fit")
         reach = max(reach, float(np.abs(rest).max()))
     reach = float(significant(reach or 1.0, 1))
     panel.set_rlim(-1.2 * reach, 1.2 * reach)
     panel.set_rorigin(-4 * reach)
     panel.set_rticks([-reach, 0.0, reach])
-    panel.set_title("deviation from the least-squares circle, um", pad=16)
+    panel.set_title("deviation from the least-squares circle, um", pad=16, fontweight="normal")
     legend(page)
     return page

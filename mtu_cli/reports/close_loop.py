@@ -8,15 +8,15 @@ they are in sample): everything is refitted without it. `rms` pools all coordina
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, TableResult
 from mtu_cli.findings import listed
-from mtu_cli.reports import close_loop_figures
+from mtu_cli.reports.close_loop_figures import figure, ranked
 from mtu_cli.reports.close_loop_words import effect_text, verdict_text
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, declare
@@ -148,22 +148,26 @@ SMALLEST = """
         times in five | would be found / from rms UNIT, sig2()
 """
 SHOWN = """
-    - | effect | | effect, text
-    - | name | | parameter, text
-    - | value | | value ± u, plus-minus, u=u, size=size(unit), unit=
-    - | unit | | unit, text
-    - | interval95 | | 95 % / interval, interval, u=u, size=size(unit)
-    - | p_familywise | | p family- / wise, p
-    - | explained_share | | of squares / %, percent1
+    - | 0 | | effect, text
+    - | 1.name | | parameter, text
+    - | 1.value | | value ± u, plus-minus, u=1.u, size=size(1.unit), unit=
+    - | 1.unit | | unit, text
+    - | 1.interval95 | | 95 % / interval, interval, u=1.u, size=size(1.unit)
+    - | 2.p_familywise | | p family- / wise, p
+    - | 2.explained_share | | of squares / %, percent1
 """
-SEVERAL = """
+SCORED_TABLE = """
     - | table.component | | component, text
     - | verdict | | verdict, text
-    - | names() | | effects, text
     before_UNIT | before.rms | | before, sig2()
     after_UNIT | after.rms | | after, sig2()
     floor_UNIT | floor | | repeatability, sig2()
+    - | checks() | | checks of / what is left, text, unit=, detail
 """
+
+
+def _checks(item: TableResult) -> str:
+    return ", ".join(f"{name} p {p:.2g}" for name, p in item.checks)
 
 
 def _sig2(value: Any, u: None, digits: int) -> str:
@@ -219,35 +223,23 @@ def _effect(x: Of | None) -> Fields:
 def _candidate(name: str, *units: str) -> Fields:
     """Of JSON or, with another name of the name, of CSV and table; a size in each of `units`."""
 
-    def smallest(unit: str, x: Of) -> Any:
-        return x.one.minimum_detectable if x.item.table.unit == unit else None
-
-    def found(x: Of) -> bool:
-        return any(x.one.name == effect.name for effect in x.item.effects)
-
-    sizes = [
-        field
-        for unit in units
-        for field in declare(
-            SMALLEST.replace("UNIT", unit), smallest=partial(smallest, unit), sig2=_sig2
-        )
-    ]
-
     def in_class(x: Of) -> bool:
         return any(x.one.name in effect.class_names for effect in x.item.effects)
 
+    sizes: list[Any] = []
+    for unit in units:
+
+        def smallest(x: Of, unit: str = unit) -> Any:
+            return x.one.minimum_detectable if x.item.table.unit == unit else None
+
+        sizes += declare(SMALLEST.replace("UNIT", unit), smallest=smallest, sig2=_sig2)
     return declare(
         CANDIDATE.replace("NAME", name),
         smallest=sizes,
-        found=found,
+        found=lambda x: any(x.one.name == effect.name for effect in x.item.effects),
         in_class=in_class,
         star=lambda x: "*" if in_class(x) else "",
     )
-
-
-def _table(item: TableResult | None) -> Fields:
-    names = {"names": lambda x: [effect.name for effect in x.effects]}
-    return _fields(TABLE, item, scored=_scored(item), **names)
 
 
 def _each(name: str, result: CloseLoopResult) -> list[Of]:
@@ -263,7 +255,9 @@ RESULTS_FIELDS = declare(
     candidate=lambda x: _candidate("name", x.item.table.unit if x else "um"),
     crossing=declare(CROSSING),
     outlier=lambda x: _fields(OUTLIER, x and x.item),
-    table=_table,
+    table=lambda item: _fields(
+        TABLE, item, scored=_scored(item), names=lambda x: [effect.name for effect in x.effects]
+    ),
     effects=partial(_each, "effects"),
     crossings=partial(_each, "crossings"),
     candidates=partial(_each, "candidates"),
@@ -277,11 +271,21 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     """The effects, errors before and after, and the likeliest candidates; CSV of all of these."""
     first = next(item for item in result.tables if item.verdict == result.verdict)
     units = dict.fromkeys(item.table.unit for item in result.tables)
-    rows = [row for item in result.tables for effect in item.effects for row in _rows(effect, item)]
+    rows = []
+    for effect, item in _each("effects", result):
+        name = " ".join(filter(None, (item.table.component, effect.name)))
+        for i, own in enumerate(effect.of_role("own", "margin", "level")):
+            rows.append((name, own, effect) if i == 0 else ("", own, None))
+    scored = []
+    for unit in units:
+        items = [item for item in result.tables if item.table.unit == unit]
+        by = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
+        title = f"Rms error of {listed(by)}"
+        scored.append(Table(title, _fields(SCORED_TABLE, items[0], checks=_checks), items))
     tables = [
         Table("", _candidate("candidate", *units), _each("candidates", result), shown=()),
         Table("Effects", declare(SHOWN, size=_size_of), rows),
-        *([_before_after(first)] if len(result.tables) == 1 else _by_component(result)),
+        *scored,
         _candidates(first),
     ]
     sentences = [verdict_text(x, result.alpha) for x in result.tables if x.effects or x is first]
@@ -289,79 +293,20 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         "Undeclared effects",
         (RESULTS_FIELDS, result),
         tables,
-        partial(close_loop_figures.figure, result, first),
+        partial(figure, result, first),
         "\n".join([f"Undeclared effects: {result.verdict}", *sentences]),
         digits,
         also=[(_scored(first), first)],
     )
 
 
-def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
-    """A row a parameter and value that was searched; of a scatter effect its ratio."""
-    first = {
-        "effect": " ".join(filter(None, (item.table.component, effect.name))),
-        "p_familywise": effect.p_familywise,
-        "explained_share": effect.explained_share or None,
-    }
-    keys = ("name", "unit", "value", "u", "interval95")
-    rows: list[tuple[Any, ...]] = [
-        (p.name, p.unit, p.value, p.u, p.interval95) for p in effect.of_role("own")
-    ]
-    if (searched := effect.searched) is not None:
-        word, _, unit = searched.name.rpartition("_")
-        ends = _ends(searched.intervals)
-        rows.append((word or searched.name, unit, searched.value, None, ends))
-    if effect.ratio is not None:
-        rows.append(("ratio of s", "", round(effect.ratio, 2), None, None))
-    lower = effect.of_role("margin", "level")
-    rows += [(p.name, p.unit, p.value, p.u, p.interval95) for p in lower]
-    for row in rows:
-        yield {"effect": ""} | first | dict(zip(keys, row, strict=True))
-        first = {}
-
-
-def _by_component(result: CloseLoopResult) -> Iterator[Table]:
-    """A line a component, in a table for each unit."""
-    names = {"names": lambda item: listed(effect.name for effect in item.effects)}
-    for unit in dict.fromkeys(item.table.unit for item in result.tables):
-        items = [item for item in result.tables if item.table.unit == unit]
-        yield Table("Rms error of held-out passes", _fields(SEVERAL, items[0], **names), items)
-
-
-def _before_after(item: TableResult) -> Table:
-    lines = [("all data", item.in_sample_before, item.in_sample_after)]
-    if item.held_out is not None:
-        lines.insert(0, (f"held-out {item.held_out}", item.before, item.after))
-    both = ("before", "after") if item.effects else ("before",)
-    rows = [
-        (f"{label}, {side}", scores)
-        for label, *pair in lines
-        for side, scores in zip(both, pair, strict=False)
-    ]
-    fields = declare("- | 0 | | errors, text\nscores. | 1 | *scores", scores=_scores(item))
-    checks = ", ".join(f"{name} p {p:.2g}" for name, p in item.checks)
-    footer = "95 % and largest: of the error vector's length"
-    return Table("Before and after", fields, rows, footer, [f"checks of what is left: {checks}"])
-
-
 def _candidates(item: TableResult) -> Table:
-    tested = [x for x in item.candidates if x.log_bayes_factor is not None]
-    tested.sort(key=lambda x: -(x.log_bayes_factor or 0.0))
     reasons: dict[str, list[str]] = {}
     for each in item.candidates:
         if each.unavailable:
             reasons.setdefault(each.unavailable, []).append(each.name)
-    footer = (
-        f"{len(tested)} candidates tested, each alone beside the known model; p: of the effect "
-    )
-    footer += "beyond its margins, ln BF: with them"
-    if item.effects:
-        footer += "; *: found, or in the class of an effect"
-    if reasons:
-        footer += f"; {sum(map(len, reasons.values()))} could not be (--detail: why)"
-    notes: Sequence[str] = [
-        f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()
-    ]
+    notes = [f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()]
     of = "" if item.table.component is None else f" of {item.table.component}"
-    fields, rows = _candidate("candidate", item.table.unit), [Of(x, item) for x in tested[:BEST]]
-    return Table(f"Likeliest candidates{of}", fields, rows, footer, notes)
+    fields = _candidate("candidate", item.table.unit)
+    rows, footer = [Of(x, item) for x in ranked(item)[:BEST]], "*: in the class of an effect"
+    return Table(f"Likeliest candidates{of}", fields, rows, footer * bool(item.effects), notes)

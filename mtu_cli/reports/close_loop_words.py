@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.estimate import Parameter, Searched
+from mtu_cli.analyses.close_loop.estimate import Parameter
 from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.findings import listed
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.numbers import p_value, plus_minus, significant
-from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 CHOICE = re.compile(r"\(([\w ]+)\|([\w ]+)\)")
@@ -23,9 +23,7 @@ CHECKS = {
 }
 """What a check of the remainder says where it is significant."""
 NAMELESS = "a drift or a smooth field without a name explains the errors better than any effect"
-SEARCHED_DIGITS, MOST_SEARCHED = 4, 6
-UNITS_OF = {"_degC": " degC", "_min": " min", "x": " mm", "y": " mm", "z": " mm"}
-"""By how a column or coordinate ends."""
+MOST_SEARCHED = 6
 WORTH_WHILE = 1.0
 """Standard deviations that an experiment must separate."""
 
@@ -37,11 +35,12 @@ def effect_text(effect: FoundEffect, item: TableResult) -> str:
     if not template or not effect.parameters or not used <= words.keys():
         template = "{says}: {values}" if words["values"] else "{says}"
     positive = not effect.parameters or effect.parameters[0].value >= 0
-    return CHOICE.sub(r"\1" if positive else r"\2", template).format_map(words)
+    chosen = CHOICE.sub(r"\1" if positive else r"\2", template)
+    return re.sub(r"{(\w+)}", lambda found: words[found[1]], chosen)
 
 
 def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
-    """What sentences may name of an effect (`files.effects.WORDS`)."""
+    """What sentences may name of an effect (`files.effects.Family`)."""
     row, column = item.nouns
     words = {"says": effect.candidate.says, "row": row, "column": column}
     axis = effect.candidate.axis
@@ -59,7 +58,16 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
     if effect.covariate is not None:
         words["covariate"] = effect.covariate
     if (searched := effect.searched) is not None:
-        words |= {"searched": _searched(searched), "at": _first_after(searched.value, item)}
+        word, _, unit = searched.name.rpartition("_")
+        # The middles of the ranges that fit alike.
+        both = [(low + high) / 2 for low, high in searched.intervals]
+        values = both if len(both) > 1 else [searched.value]
+        fitting = " or ".join(significant(value, 4) for value in values[:MOST_SEARCHED])
+        words["searched"] = f"{word or unit} {fitting} {unit if word else ''}".strip()
+        # The first part after a step.
+        order = item.table.covariates.get("sequence", np.zeros((0, 1)))[:, 0]
+        after = np.flatnonzero(order[: len(item.table.parts)] > searched.value)
+        words["at"] = item.table.parts[after[0]] if len(after) else significant(searched.value, 3)
     if len(sizes) == 1:
         (only,) = sizes
         words["value"] = _size(only)
@@ -67,7 +75,12 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         # The reversal value is twice the parameter, which acts both ways (ISO 230-2, 2.13).
         words["twice"] = _size(only, 2 * abs(only.value), 2 * only.u)
     elif len({p.unit for p in sizes}) == 1:
-        words["wave"] = _amplitude(sizes, effect.covariance)
+        # The root of the sum of squares, with its u (JCGM 100, 5.2.2).
+        all_of = np.array([p.value for p in sizes])
+        k, length = len(all_of), float(np.linalg.norm(all_of))
+        J = all_of / length if length > 0 else np.full(k, k**-0.5)
+        u = float(np.sqrt(J @ effect.covariance[:k, :k] @ J))
+        words["wave"] = _size(sizes[0], length, u)
     return words
 
 
@@ -77,121 +90,68 @@ def _size(parameter: Parameter, value: float | None = None, u: float | None = No
     return f"{plus_minus(value / scale, u / scale)} {parameter.unit}"
 
 
-def _amplitude(sizes: Sequence[Parameter], covariance: FloatArray) -> str:
-    """Root of the sum of squares of the parameters, with its u (JCGM 100, 5.2.2)."""
-    values = np.array([p.value for p in sizes])
-    k, length = len(values), float(np.linalg.norm(values))
-    J = values / length if length > 0 else np.full(k, k**-0.5)
-    return _size(sizes[0], length, float(np.sqrt(J @ covariance[:k, :k] @ J)))
-
-
-def _searched(searched: Searched) -> str:
-    """Such as "pitch 12.34 mm", or the middles of the ranges that fit alike."""
-    word, _, unit = searched.name.rpartition("_")
-    values = [searched.value]
-    if len(searched.intervals) > 1:
-        values = [(low + high) / 2 for low, high in searched.intervals]
-    texts = [significant(value, SEARCHED_DIGITS) for value in values]
-    texts[MOST_SEARCHED:] = ["..."] if len(texts) > MOST_SEARCHED else []
-    return f"{word or searched.name} {' or '.join(texts)} {unit}".strip()
-
-
-def _first_after(at: float, item: TableResult) -> str:
-    """The first part after a step."""
-    order, parts = item.table.covariates.get("sequence", np.zeros((0, 1)))[:, 0], item.table.parts
-    after = np.flatnonzero(order[: len(parts)] > at)
-    return parts[after[0]] if len(after) else significant(at, 3)
-
-
 def verdict_text(item: TableResult, alpha: float) -> str:
     """The verdict on a table in a few sentences, its component in front."""
-    text = " ".join(_sentences(item, alpha))
-    component = item.table.component
+    text, component = " ".join(_sentences(item, alpha)), item.table.component
     if component is None:
-        return text
+        return text[:1].upper() + text[1:]
     return text if text.startswith(f"{component} ") else f"{component}: {text}"
 
 
 def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
+    """What is left, what was found and what correcting it is worth, what would separate it."""
     unit = item.table.unit
-    floor = "" if item.floor is None else f"; repeatability {_shown(item, item.floor)} {unit}"
+
+    def number(value: float) -> str:
+        return significant(value / UNITS[unit].to_internal)
+
+    def shown(value: float) -> str:
+        return f"{number(value)} {unit}"
+
+    floor = "" if item.floor is None else f"; repeatability {shown(item.floor)}"
     if item.verdict == "none":
         yield (
             f"Nothing undeclared was found (at {100 * alpha:.2g} % false alarms in all): the rms "
-            f"error of {_shown(item, item.before.rms)} {unit} is no more than scatter{floor}."
+            f"error of {shown(item.before.rms)} is no more than scatter{floor}."
         )
-        yield from _detectable(item)
+        sizes = {x.minimum_detectable: x.name for x in item.candidates if x.minimum_detectable}
+        if sizes:
+            low, high = (f"{shown(end)} rms ({sizes[end]})" for end in (min(sizes), max(sizes)))
+            yield f"Four times in five an effect of {low} to {high} would have been found."
         return
+    tentative = ""
     if item.verdict == "unexplained":
-        yield f"Something is left that no effect of the library describes: {_left(item)}."
-    found = "; ".join(_named(effect, item) for effect in item.effects)
-    if found:
-        if item.verdict == "unexplained":
-            found = f"Tentative: {found}"
-        elif item.table.component is None:
-            found = found[:1].upper() + found[1:]
-        yield f"{found}; {_worth(item)}{floor}."
+        row, (rows, columns), p = item.nouns[0], item.plurals, dict(item.checks)
+        left = [
+            f"{CHECKS[name].format(row=row, rows=rows, columns=columns)} "
+            f"({name}, p {p_value(p.get(name))})"
+            for name in item.fired
+        ]
+        left += [NAMELESS] if item.nameless else []
+        yield f"Something is left that no effect of the library describes: {'; '.join(left)}."
+        tentative = "Tentative: "
+    named = []
+    for effect in item.effects:
+        rivals = f", or {listed(effect.class_names[1:])}" if len(effect.classes) > 1 else ""
+        named.append(f"{effect_text(effect, item)} ({effect.name}{rivals})")
+    if named:
+        held = item.held_out
+        of = "all data (nothing could be held out)" if held is None else f"held-out {held}"
+        before, after = (number(scores.rms) for scores in (item.before, item.after))
+        moves = "falls" if item.after.rms < item.before.rms else "goes"
+        worth = f"with the correction the rms error of {of} {moves} from {before} to {after} {unit}"
+        if all(effect.ratio is not None for effect in item.effects):
+            worth = f"no equation corrects that: the rms error of {of} is {before} {unit}"
+        yield f"{tentative}{'; '.join(named)}; {worth}{floor}."
     for effect in item.effects:
         if len(effect.classes) > 1:
-            yield _separated(effect)
+            separates = effect.candidate.separates
+            do = f": {separates}" if separates else " by more data"
+            if (best := effect.experiment) is not None and best.predicted_d >= WORTH_WHILE:
+                apart = significant(best.predicted_d)
+                do = f": {best.do} (then {apart} standard deviations apart)"
+            yield f"To separate {listed(effect.class_names)}{do}."
     for each in item.crossings:
         subject = f"{each.axis.upper()} is right" if each.whole else f"{each.effect} is zero"
-        unit = next((u for ends, u in UNITS_OF.items() if each.covariate.endswith(ends)), "")
-        yield f"{subject} at {each.covariate} = {plus_minus(each.value, each.u)}{unit}."
-
-
-def _detectable(item: TableResult) -> Iterator[str]:
-    """What would have been found."""
-    sizes = {x.name: x.minimum_detectable for x in item.candidates if x.minimum_detectable}
-    if sizes:
-        ends = (min(sizes, key=sizes.__getitem__), max(sizes, key=sizes.__getitem__))
-        low, high = (_shown(item, sizes[name]) for name in ends)
-        unit = item.table.unit
-        yield (
-            f"Four times in five an effect of {low} {unit} rms ({ends[0]}) to {high} {unit} "
-            f"({ends[1]}) would have been found."
-        )
-
-
-def _named(effect: FoundEffect, item: TableResult) -> str:
-    """With its name, and those that the data cannot separate from it."""
-    _, *others = effect.class_names or (effect.name,)
-    rivals = f", or {listed(others)}" if others else ""
-    return f"{effect_text(effect, item)} ({effect.name}{rivals})"
-
-
-def _separated(effect: FoundEffect) -> str:
-    names = listed(effect.class_names)
-    if effect.experiment is None or effect.experiment.predicted_d < WORTH_WHILE:
-        separates = effect.candidate.separates
-        do = f": {separates}" if separates else " by more data"
-        return f"To separate {names}{do}."
-    d = significant(effect.experiment.predicted_d)
-    return f"To separate {names}: {effect.experiment.do} (then {d} standard deviations apart)."
-
-
-def _worth(item: TableResult) -> str:
-    """The error before and after the correction."""
-    held = item.held_out
-    of = "all data (nothing could be held out)" if held is None else f"held-out {held}"
-    before, after = (_shown(item, scores.rms) for scores in (item.before, item.after))
-    unit = item.table.unit
-    if all(effect.ratio is not None for effect in item.effects):
-        return f"no equation corrects that: the rms error of {of} is {before} {unit}"
-    moves = "falls" if item.after.rms < item.before.rms else "goes"
-    return f"with the correction the rms error of {of} {moves} from {before} to {after} {unit}"
-
-
-def _left(item: TableResult) -> str:
-    (row, _), (rows, columns) = item.nouns, item.plurals
-    p = dict(item.checks)
-    texts = [
-        f"{CHECKS.get(name, name).format(row=row, rows=rows, columns=columns)} "
-        f"({name}, p {p_value(p.get(name))})"
-        for name in item.fired
-    ]
-    return "; ".join([*texts, *([NAMELESS] if item.nameless else [])])
-
-
-def _shown(item: TableResult, value: float) -> str:
-    return significant(value / UNITS[item.table.unit].to_internal)
+        of = " mm" if each.covariate in AXES else " degC" * each.covariate.endswith("_degC")
+        yield f"{subject} at {each.covariate} = {plus_minus(each.value, each.u)}{of}."

@@ -6,17 +6,25 @@ Range widths are 2 (|mean| + k u), as in Gilsinn & Ling 2004, Table 10.
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Summary, Verdict
-from mtu_cli.reports import part_figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
-from mtu_cli.reports.numbers import MISSING, p_value, significant, span
+from mtu_cli.reports.figures import Intervals
+from mtu_cli.reports.numbers import MISSING, p_value, significant, span, words
 from mtu_cli.units import UM
 
-SHOWN = 40
-"""Features listed one by one; of more the most interesting."""
-ITEM = """
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SHOWN, DRAWN = 40, 18
+"""Features listed, and items of a kind drawn, one by one; of more the most interesting."""
+ROW = declare(
+    """
     - | kind() | of item | -, csv=kind
     - | words(labels) | | item, text
     - | outcome | | verdict, text
@@ -61,9 +69,7 @@ ITEM = """
     under_predicted | | whether the scatter is larger than predicted
     over_predicted | | whether the scatter is smaller than predicted
     verdict | verdicts | the gravest fault, or consistent; null: not tested
-"""
-ROW = declare(
-    ITEM,
+    """,
     kind=lambda x: "feature" if x.labels[2] else "length",
 )
 SUMMARY = """
@@ -89,7 +95,7 @@ POOLED = """
         ratio_scatter | ratio | their scatter, measured over predicted
         p_scatter_familywise | p | p of it, adjusted for all tests of the study (Holm) \
             | p / pooled, p
-        verdict | verdict() | what the test shows
+        verdict | pooled_verdict() | what the test shows
 """
 
 
@@ -118,15 +124,15 @@ def verdict_text(item: Summary) -> str:
     return f"{item.operation} {item.kind}: ".lstrip() + ("; ".join(said) or known)
 
 
-def summary(kind: str) -> Fields:
+def summary(pooled: str = "") -> Fields:
     """The figures of an operation; the pooled test is of features."""
-    pooled = declare(POOLED, verdict=lambda x: x.verdict or "consistent")
     return declare(
         SUMMARY,
         name=lambda x: f"{x.operation} {x.kind}".strip(),
         verdict=verdict_text,
         some=lambda value, u, digits: str(value) if value else MISSING,
-        pooled=pooled if kind == "features" else [],
+        pooled=pooled,
+        pooled_verdict=lambda x: x.verdict or "consistent",
     )
 
 
@@ -145,8 +151,8 @@ RESULTS = declare(
     rows=_rows,
     lengths=lambda x: _rows(x.lengths),
     row=ROW,
-    of_features=summary("features"),
-    of_lengths=summary("lengths"),
+    of_features=summary(POOLED),
+    of_lengths=summary(),
 )
 
 
@@ -162,14 +168,41 @@ def document(result: CompareResult, digits: int = 2) -> Document:
         "items with each fault (5 % over the study); ratios: measured over predicted, least to "
         "largest"
     )
-    means = "± u, of mean errors that of one future part"
-    footer = f"{means}; E_n = bias/({result.coverage_factor:g} u); p: of all items together (Holm)"
+    footer = (
+        "± u, of mean errors that of one future part; E_n = bias/"
+        f"({result.coverage_factor:g} u); p: of all items together (Holm)"
+    )
     tables = [
         Table("", ROW, [*features, *lengths], shown=()),
-        Table("Verdicts and ratios", summary("features"), summaries, faults),
+        Table("Verdicts and ratios", summary(POOLED), summaries, faults),
         Table(title, ROW, [*lengths, *chosen], footer),
     ]
-    figure = partial(part_figures.compare, result)
-    verdict = "\n".join(f"{verdict_text(item)}." for item in summaries)
-    title = "Predicted against measured"
-    return Document(title, (RESULTS, result), tables, figure, verdict, digits)
+    verdict, figure_ = "\n".join(f"{verdict_text(x)}." for x in summaries), partial(figure, result)
+    name = "Predicted against measured"
+    return Document(name, (RESULTS, result), tables, figure_, verdict, digits)
+
+
+@figures.styled
+def figure(result: CompareResult) -> Figure:
+    """Means measured less those predicted, with U, item by item, the verdict beside each: faults
+    and the largest E_n first.
+    """
+    names: list[str] = []
+    verdicts: list[str] = []
+    values, k, total = [], result.coverage_factor, 0
+    for found in filter(None, (result.lengths, result.features)):
+        items = sorted(found.by_interest[:DRAWN])
+        names += [words(*found.labels[i]) for i in items]
+        verdicts += [found.outcome[i] for i in items]
+        zero, total = found.predicted.mean[items], total + len(found.labels)
+        sides = (found.predicted, found.measured)
+        values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
+    predicted, measured = np.concatenate(values, axis=2) / UM
+    shown = [
+        Intervals("predicted", figures.BLUE, predicted[0], predicted[1], -0.14),
+        Intervals("measured", figures.ORANGE, measured[0], measured[1], 0.14),
+    ]
+    title = f"Mean errors predicted and measured ± {k:g} u of one part"
+    title += f" ({len(names)} of {total})" * (len(names) < total)
+    label = "minus the predicted mean, um"
+    return figures.listing(title, names, shown, label, beside=verdicts)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,43 +25,36 @@ MEANS = {
 }
 
 
-def _placed(result: CompensateResult, places: Any, items: Any) -> list[SimpleNamespace]:
+def _placed(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
     """Points or moves with their places: mm, of a rotary axis deg; by unit the item itself."""
-    where, other = ("deg", "mm") if result.asked.rotary else ("mm", "deg")
-    unit, none = ("arcsec", "um") if result.asked.angle else ("um", "arcsec")
-    shared = {other: None, none: None, "unit": unit, "size": result.size}
+    where, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
+    shared = {"unit": unit, "size": result.size, "quantum": result.quantum}
     return [
-        SimpleNamespace(item=item, quantum=result.quantum, **shared, **{where: at, unit: item})
+        {**shared, "item": item, where: at, unit: item}
         for at, item in zip(places, items, strict=True)
     ]
 
 
-def _points(result: CompensateResult) -> list[SimpleNamespace]:
+def _points(result: CompensateResult) -> list[dict[str, Any]]:
     """Points of the table: errors asked for and held, forward and reverse."""
     values = np.vstack([result.asked.errors, result.held.errors]).T
     return _placed(result, result.asked.at.tolist(), values.tolist())
 
 
-def _moves(result: CompensateResult) -> list[SimpleNamespace]:
+def _moves(result: CompensateResult) -> list[dict[str, Any]]:
     return _placed(result, [move.command for move in result.moves], result.moves)
 
 
-def _figures(result: CompensateResult) -> list[SimpleNamespace]:
-    """Each figure before and after, in the unit of the errors."""
-    found = []
+def _figures(result: CompensateResult) -> dict[str, dict[str, Any]] | None:
+    """Each figure before and after by name, in the unit of the errors."""
+    found: dict[str, dict[str, Any]] = {}
     for name, before in (result.before or {}).items():
-        median = interval = u = None
+        found[name] = {"name": name, "before": float(before) / result.size}
         if result.after is not None:
             drawn = result.after[name] / result.size
-            median, u = float(np.median(drawn)), float(np.std(drawn))
-            interval = [float(x) for x in np.quantile(drawn, (0.025, 0.975))]
-        found.append(SimpleNamespace(name=name, before=float(before) / result.size, median=median,
-                                     interval95=interval, u=u))  # fmt: skip
-    return found
-
-
-def _by_name(result: CompensateResult) -> dict[str, SimpleNamespace] | None:
-    return {each.name: each for each in _figures(result)} or None
+            found[name]["median"], found[name]["u"] = float(np.median(drawn)), float(np.std(drawn))
+            found[name]["interval95"] = np.quantile(drawn, (0.025, 0.975)).tolist()
+    return found or None
 
 
 PLACE = """
@@ -134,8 +126,8 @@ RESULTS = declare(
             for x, text in MEANS.items()
         )
     ),
-    figures=_by_name,
-    predicted=lambda result: _by_name(result) if result.after else None,
+    figures=_figures,
+    predicted=lambda result: _figures(result) if result.after else None,
     moves=_moves,
     move=MOVE,
     backlash=lambda result: _of_backlash(result, np.mean),
@@ -158,44 +150,45 @@ def _of_backlash(result: CompensateResult, figure: Any) -> float | None:
 
 def document(result: CompensateResult, digits: int = 2) -> Document:
     """The points of the table, the figures before and after, and the moves."""
-    control, unit = result.controller, result.unit
+    control, unit, component = result.controller, result.unit, result.component
     footer = (
         f"errors (actual minus nominal) in {unit}; held: as read back from the file; the file's "
         f"values are {control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
     )
+    if result.reference is not None:
+        footer += f"; zero at {result.reference:g} {'deg' if result.asked.rotary else 'mm'}"
     what = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
     moved = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
-    known = [each for each in _figures(result) if np.isfinite(each.before)]
+    found = _figures(result) or {}
+    known = [each for each in found.values() if np.isfinite(each["before"])]
     tables = [
-        Table(f"Table of {result.component}", ROW, _points(result), footer),
+        Table(f"Table of {component}", ROW, _points(result), footer),
         Table("Before and after", SUMMARY, known, f"{unit}; {what}"),
         Table("Verification moves", MOVE, _moves(result), moved),
     ]
-    figure, verdict = partial(draw, result), _verdict(result)
-    return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
-
-
-def _verdict(result: CompensateResult) -> str:
     if result.verified is not None:
         k, (low, high) = result.verified.k, result.verified.interval95
-        words = f"k = {k:.2f}, 95 % interval [{low:.2f}, {high:.2f}]"
-        slopes = "0 worked, 1 no effect, 2 wrong sign"
-        return f"Verification: {result.verified.verdict} ({words}; {slopes})."
-    if result.before is None:
-        return f"{result.component} holds {len(result.asked.at)} points."
-    E = _figures(result)[0]
-    stated = f"E of {result.component} is {significant(E.before, 3)} {result.unit}"
-    if E.interval95 is None:
-        return f"{stated}; what the table will leave is not estimable."
-    after, least, most = (significant(x, 3) for x in (E.median, *E.interval95))
-    left, B = "", _of_backlash(result, np.mean)
-    if B is not None and not result.asked.both:
-        mean = significant(B / result.size, 3)
-        left = f" A reversal of {mean} {result.unit} (forward less reverse) is left to the control."
-    return (
-        f"{stated}; with the table a new test gives {after} {result.unit} "
-        f"(95 % interval {least} to {most}).{left}"
-    )
+        verdict = (
+            f"Verification: {result.verified.verdict} (k = {k:.2f}, 95 % interval [{low:.2f}, "
+            f"{high:.2f}]; 0 worked, 1 no effect, 2 wrong sign)."
+        )
+    elif result.before is None:
+        verdict = f"{component} holds {len(result.asked.at)} points."
+    else:
+        E = found["E"]
+        verdict = f"E of {component} is {significant(E['before'], 3)} {unit}; "
+        if result.after is None:
+            verdict += "what the table will leave is not estimable."
+        else:
+            after, least, most = (significant(x, 3) for x in (E["median"], *E["interval95"]))
+            verdict += f"with the table a new test gives {after} {unit} "
+            verdict += f"(95 % interval {least} to {most})."
+            B = _of_backlash(result, np.mean)
+            if B is not None and not result.asked.both:
+                mean = f"{significant(B / result.size, 3)} {unit}"
+                verdict += f" A reversal of {mean} (forward less reverse) is left to the control."
+    figure = partial(draw, result)
+    return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
 
 
 @styled
@@ -217,16 +210,6 @@ def draw(result: CompensateResult) -> Figure:
     return figure
 
 
-class Skew(NamedTuple):
-    """An angle between two axes less 90 degrees, rad, that Klipper takes out."""
-
-    component: str
-    angle: float
-    quantum: float
-    controller: str = "klipper"
-    sign: str = "error"
-
-
 SKEW = declare(
     """
     component | | what is compensated
@@ -238,10 +221,12 @@ SKEW = declare(
 )
 
 
-def skew_document(item: Skew) -> Document:
-    """The angle that Klipper will take out."""
+def skew_document(component: str, angle: float, quantum: float) -> Document:
+    """The `angle` between two axes less 90 degrees, rad, that Klipper will take out."""
+    item = {"component": component, "angle": angle, "quantum": quantum}
+    item |= {"controller": "klipper", "sign": "error"}
     verdict = (
-        f"The axes are {significant(item.angle / ARCSEC, 4)} arcsec from a right angle; verify by "
-        "the diagonals of a square."
+        f"The axes are {significant(angle / ARCSEC, 4)} arcsec from a right angle; verify by the "
+        "diagonals of a square."
     )
     return Document("Skew", (SKEW, item), [Table("Skew", SKEW, [item])], None, verdict)

@@ -6,51 +6,57 @@ A correction is minus the modelled error; u of a mean over repeats is that of on
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.correct import CorrectResult
+from mtu_cli.analyses.correct import CorrectResult, Size
 from mtu_cli.analyses.correct.scatter import Kind
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.reports import part_figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import KIND, Document, Table
 from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
-from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.figures import Intervals
+from mtu_cli.reports.numbers import significant, words
 from mtu_cli.units import UM
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SHOWN = 40
 """Points, and sizes of several parts, that are listed without ``--detail``."""
 ROUNDING_UM = 1e-4
 """A form error below a tenth of a nanometre is rounding."""
 KINDS: dict[Kind, str] = {"circle": "circles", "sphere": "spheres", "length": "lengths"}
-POINT = """
+OF_AXES = (
+    "measured.AXIS_mm | points.measured.NUMBER | measured",
+    """
+    correction_um.AXIS | correction.NUMBER | minus the modelled error \
+        | correction AXIS, plus-minus, u=u.NUMBER, unit=um, csv=correction_AXIS_um
+    u_correction_um.AXIS | u.NUMBER | its standard uncertainty \
+        | -, unit=um, csv=u_correction_AXIS_um
+    """,
+    "corrected.AXIS_mm | corrected.NUMBER | measured plus correction \
+        | corrected AXIS, u=u_corrected.NUMBER",
+    """
+    u_corrected_um.AXIS | u_corrected.NUMBER | standard uncertainty of corrected \
+        | -, unit=um, csv=u_corrected_AXIS_um
+    """,
+)
+"""Each of every axis before the next."""
+ROW = declare(
+    """
     part | | name of the part | part, text
     feature | | name of the feature | feature, text
     repeat | | its repeat | repeat, count, names
     operation | | its operation | operation, text
     *of_axes
-"""
-OF_AXES = (
-    "measured.A_mm | points.measured.K | measured",
-    """
-    correction_um.A | correction.K | minus the modelled error \
-        | correction A, plus-minus, u=u.K, unit=um, csv=correction_A_um
-    u_correction_um.A | u.K | its standard uncertainty | -, unit=um, csv=u_correction_A_um
     """,
-    "corrected.A_mm | corrected.K | measured plus correction | corrected A, u=u_corrected.K",
-    """
-    u_corrected_um.A | u_corrected.K | standard uncertainty of corrected \
-        | -, unit=um, csv=u_corrected_A_um
-    """,
-)
-"""Each of every axis before the next."""
-ROW = declare(
-    POINT,
     of_axes=[
         field
         for text in OF_AXES
         for k, axis in enumerate(AXES)
-        for field in declare(text.replace("A", axis).replace("K", str(k)))
+        for field in declare(text, AXIS=axis, NUMBER=str(k))
     ],
 )
 SIZE = """
@@ -67,7 +73,7 @@ SIZE = """
         | error before, u=u_error, unit=um
     error_um.after | error.1 | measured minus reference after the correction \
         | after, plus-minus, u=u_error, unit=um
-    reduction_percent | | 100 (1 - |after|/|before|) | reduction / %, fix1
+    reduction_percent | | 100 (1 - |after|/|before|) | reduction / %, whole
     u_um | u | standard uncertainty of the corrected size
     U_um | U | expanded uncertainty k u
     dof_effective | dof | degrees of freedom of u; null: infinite
@@ -85,21 +91,19 @@ RING = """
         | form after, form(), detail, unit=um
     U_calibrated_um | U_reference | of the calibration (k = 2)
 """
-TEMPERATURE = "temperature_degC | temperature | of the ring | T, fix1, names"
-
-
-def _form(value: float, u: None, digits: int) -> str:
-    return "0" if value < ROUNDING_UM else significant(value)
+TEMPERATURE = "    temperature_degC | temperature | of the ring | T, fix1, names"
 
 
 def size(kind: Kind) -> Fields:
     """The figures of a diameter or length of a part."""
     length = kind == "length"
-    measure, reference = ("length", "nominal") if length else ("diameter", "calibrated")
     return declare(
-        SIZE.replace("MEASURE", measure).replace("REFERENCE", reference),
-        temperature=[] if length else declare(TEMPERATURE),
-        ring=[] if length else declare(RING, form=_form),
+        SIZE,
+        MEASURE="length" if length else "diameter",
+        REFERENCE="nominal" if length else "calibrated",
+        temperature="" if length else TEMPERATURE,
+        ring="" if length else RING,
+        form=lambda value, u, digits: "0" if value < ROUNDING_UM else significant(value),
     )
 
 
@@ -143,12 +147,9 @@ RESULTS = declare(
 def document(result: CorrectResult, digits: int = 2) -> Document:
     """One row a measured point; before them the sizes, over all parts and one by one."""
     points = _points(result)
-    many = len(points) > SHOWN
     footer = "corrected = measured + correction, minus the modelled error; "
-    footer += KIND[result.independent]
-    tables = [
-        Table("Points", ROW, points, f"{footer}; ± u", detail=many),
-    ]
+    footer += f"{KIND[result.independent]}; ± u"
+    tables = [Table("Points", ROW, points, footer, detail=len(points) > SHOWN)]
     scatter = "unknown"
     if result.scatter is not None:
         scatter = f"{significant(result.scatter.s / UM)} um from {result.scatter.origin} included"
@@ -156,24 +157,51 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
         "error: measured minus reference, ± u with that of the calibration; scatter of the points "
         f"beyond the model {scatter}"
     )
-    for kind, name in KINDS.items():
-        sizes = result.of_kind(kind)
-        title, detail = f"{name.capitalize()} before and after", len(sizes) > SHOWN
-        tables.append(Table(title, SIZES[kind], sizes, errors, detail=detail))
-    form = "mean form over the visits; explained: u of the model and scatter of the points"
-    tables.append(Table("Form left", FORM_LEFT, result.forms, form, detail=True))
-    figure, verdict = partial(part_figures.correct, result), _verdict(result)
-    return Document("Corrected points", (RESULTS, result), tables, figure, verdict, digits)
-
-
-def _verdict(result: CorrectResult) -> str:
-    kinds: dict[str, tuple[Kind, ...]] = {"diameters": ("circle", "sphere"), "lengths": ("length",)}
-    for name, each in kinds.items():
-        if rms := result.rms(each):
-            before, after = (significant(value / UM) for value in rms)
-            changes = "reduces" if rms[1] <= rms[0] else "increases"
-            of = f"the rms error of {name} from {before} to {after} um"
-            return f"Correction {changes} {of}."
     along = np.nan_to_num(np.abs(result.error)).max(axis=0)
     largest, axis = significant(along.max() / UM, 3), AXES[int(along.argmax())]
-    return f"The largest correction is {largest} um, along {axis}."
+    verdict = f"The largest correction is {largest} um, along {axis}."
+    for kind, name in reversed(KINDS.items()):
+        sizes = result.of_kind(kind)
+        title = f"{name.capitalize()} before and after"
+        tables.insert(1, Table(title, SIZES[kind], sizes, errors, detail=len(sizes) > SHOWN))
+        if rms := result.rms(kind):
+            before, after = (significant(value / UM) for value in rms)
+            changes = "reduces" if rms[1] <= rms[0] else "increases"
+            verdict = (
+                f"Correction {changes} the rms error of the {name} from {before} to {after} um."
+            )
+    form = "mean form over the visits; explained: u of the model and scatter of the points"
+    tables.append(Table("Form left", FORM_LEFT, result.forms, form, detail=True))
+    figure_ = partial(figure, result)
+    return Document("Corrected points", (RESULTS, result), tables, figure_, verdict, digits)
+
+
+@figures.styled
+def figure(result: CorrectResult) -> Figure:
+    """Errors of the sizes before and after with 95 % intervals of one part; without any the errors
+    of the points.
+    """
+    known = [item for item in result.sizes if not np.isnan(item.reference)]
+    half = None
+    if known:
+        title = "Errors of diameters and lengths"
+        names = [words(x.id, x.operation, f"part {x.part}", _warmth(x)) for x in known]
+        before, after = np.array([x.error for x in known]).T / UM
+        half = np.array([np.ptp(x.error_interval95) for x in known]) / (2 * UM)
+    else:
+        title, at = "Errors of the points", [AXES.index(axis) for axis in result.axes]
+        nominal = result.points.nominal
+        before, after = (
+            (x - nominal)[:, at].ravel() / UM for x in (result.points.measured, result.corrected)
+        )
+        names = [words(x, axis) for x in result.feature for axis in result.axes]
+    shown = [
+        Intervals("before", figures.ORANGE, before),
+        Intervals("after, with 95 % interval", figures.BLUE, after, half),
+    ]
+    title += " before and after the correction"
+    return figures.listing(title, names, shown, "measured minus reference, um")
+
+
+def _warmth(item: Size) -> str:
+    return "" if np.isnan(item.temperature) else f"at {item.temperature:.1f} °C"

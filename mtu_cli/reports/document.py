@@ -38,9 +38,9 @@ def MARK(item: Any) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Fields of items under a title. Below it the `footer` in one line, and with ``--detail`` the
-    `notes`; with `detail` the whole table needs ``--detail``. `shown` and `shown_fields` are the
-    items and fields of the printed table where they are not those of the CSV.
+    """Fields of items under a title, with a `footer`, and with ``--detail`` the `notes`; with
+    `detail` the whole table needs it. `shown` and `shown_fields` are the items and fields of the
+    printed table where they are not those of the CSV.
     """
 
     title: str
@@ -57,25 +57,23 @@ class Table:
         """The cells as people read them, without columns that have nothing in them."""
         from mtu_cli.reports.tables import Sheet
 
-        items = self.items if self.shown is None else self.shown
         fields = self.fields if self.shown_fields is None else self.shown_fields
-        shown = [f for f in leaves(fields) if f.head and (detail or not f.detail)]
         columns, cells = list[Field](), list[list[str]]()
-        for field in shown:
-            column = [field.cell(item, digits) for item in items]
+        for field in (f for f in leaves(fields) if f.head and (detail or not f.detail)):
+            column = [field.cell(item, digits) for item in self.printed]
             if all(text in (MISSING, "") for text in column):
                 continue
             if field.show == "mm" and all(text.endswith((".000", MISSING)) for text in column):
                 column = [text.removesuffix(".000") for text in column]
             cells.append(column)
             columns.append(field)
-        notes = [self.footer] if self.footer else []
-        return Sheet(
-            title=self.title,
-            columns=columns,
-            rows=list(zip(*cells, strict=True)),
-            notes=[*notes, *(self.notes if detail else ())],
-        )
+        notes = [*filter(None, [self.footer]), *(self.notes if detail else ())]
+        return Sheet(self.title, columns, list(zip(*cells, strict=True)), notes)
+
+    @property
+    def printed(self) -> Sequence[Any]:
+        """The items of the printed table."""
+        return self.items if self.shown is None else self.shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +109,7 @@ class Document:
 
         if self.verdict:
             yield Text(self.verdict)
-        rows = [each.items if each.shown is None else each.shown for each in self.tables]
-        tables = [each for each, items in zip(self.tables, rows, strict=True) if items]
+        tables = [each for each in self.tables if each.printed]
         chosen = [each for each in tables if detail or not each.detail]
         for table in chosen:
             yield table.sheet(self.digits, detail=detail)
@@ -180,7 +177,7 @@ def described(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
     for each in fields:
         path = f"{within}{each.path}"
         if isinstance(each, Group):
-            member = (".<name>" if each.named else "[]") * int(each.many)
+            member = (".<name>" if each.named else "[]") * each.many
             yield from described(fields_of(each.fields), f"{path}{member}.")
         elif each.path:
             yield path, each.meaning

@@ -11,7 +11,7 @@ its four columns being JSON path, value, meaning and cell::
   name**: um, um2, arcsec divide by their size, any other name leaves the value alone.
 - Value: an attribute (``run.mean.0``: dots reach deeper, None on the way is None); ``.`` the item
   itself; ``name()`` a function of the item, given to `declare` by its name; ``name(attribute)`` a
-  function of the attribute, of those given or of `OF_ATTRIBUTE`. Without it: as the path.
+  function of the attribute, of those given or of `KNOWN`. Without it: as the path.
 - Meaning: one clause in plain English, for ``mtu help`` and the HTML report.
 - Cell: the heading of the column, where a table has one (``-``: none; `` / `` begins its second
   line, which without it is the unit), then how it is shown: a key of `SHOWN` or ``name()``, a
@@ -24,7 +24,8 @@ its four columns being JSON path, value, meaning and cell::
 
 A path that ends in ``.`` is a `Group`, a document within one of the figures in the lines indented
 below it; ``[]`` of each of a list, ``{}`` of a mapping by name. CSV names begin with its path.
-``*name`` stands for fields that are given to `declare`: as a line, or as the meaning of a group.
+``*name`` stands for fields, or a text, of those given or of `KNOWN`: as a line, or as the meaning
+of a group.
 
 Results that are arrays: ``rows_of(result, count)`` gives items whose attributes are the elements
 ``i`` of its arrays. None, nan and infinity are null in JSON, empty in CSV, ``-`` in a table.
@@ -53,6 +54,19 @@ SIZES = {"mm": 1.0, "um": UM, "um2": UM**2, "arcsec": ARCSEC, "arcsec2": ARCSEC*
 """Endings of names that are units, and their size in mm and rad."""
 UNITS = {**{name: name for name in SIZES}, "percent": "%", "degC": "degC"}
 
+
+def _tolerance(stated: float | tuple[float, float], u: None, digits: int) -> str:
+    if isinstance(stated, tuple):
+        return " to ".join(f"{end:+g}" for end in stated)
+    return f"±{stated:g}"
+
+
+def _share(value: float, u: None, digits: int) -> str:
+    """A negative share is of a covariance, no part of u^2: it says what it does."""
+    shown = numbers.fixed(100 * abs(value), 1)
+    return f"reduces u^2 by {shown}" if value < 0 and float(shown) else shown
+
+
 SHOWN: dict[str, Show] = {
     "number": lambda value, u, digits: (
         numbers.significant(value, digits) if u is None else numbers.with_u(value, u, digits)[0]
@@ -63,6 +77,7 @@ SHOWN: dict[str, Show] = {
     "sig3": lambda value, u, digits: numbers.significant(value, 3),
     "sig4": lambda value, u, digits: numbers.significant(value, 4),
     "fix1": lambda value, u, digits: numbers.fixed(value, 1),
+    "whole": lambda value, u, digits: numbers.fixed(value, 0),
     "fix4": lambda value, u, digits: numbers.fixed(value, 4),
     "mm": lambda value, u, digits: numbers.fixed(value, 3),
     "p": lambda value, u, digits: numbers.p_value(value),
@@ -73,19 +88,50 @@ SHOWN: dict[str, Show] = {
     "plain": lambda value, u, digits: f"{value:g}",
     "count": lambda value, u, digits: str(value),
     "text": lambda value, u, digits: str(value),
+    "decision": lambda value, u, digits: "yes" if value else "no*",
+    "tolerance": _tolerance,
+    "share": _share,
 }
 """How a value of a table is written; text stands left and may break over lines."""
 COLUMN = re.compile(r"\s\|(?=\s|$)")
 """Between the columns of a declaration."""
-OF_ATTRIBUTE: dict[str, Callable[[Any], Any]] = {
+KNOWN: dict[str, Any] = {
     "as_stated": lambda item: 1.0,
     "root": np.sqrt,
     "int": int,
     "len": len,
     "stated": lambda value: value or None,
     "words": lambda values: " ".join(filter(None, values)),
+    "conformance": """
+        conformance.
+            tolerance_UNIT | tolerance.stated | errors allowed: plus and minus this, or \
+                [low, high]; conformance is null without \
+                | tolerance, tolerance, csv=tolerance_UNIT, size=as_stated()
+            *conforming
+    """,
+    "conforming": """
+        probability | | probability that a future part is within the tolerance \
+            | conforming / %, percent, csv=conformance_probability
+    """,
+    "shares": """
+        coefficients | | share of u^2 of the coefficients, the same for all parts \
+            | coefficients / % of u^2, share, json, detail
+        passes | | share of the drift between passes, common to the points of one part; \
+            negative: a covariance that reduces u | passes / % of u^2, share, json, detail
+        repeatability | | share of the repeatability of every visit \
+            | repeatability / % of u^2, share, json, detail
+    """,
+    "validation": """
+        validation.
+            passed | | whether the first-order interval agrees with the Monte Carlo (JCGM 101, \
+                clause 8); null: the Monte Carlo cannot decide \
+                | first order / valid, decision, detail, csv=validation_passed
+            d_low_UNIT | d_low | difference of the lower ends | -, json
+            d_high_UNIT | d_high | difference of the upper ends | -, json
+            tolerance_UNIT | tolerance | largest difference allowed | -, json
+    """,
 }
-"""Functions that need not be given to `declare`; `as_stated`: a size, of values in their unit."""
+"""What need not be given to `declare`: functions, and the figures of several reports."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,57 +214,50 @@ class Group:
 
     path: str
     fields: Sequence[Field | Group] | Callable[[Any], Sequence[Field | Group]]
-    value: Value | None = None
+    value: Value
     _: KW_ONLY
-    many: int = False
+    many: int = 0
     named: bool = False
-    csv: bool = True
-
-    def part(self, item: Any) -> Any:
-        """What the figures are of."""
-        return read(item, self.path if self.value is None else self.value)
 
     def json(self, item: Any) -> Any:
         """A document, null, or with `many` a list or an object of documents."""
-        part = self.part(item)
-        return None if part is None else self._each(part, int(self.many))
 
-    def _each(self, part: Any, depth: int) -> Any:
-        if not depth:
-            return record(self.fields, part)
-        if isinstance(part, Mapping):
-            return {name: self._each(each, depth - 1) for name, each in part.items()}
-        return [self._each(each, depth - 1) for each in part]
+        def document(part: Any, depth: int) -> Any:
+            if part is None or not depth:
+                return None if part is None else record(self.fields, part)
+            if isinstance(part, Mapping):
+                return {name: document(each, depth - 1) for name, each in part.items()}
+            return [document(each, depth - 1) for each in part]
 
-    def leaves(self) -> Iterator[Field]:
-        """Its figures as those of the whole item."""
-        for field in () if self.many else leaves(fields_of(self.fields)):
-            path = f"{self.path}.{field.path}" if field.path else ""
-            csv, within = field.csv if self.csv else "", (self.part, *field.within)
-            yield replace(field, path=path, csv=csv, within=within)
+        return document(read(item, self.value), self.many)
 
 
 Fields = Sequence[Field | Group]
 
 
 def declare(text: str, **known: Any) -> list[Field | Group]:
-    """The figures of a table as above; `known` are its functions and fields by name.
+    """The figures of a table as above; `known` are its functions and fields by name, and by names
+    in capitals the words that stand in their place in the text.
 
     >>> [field.head for field in declare("error_um | error | actual minus nominal | error")]
     ['error']
     """
-    return list(_declared([line for line in text.splitlines() if line.strip()], known))
+    return list(_declared(text, KNOWN | known))
 
 
-def _declared(lines: list[str], known: Mapping[str, Any]) -> Iterator[Field | Group]:
+def _declared(text: str, known: Mapping[str, Any]) -> Iterator[Field | Group]:
     """Those of lines of one level, each followed by the lines within it."""
+    for name, value in known.items():
+        if name.isupper() and isinstance(value, str):
+            text = text.replace(name, value)
+    lines = [line for line in text.splitlines() if line.strip()]
     while lines:
         first, *lines = lines
         depth = len(first) - len(first.lstrip())
         end = next((i for i, x in enumerate(lines) if x[: depth + 1].strip()), len(lines))
-        inner, lines = lines[:end], lines[end:]
+        inner, lines = "\n".join(lines[:end]), lines[end:]
         if first.strip().startswith("*"):
-            yield from known[first.strip()[1:]]
+            yield from _known(first.strip()[1:], known)
             continue
         cells = [" ".join(each.split()) for each in COLUMN.split(first)]
         path, value, meaning, cell = [*cells, "", "", ""][:4]
@@ -228,9 +267,15 @@ def _declared(lines: list[str], known: Mapping[str, Any]) -> Iterator[Field | Gr
             yield Field(path.removeprefix("-"), of, meaning, **dict(_cell(cell, known)))
             continue
         named = path.count("{}")
-        fields = known[meaning[1:]] if meaning else list(_declared(inner, known))
+        fields = _known(meaning[1:], known) if meaning else list(_declared(inner, known))
         many = path.count("[]") + named
-        yield Group(name, fields, of, many=many, named=bool(named), csv=cell != "json")
+        yield Group(name, fields, of, many=many, named=bool(named))
+
+
+def _known(name: str, known: Mapping[str, Any]) -> Any:
+    """Fields by their name, or of the text that declares them."""
+    fields = known[name]
+    return list(_declared(fields, known)) if isinstance(fields, str) else fields
 
 
 def _value(text: str, known: Mapping[str, Any]) -> Value:
@@ -238,13 +283,13 @@ def _value(text: str, known: Mapping[str, Any]) -> Value:
     name, bracket, attribute = text.removesuffix(")").partition("(")
     if not bracket:
         return "" if text == "." else text
-    function = known[name] if name in known else OF_ATTRIBUTE[name]
-    return partial(_applied, function, attribute) if attribute else function
+    function = known[name]
 
+    def applied(item: Any) -> Any:
+        value = read(item, attribute)
+        return None if value is None else function(value)
 
-def _applied(function: Callable[[Any], Any], attribute: str, item: Any) -> Any:
-    value = read(item, attribute)
-    return None if value is None else function(value)
+    return applied if attribute else function
 
 
 def _cell(text: str, known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -275,32 +320,30 @@ def leaves(fields: Fields) -> Iterator[Field]:
     for each in fields:
         if isinstance(each, Field):
             yield each
-        else:
-            yield from each.leaves()
+        elif not each.many:
+            part = partial(read, value=each.value)
+            for field in leaves(fields_of(each.fields)):
+                path = f"{each.path}.{field.path}" if field.path else ""
+                yield replace(field, path=path, within=(part, *field.within))
 
 
 def read(item: Any, value: Value | None) -> Any:
-    """A quantity of an item: by a function, or by the name of an attribute."""
-    if value is None:
-        return None
-    return _getter(value)(item) if isinstance(value, str) else value(item)
+    """A quantity of an item: by a function, or by the path of an attribute."""
+    if not isinstance(value, str):
+        return None if value is None else value(item)
+    for name in _names(value):
+        if item is None:
+            return None
+        if isinstance(name, int):
+            item = item[name] if name < len(item) else None
+        else:
+            item = item.get(name) if isinstance(item, Mapping) else getattr(item, name)
+    return item
 
 
 @cache
-def _getter(path: str) -> Callable[[Any], Any]:
-    names = [name for name in path.split(".") if name]
-
-    def found(item: Any) -> Any:
-        for name in names:
-            if item is None:
-                return None
-            if name.isdigit():
-                item = item[int(name)]
-            else:
-                item = item.get(name) if isinstance(item, Mapping) else getattr(item, name)
-        return item
-
-    return found
+def _names(path: str) -> list[str | int]:
+    return [int(name) if name.isdigit() else name for name in path.split(".") if name]
 
 
 def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any]:
@@ -363,21 +406,17 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """CSV with ``\\n`` line ends; None and numbers that are not finite are empty cells, truth
     values are true and false, members of a list stand with blanks between them.
     """
+
+    def cell(value: Any) -> Any:
+        if isinstance(value, bool):
+            return "true" if value else "false"
+        return " ".join(map(str, value)) if isinstance(value, list | tuple) else plain(value)
+
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(header)
-    writer.writerows([_csv_cell(value) for value in row] for row in rows)
+    writer.writerows([cell(value) for value in row] for row in rows)
     return out.getvalue()
-
-
-def _csv_cell(value: Any) -> str:
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        return repr(float(value)) if math.isfinite(value) else ""
-    return " ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -397,64 +436,3 @@ class RowOf:
 def rows_of(table: Any, count: int) -> list[RowOf]:
     """The first `count` rows of a result of arrays as items of a report."""
     return [RowOf(table, index) for index in range(count)]
-
-
-def validation(unit: str, *, csv: str = "") -> Group:
-    """The outcome of JCGM 101, clause 8, with differences in `unit` (none: that of the figures);
-    `csv` names its column.
-    """
-    ending = f"_{unit}" if unit else ""
-    verdicts = {True: "yes", False: "no*", None: "undecided"}
-    text = f"""
-        passed | | whether the first-order interval agrees with the Monte Carlo (JCGM 101, \
-            clause 8); null: the Monte Carlo cannot decide | -, csv={csv}
-        - | verdict() | | first order / valid, text, detail
-        d_low{ending} | d_low | difference of the lower ends | -, json
-        d_high{ending} | d_high | difference of the upper ends | -, json
-        tolerance{ending} | tolerance | largest difference allowed | -, json
-    """
-    return Group("validation", declare(text, verdict=lambda found: verdicts[found.passed]))
-
-
-def conformance(unit: str) -> Group:
-    """The probability that an error of a future part is within its tolerance, in `unit`."""
-    return Group("conformance", declare(CONFORMANCE.replace("UNIT", unit), **CONFORMING))
-
-
-def _tolerance(stated: float | tuple[float, float], u: None, digits: int) -> str:
-    if isinstance(stated, tuple):
-        return " to ".join(f"{end:+g}" for end in stated)
-    return f"±{stated:g}"
-
-
-CONFORMING: dict[str, Any] = {
-    "conforming": declare("""
-        probability | | probability that a future part is within the tolerance \
-            | conforming / %, percent, csv=conformance_probability
-    """),
-    "tolerance": _tolerance,
-}
-CONFORMANCE = """
-    tolerance_UNIT | tolerance.stated | errors allowed: plus and minus this, or [low, high]; \
-        conformance is null without | tolerance, tolerance(), csv=tolerance_UNIT, size=as_stated()
-    *conforming
-"""
-SHARES = """
-    coefficients | | share of u^2 of the coefficients, the same for all parts \
-        | coefficients / % of u^2, share(), detail
-    passes | | share of the drift between passes, common to the points of one part; negative: \
-        a covariance that reduces u | passes / % of u^2, share(), detail
-    repeatability | | share of the repeatability of every visit \
-        | repeatability / % of u^2, share(), detail
-"""
-
-
-def shares(path: str = "shares", value: Value | None = None) -> Group:
-    """What a variance consists of; null under independence and where u is 0."""
-    return Group(path, declare(SHARES, share=_share), value, csv=False)
-
-
-def _share(value: float, u: None, digits: int) -> str:
-    """A negative share is of a covariance, no part of u^2: it says what it does."""
-    shown = numbers.fixed(100 * abs(value), 1)
-    return f"reduces u^2 by {shown}" if value < 0 and float(shown) else shown

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
-from mtu_cli.reports.labels import cut
+from mtu_cli.reports.numbers import cut, spread
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -29,15 +29,14 @@ GREY = "#8a929c"
 BLUE = "#1f5fa8"
 ORANGE = "#d9772b"
 RED = "#b3261e"
-GREEN = "#3d8b57"
 PALE = "#c9dcf0"
 
 LETTER = 0.066
 """Width of a letter of a name, inches."""
 WIDTH = 34
 """Characters of a name beside a panel."""
-FEW_ROWS = 24
-"""More rows of intervals than this stand closer together."""
+FEW_ROWS, MOST_ROWS = 24, 80
+"""More rows of intervals than the first stand closer together; of more than the second some."""
 
 _STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -148,34 +147,39 @@ def listing(
     limits: Sequence[FloatArray] = (),
     beside: Sequence[str] = (),
 ) -> Figure:
-    """A page of intervals about their values, a row each from top to bottom; `limits` (n,) in red,
-    nan where there are none; texts `beside` the rows.
+    """A page of intervals about their values, a row each from top to bottom, of many some evenly
+    apart; `limits` (n,) in red, nan where there are none; texts `beside` the rows.
     """
-    page = blank(8.0, (0.36 if len(names) <= FEW_ROWS else 0.25) * len(names) + 1.7)
-    title(page, text)
-    panel, rows = page.subplots(), np.arange(len(names))
+    kept = spread(len(names), MOST_ROWS)
+    rows = np.arange(len(kept))
+    page = blank(8.0, (0.36 if len(kept) <= FEW_ROWS else 0.25) * len(kept) + 1.7)
+    title(page, text + f" ({len(kept)} of {len(names)})" * (len(kept) < len(names)))
+    panel = page.subplots()
     panel.axvline(0.0, color=GREY, linewidth=0.9)
     for item in shown:
+        half = None if item.half is None else item.half[kept]
         panel.errorbar(
-            item.value, rows + item.shift, xerr=item.half, fmt="o", color=item.colour,
+            item.value[kept], rows + item.shift, xerr=half, fmt="o", color=item.colour,
             elinewidth=2.0, capsize=2.0, markersize=4.0, label=item.label,
         )  # fmt: skip
     for limit in limits:
-        if (known := np.isfinite(limit)).any():
-            at = rows[known]
-            panel.vlines(limit[known], at - 0.3, at + 0.4, color=RED, lw=2.0, label="tolerance")
-    for row, words in enumerate(beside):
+        if np.isfinite(limit[kept]).any():
+            panel.vlines(limit[kept], rows - 0.3, rows + 0.4, color=RED, lw=2.0, label="tolerance")
+    for row, i in enumerate(kept if beside else ()):
         panel.annotate(
-            words, (1.01, row), xycoords=panel.get_yaxis_transform(), va="center", fontsize=7.5,
-            annotation_clip=False,
+            beside[i], (1.01, row), xycoords=panel.get_yaxis_transform(), va="center",
+            fontsize=7.5, annotation_clip=False,
         )  # fmt: skip
-    panel.set_yticks(rows, [cut(name, WIDTH) for name in names])
-    panel.set(ylim=(len(names) - 0.4, -0.6), xlabel=label)
+    panel.set_yticks(rows, [cut(names[i], WIDTH) for i in kept])
+    panel.set(ylim=(len(kept) - 0.4, -0.6), xlabel=label)
     panel.grid(axis="y", visible=False)
+    legend(page)
     return page
 
 
-def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequence[str]) -> None:
+def bars(
+    panel: Axes, names: Sequence[str], values: Sequence[float] | FloatArray, texts: Sequence[str]
+) -> None:
     """A bar a row from top to bottom, negative ones in another colour, its text at its end."""
     rows = range(len(values))
     colours = [BLUE if value >= 0 else ORANGE for value in values]
@@ -184,7 +188,7 @@ def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequ
     panel.set_yticks(rows, names)
     panel.set_ylim(max(len(values), 1) - 0.4, -0.6)
     # Texts of negative bars would reach the names.
-    panel.margins(x=0.16 if min(values, default=0.0) >= 0 else 0.32)
+    panel.margins(x=0.16 if all(value >= 0 for value in values) else 0.32)
     panel.axvline(0.0, color=GREY, linewidth=0.8)
     panel.grid(axis="y", visible=False)
 

@@ -7,31 +7,39 @@ Per component everything is in its own `unit` and mm; of several instruments the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from functools import partial
-from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.analyses.fit_components import Component, FitResult
+from mtu_cli.analyses.fit_components import Component, FitResult, Line
 from mtu_cli.findings import listed
 from mtu_cli.model.estimation import TESTS
-from mtu_cli.reports import machine_figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, declare
+from mtu_cli.reports.fields import Field, Fields, declare
+from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.units import ARCSEC, LENGTH, UM
 
-MM_PER_M = 1000.0
-SHOWN = 12
-"""Names in a note."""
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from mtu_cli.model.estimates import ComponentEstimate
+    from mtu_cli.model.estimation import InstrumentFit
+
+SHOWN, TITLE = 12, 36
+"""Names in a note; characters above a panel."""
+MARKS = {1: (">", "forward"), -1: ("<", "reverse"), 0: ("o", "reading")}
+"""Markers and words by direction."""
 
 
-def _size(item: Any) -> float:
-    """Of the unit of a component, in mm or rad."""
+def _size(item: Any, power: int = 0) -> float:
+    """Of the unit of a component per m^power, in mm or rad."""
     size: float = item.unit.to_internal
-    return size
+    return size / 1000.0**power
 
 
 SIZES: dict[str, Any] = {
@@ -87,7 +95,6 @@ COMPONENT = """
     n | | number of readings
     n_passes | estimate.n_passes | passes in the mean square between passes
     passes_read | | passes of the readings | passes / read, count, detail
-    - | runs_read | runs | runs / read, count, detail
     coefficients | | ascending powers of mm; of a table its values at at_mm | -, json, size=size()
     covariance | | of the coefficients | -, json, size=size2()
     covariance_independent | estimate.independent_covariance | s^2 (X'X)^-1, all readings as \
@@ -102,8 +109,6 @@ COMPONENT = """
         | -, json, size=size2()
     half_difference_mean_square | half_differences | part of the mean square between passes that \
         is of runs there and back; null: none | -, json, size=size2()
-    run_covariance | | covariance of the two passes of a run, of several instruments \
-        | -, json, size=size2()
     s_pass | s_pass() | standard deviation from pass to pass at pass_center_mm
     - | scatter.1 | | s_pass / unit, size=size()
     pass_center_mm | pass_center | mean position of the readings
@@ -125,25 +130,31 @@ COMPONENT = """
     agreement_p | | p that the instruments agree; null: one instrument | agree / p, p, json
     *in_csv
 """
-
-
 TERM = """
-    - | value() | | HEAD, plus-minus, u=u(), size=size()
+    - | coefficients.POWER | | HEAD, plus-minus, u=root(covariance.POWER.POWER), size=per_m()
 """
 """As people read it, per m^N."""
 TERM_IN_CSV = """
-    - | value() | coefficient of mm^N | -, csv=coefficient_N, size=size()
-    - | u() | standard uncertainty of the coefficient of mm^N | -, csv=u_coefficient_N, size=size()
+    - | coefficients.POWER | coefficient of mm^POWER | -, csv=coefficient_POWER, size=size()
+    - | root(covariance.POWER.POWER) | standard uncertainty of the coefficient of mm^POWER \
+        | -, csv=u_coefficient_POWER, size=size()
 """
 
 
 def component(powers: int) -> Fields:
     """The figures of a component; in tables and CSV those of `powers` coefficients."""
+    heads = ["at 0 / unit", "slope / unit/m", *(f"x^{n} / unit/m^{n}" for n in range(2, powers))]
+    terms: tuple[list[Field], list[Field]] = [], []
+    for n, head in enumerate(heads[:powers]):
+        for fields, text in zip(terms, (TERM, TERM_IN_CSV), strict=True):
+            per_m = partial(_size, power=n)
+            more = declare(text, POWER=str(n), HEAD=head, per_m=per_m, **SIZES)
+            fields += [replace(x, within=(_polynomial,)) for x in more if isinstance(x, Field)]
     return declare(
         COMPONENT,
         **SIZES,
-        in_tables=[*_terms(powers, TERM, MM_PER_M)],
-        in_csv=[*_terms(powers, TERM_IN_CSV, 1.0)],
+        in_tables=terms[0],
+        in_csv=terms[1],
         tested=TESTED,
         shape=lambda x: "polynomial" if x.estimate.table is None else "table",
         # To the last bit the root of pass_covariance as the report states it.
@@ -151,29 +162,9 @@ def component(powers: int) -> Fields:
     )
 
 
-def _terms(powers: int, text: str, scale: float) -> Iterator[Field | Group]:
-    heads = ["at 0 / unit", "slope / unit/m"]
-    heads += [f"x^{n} / unit/m^{n}" for n in range(2, powers)]
-    for n, head in enumerate(heads[:powers]):
-        value, u = (partial(each, n, scale**n) for each in (_value, _u))
-        each = text.replace("N", str(n)).replace("HEAD", head)
-        yield from declare(each, value=value, u=u, size=_size)
-
-
-def _powers(item: Any) -> int:
-    """Coefficients of powers that a line of the table states."""
-    return 0 if isinstance(item, Component) and item.estimate.table else len(item.coefficients)
-
-
-def _value(power: int, scale: float, item: Any) -> float | None:
-    """A coefficient, per mm^power times `scale`; None beyond the degree, and of a table."""
-    return item.coefficients[power] * scale if power < _powers(item) else None
-
-
-def _u(power: int, scale: float, item: Any) -> float | None:
-    """Its standard uncertainty, 0 where the machine file states none."""
-    known = power < min(_powers(item), len(item.covariance))
-    return float(np.sqrt(item.covariance[power, power])) * scale if known else None
+def _polynomial(item: Line) -> Line | None:
+    """The item, where its coefficients are those of powers."""
+    return None if isinstance(item, Component) and item.estimate.table else item
 
 
 JOINT = declare("""
@@ -206,22 +197,13 @@ def results(fields: Fields) -> Fields:
 ROW = component(2)
 RESULTS = results(ROW)
 """Of components of degree 1."""
-KNOT = declare(
-    """
-    - | component | | component, text, names
-    - | unit.name | | unit, text
-    - | at | | at / mm, mm
-    - | value | | value / unit, plus-minus, u=u, size=size()
-    """,
-    **SIZES,
-)
 
 
 def document(result: FitResult, digits: int = 2) -> Document:
     """One row a component, and one for each of several instruments that read it."""
     components = list(result.components.values())
-    says = {name: x.says for name, x in result.components.items() if x.says}
-    fields = component(max(map(_powers, components), default=0))
+    powers = [len(x.coefficients) for x in filter(_polynomial, components)]
+    fields = component(max(powers, default=0))
     footer = (
         "± one standard uncertainty; reversal: forward minus reverse; * significant at "
         f"{100 * FAMILY_RATE:g} % (Bonferroni)"
@@ -230,39 +212,73 @@ def document(result: FitResult, digits: int = 2) -> Document:
         footer += f"; not fitted, without readings: {missing}"
     shown = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]
     table = Table(f"Components of {result.machine}", fields, components, footer, shown=shown)
-    k, draw = result.coverage_factor, machine_figures.components
-    figure = partial(draw, result.fit, result.estimates, k, says=says)
-    tables, verdict = [table, *_tables(components)], _verdict(result)
-    return Document("Components", (results(fields), result), tables, figure, verdict, digits)
-
-
-def _tables(components: Iterable[Component]) -> Iterator[Table]:
-    knots = [
-        SimpleNamespace(component=x.label, unit=x.unit, at=at, value=value, u=math.sqrt(u2))
-        for x in components
-        if x.estimate.table is not None
-        for at, value, u2 in zip(
-            x.estimate.table.at, x.coefficients, np.diag(x.covariance), strict=True
-        )
-    ]
-    if knots:
-        footer = "natural cubic interpolation between the positions; ± one standard uncertainty"
-        yield Table("Values of the tables", KNOT, knots, footer)
-
-
-def _verdict(result: FitResult) -> str:
-    """The tests that are significant, those that are not, and those that no readings allow."""
-    tests = [(x.label, own.tests) for x in result.components.values() for own in x.instruments]
-    found: list[str] = []
-    quiet: list[str] = []
-    missing: list[str] = []
+    tests = [(x.label, own.tests) for x in components for own in x.instruments]
+    found, untested = [], []
     for name, words in TESTS.items():
         made = [(label, own[name].significant) for label, own in tests if name in own]
-        if names := [label for label, sure in made if sure]:
-            found.append(f"{words} of {listed(names)}")
-        else:
-            (quiet if made else missing).append(words)
-    none = f"No {' or '.join(quiet)} is significant." if quiet else ""
-    text = f"Significant: {'; '.join(found)}." if found else none
-    untested = f"Not tested, as the readings do not allow it: {', '.join(missing)}."
-    return " ".join(filter(None, [text, untested if missing else ""]))
+        if names := listed(dict.fromkeys(label for label, sure in made if sure)):
+            found.append(f"{words} of {names}")
+        untested += [] if made else [words]
+    verdict = f"Significant: {'; '.join(found)}." if found else "No test is significant."
+    if untested:
+        verdict += f" Not tested, as the readings do not allow it: {', '.join(untested)}."
+    shown_as = results(fields), result
+    figure_ = partial(figure, result)
+    return Document("Components", shown_as, [table], figure_, verdict, digits)
+
+
+@figures.styled
+def figure(result: FitResult) -> Figure:
+    """All components on one sheet (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction,
+    the fitted line, and the band of a future part: k times the root of
+    x'(C + D)x + s_repeat^2 about the line.
+    """
+    shown, k = result.estimates.components, result.coverage_factor
+    columns = max(1, min(len(shown), 3))
+    page = figures.blank(3.4 * max(columns, 2), 2.15 * -(-len(shown) // columns) + 0.6)
+    figures.title(page, f"Components: readings (first pass dark, last one light), fit, ± {k:g} u")
+    fits = result.fit.components
+    instruments = [item for x in fits.values() for item in x.instruments]
+    numbers = sorted({1, *(key[1] for item in instruments for key in item.keys_read)})
+    colours = dict(zip(numbers, figures.shades(len(numbers)), strict=True))
+    panels = figures.panels_of(page, len(shown), columns)
+    for panel, (name, estimate) in zip(panels, shown.items(), strict=False):
+        for item in fits[name].instruments if name in fits else ():
+            _readings(panel, item, estimate, colours)
+        low, high = estimate.position_range or (0.0, 100.0)
+        if estimate.of is None:
+            low, high = 0.5, numbers[-1] + 0.5
+            panel.locator_params(axis="x", integer=True)
+        f, place = estimate.unit.to_internal, np.linspace(low, high, 101)
+        X = estimate.shape.columns(place)
+        line, C = X @ estimate.coefficients / f, estimate.covariance + estimate.pass_covariance
+        variance = np.einsum("ni,ij,nj->n", X, C, X) + estimate.s_repeat**2
+        half = k * np.sqrt(np.clip(variance, 0.0, None)) / f
+        panel.fill_between(
+            place, line - half, line + half, color=figures.PALE, alpha=0.6, linewidth=0, zorder=1,
+            label=f"one future reading, ± {k:g} u",
+        )  # fmt: skip
+        panel.plot(place, line, color=figures.INK, zorder=4, label="fit")
+        says = result.components[name].says or ""
+        panel.set_title(cut(f"{name}  {says}".rstrip(), TITLE))
+        panel.set_xlabel("pass" if estimate.of is None else f"{estimate.of}, mm")
+        panel.set_ylabel(estimate.unit.name)
+    figures.legend(page)
+    return page
+
+
+def _readings(
+    panel: Axes, item: InstrumentFit, estimate: ComponentEstimate, colours: dict[int, Any]
+) -> None:
+    """A line a pass and direction; of a constant the passes side by side."""
+    group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
+    for g, (number, sign) in enumerate([key[1:] for key in item.keys_read] or [(1, 0)]):
+        inside = np.flatnonzero(group == g)
+        inside = inside[np.argsort(item.position[inside], kind="stable")]
+        place = item.position[inside] if estimate.of else np.full(len(inside), float(number))
+        marker, word = MARKS[sign]
+        panel.plot(
+            place, item.error[inside] / estimate.unit.to_internal, marker=marker,
+            linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],
+            markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3, label=word,
+        )  # fmt: skip

@@ -12,7 +12,7 @@ from mtu_cli.findings import listed
 from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, declare, record, validation
+from mtu_cli.reports.fields import KNOWN, Field, Fields, declare, record
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.monte_carlo_figures import simulated, swept
 from mtu_cli.reports.numbers import fixed, plus_minus, significant
@@ -128,7 +128,7 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
         deviations=lambda item: None if item.fixed else item.deviations,
         unit=lambda item: small_unit(item.output.unit)[1],
         shares=lambda item: shares_text(item.shares),
-        validation=[validation("", csv="validation_passed")],
+        validation=KNOWN["validation"].replace("_UNIT", ""),
         errors=declare(STANDARD_ERRORS),
     )
     for source in sources:

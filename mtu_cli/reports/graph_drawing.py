@@ -16,7 +16,7 @@ import numpy as np
 
 from mtu_cli.files.graph_contract import Graph
 from mtu_cli.reports import figures
-from mtu_cli.reports.labels import cut
+from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 

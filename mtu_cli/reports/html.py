@@ -41,34 +41,28 @@ def report_bytes(
         # The picture without the head of a file of its own; nothing in it leaves the page.
         svg = figure_bytes(figure, ".svg").decode()
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    text = environment.from_string(source).render(
-        blocks=[block for block in map(_block, tables) if block],
+    blocks: list[Sheet | str] = []
+    for item in tables:
+        if isinstance(item, Sheet):
+            blocks.append(item)
+        elif text := (item.plain if isinstance(item, Text) else plain_text([item])).strip():
+            blocks.append(text)
+    page = environment.from_string(source).render(
+        blocks=blocks,
         figure=Markup(svg),
         warnings=list({each.message: each for each in warnings}.values()),
         # Without the digits of a setting that nobody chose.
-        settings={
-            key: f"{value:.6g}" if isinstance(value, float) else value
-            for key, value in settings.items()
-        },
+        settings={k: f"{x:.6g}" if isinstance(x, float) else x for k, x in settings.items()},
         version=__version__,
         **stated,
     )
-    return _pdf(text) if suffix == ".pdf" else text.encode()
-
-
-def _block(item: object) -> Sheet | str:
-    """A table, or what else a terminal shows as text."""
-    if isinstance(item, Sheet):
-        return item
-    return (item.plain if isinstance(item, Text) else plain_text([item])).strip()
-
-
-def _pdf(text: str) -> bytes:
+    if suffix != ".pdf":
+        return page.encode()
     try:
         from weasyprint import HTML  # type: ignore[import-not-found,unused-ignore]  # an extra
     except (ImportError, OSError):
         expected = "the extra mtu-cli[pdf] (pip install 'mtu-cli[pdf]'), or a name ending in .html"
         reason = "this installation writes no PDF"
         raise error("output-form", path="--report", reason=reason, expected=expected) from None
-    written: bytes = HTML(string=text).write_pdf()
+    written: bytes = HTML(string=page).write_pdf()
     return written

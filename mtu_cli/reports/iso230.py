@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,11 +24,10 @@ from mtu_cli.analyses.iso230 import (
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, blank, legend, panels_of, styled
-from mtu_cli.reports.numbers import significant, with_u
+from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED, blank, legend, panels_of, styled
+from mtu_cli.reports.numbers import with_u
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Page
 
 MAIN = ("A", "E", "R", "M", "B", "B_mean")
@@ -36,32 +35,16 @@ SHOWN_AXES = 2
 """Of more the targets are shown with --detail, and the verdict names these alone."""
 
 
-class Row(NamedTuple):
-    """A figure of an axis."""
-
-    axis: Axis
-    figure: Figure
-
-
-VALUE = """
-        value | | {} | -, size=size
-        u_sampling | | its standard deviation over repeated tests | -, size=size"""
-FIGURE = (
-    """
-    {0}. | figures.{0}"""
-    + VALUE.format("{1}")
-    + """
+FIGURE = """
+    {0}. | figures.{0}
+        value | | {1} | -, size=size
+        u_sampling | | its standard deviation over repeated tests | -, size=size
         u | | its standard uncertainty by the instrument, of these runs; null without a budget \
-            | -, size=size"""
-)
-CHANGE = """
-        {0}. | {0}
-            value | before.value | earlier test: {1} | -, size=size
-            u_sampling | before.u_sampling | its standard deviation over repeated tests \
-                | -, size=size
-            difference | | now minus earlier | -, size=size
-            bound | | the tests differ beyond this | -, size=size
-            differs | | whether they do"""
+            | -, size=size
+        before | before.value | of the earlier test; null without --before | -, size=size
+        difference | | now minus earlier | -, size=size
+        bound | | the tests differ beyond this | -, size=size
+        differs | | whether they do"""
 AT_TARGET = """
         target_mm | mm | target position; null of a rotary axis | target / mm, plain
         target_deg | deg | target position of a rotary axis | target / deg, plain
@@ -92,8 +75,6 @@ AXIS = (
         f"\n    vdi3441.{name} | figures.{name}.value | {meaning} (VDI/DGQ 3441) | -, size=size"
         for name, meaning in VDI.items()
     )
-    + "\n    before. | earlier()"
-    + "".join(CHANGE.format(*each) for each in ISO.items())
 )
 
 
@@ -137,7 +118,6 @@ RESULTS = declare(
         forward=lambda x: int(x.of_runs[0][0].max()),
         reverse=lambda x: int(x.of_runs[0][1].max()),
         at_target=at_target,
-        earlier=lambda x: x.figures if x.figures["A"].before else None,
     ),
 )
 
@@ -149,30 +129,23 @@ def _scale(figure: Figure) -> float:
 
 ROW = declare(
     """
-    component | axis.name | name of the component | axis, text, names
-    figure | figure.name | symbol of the figure | figure, text
-    value | figure.value | the figure, in the unit | value, u=scale(figure), size=figure.size
-    unit | figure.unit | its unit | unit, text
-    u | figure.u | standard uncertainty by the instrument, of these runs | u, size=figure.size, \
-        u=figure.u
-    U | figure.U | expanded uncertainty k u | U, size=figure.size, u=figure.u
-    u_sampling | figure.u_sampling | standard deviation over repeated tests | u_sampling, \
-        size=figure.size
-    limit | figure.limit | largest value allowed | limit, size=figure.size, exact
-    verdict | figure.verdict | conforming, not proven or nonconforming | verdict, text
-    before | figure.before.value | earlier test | before, u=figure.before.u_sampling, \
-        size=figure.size
-    difference | figure.difference | now minus earlier | change, u=figure.before.u_sampling, \
-        size=figure.size
-    differs | figure.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | -
-    - | differs() | | differs, text
-    meaning | meaning(figure.name) | what it is | -
+    component | 0.name | name of the component | axis, text, names
+    figure | 1.name | symbol of the figure | figure, text
+    value | 1.value | the figure, in the unit | value, u=scale(1), size=1.size
+    unit | 1.unit | its unit | unit, text
+    u | 1.u | standard uncertainty by the instrument, of these runs | u, size=1.size, u=1.u
+    U | 1.U | expanded uncertainty k u | U, size=1.size, u=1.u
+    u_sampling | 1.u_sampling | standard deviation over repeated tests | u_sampling, size=1.size
+    limit | 1.limit | largest value allowed | limit, size=1.size, exact
+    verdict | 1.verdict | conforming, not proven or nonconforming | verdict, text
+    before | 1.before.value | earlier test | before, u=1.before.u_sampling, size=1.size
+    difference | 1.difference | now minus earlier | change, u=1.before.u_sampling, size=1.size
+    differs | 1.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | differs, yes_no()
+    meaning | meaning(1.name) | what it is | -
     """,
     scale=_scale,
     meaning=MEANINGS.get,
-    differs=lambda row: (
-        {True: "yes", False: "no", None: "-"}[row.figure.differs] if row.figure.before else None
-    ),
+    yes_no=lambda value, u, digits: "yes" if value else "no",
 )
 TARGETS = [*declare("- | name | | axis, text, names"), *declare(AT_TARGET)]
 PLAN_ROW = declare("""
@@ -187,20 +160,20 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     if result.plan is not None:
         return _plan_document(result, result.plan, digits)
     axes, names = list(result.axes.values()), STANDARDS[result.standard]
-    rows = [Row(axis, axis.figures[name]) for axis in axes for name in names
-            if not math.isnan(axis.figures[name].value)]  # fmt: skip
+    every = [(axis, axis.figures[name]) for axis in axes for name in names]
+    rows = [(axis, each) for axis, each in every if not math.isnan(each.value)]
     footer = "u_sampling: of a repeated test"
-    if any(math.isfinite(row.figure.u) for row in rows):
-        footer = f"U = {rows[0].figure.k:g} u by the instrument, of these runs; {footer}"
+    if any(math.isfinite(each.u) for _, each in rows):
+        footer = f"U = {rows[0][1].k:g} u by the instrument, of these runs; {footer}"
     if result.decisions:
         footer += "; limits by ISO 14253-1"
-    title, main = "Positioning, ISO 230-2", {*MAIN, *VDI}
+    title = "Positioning, ISO 230-2"
     if names is VDI:
         title = "Positioning, VDI/DGQ 3441"
         footer = f"six standard deviations: not comparable with ISO 230-2; {footer}"
-    two_way = [axis.name for axis in axes if not math.isnan(axis.figures["E"].value)]
-    shown = [x for x in rows
-             if x.figure.name in main or x.axis.name not in two_way or x.figure.limit]  # fmt: skip
+    one_way = [axis.name for axis in axes if math.isnan(axis.figures["E"].value)]
+    main = {*MAIN, *VDI}
+    shown = [(axis, x) for axis, x in rows if x.name in main or axis.name in one_way or x.limit]
     placed = [row for axis in axes for row in at_target(axis)]
     of = f"deviations in {listed(dict.fromkeys(axis.unit for axis in axes))}"
     below = f"{of}; B = mean forward - mean reverse"
@@ -208,41 +181,35 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
         Table(title, ROW, rows, footer, shown=shown),
         Table("At the targets", TARGETS, placed, below, detail=len(axes) > SHOWN_AXES),
     ]
-    figure, verdict = partial(diagram, result), _verdict(result, digits)
+    texts = [
+        f"{axis.name}: {_stated(axis, digits, result.standard)} {axis.unit}."
+        for axis in axes[:SHOWN_AXES]
+    ]
+    texts += [f"And {len(axes) - SHOWN_AXES} more axes."] * (len(axes) > SHOWN_AXES)
+    for verdict in ("nonconforming", "not proven"):
+        failed = [
+            f"{x.name} of {axis.name}" for axis, x in result.decisions if x.verdict == verdict
+        ]
+        texts += [f"{verdict.capitalize()}: {listed(failed)}."] if failed else []
+    if any(x.before for _, x in rows):
+        differ = listed(f"{x.name} of {axis.name}" for axis, x in rows if x.differs)
+        texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
+    figure, verdict = partial(diagram, result), " ".join(texts)
     return Document("Positioning", (RESULTS, result), tables, figure, verdict, digits)
 
 
-def _verdict(result: Iso230Result, digits: int) -> str:
-    """The figures of the first axes, what fails, what changed."""
-    axes, texts = list(result.axes.values()), []
-    for axis in axes[:SHOWN_AXES]:
-        stated = ", ".join(_stated(axis, digits, result.standard))
-        texts.append(f"{axis.name}: {stated} {axis.unit}.")
-    texts += [f"And {len(axes) - SHOWN_AXES} more axes."] * (len(axes) > SHOWN_AXES)
-    for verdict in ("nonconforming", "not proven"):
-        failed = [f"{x.name} of {axis.name}" for axis, x in result.decisions
-                  if x.verdict == verdict]  # fmt: skip
-        texts += [f"{verdict.capitalize()}: {listed(failed)}."] if failed else []
-    old = [(axis, x) for axis in axes for name in ISO if (x := axis.figures[name]).before]
-    if old:
-        differ = listed(f"{x.name} of {axis.name}" for axis, x in old if x.differs)
-        texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
-    return " ".join(texts)
-
-
-def _stated(axis: Axis, digits: int, standard: str = "iso230-2") -> list[str]:
+def _stated(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
     """The main figures that exist, of one direction its own, with their names."""
     names = ["P", "Pa", "Ps_max", "U_max"] if standard == "vdi3441" else [*MAIN[:5]]
     if standard != "vdi3441" and math.isnan(axis.figures["E"].value):
         way = "forward" if axis.of_runs[0][0].any() else "reverse"
         names = [f"{name}_{way}" for name in "AER"]
-    result = []
-    for each in (axis.figures[name] for name in names):
-        value, u = each.value / each.size, _scale(each) / each.size
-        if not math.isnan(value):
-            text = significant(value, 4) if math.isnan(u) else with_u(value, u, digits)[0]
-            result.append(f"{each.name} {text}")
-    return result
+    known = [axis.figures[name] for name in names]
+    return ", ".join(
+        f"{x.name} {with_u(x.value / x.size, _scale(x) / x.size, digits)[0]}"
+        for x in known
+        if not math.isnan(x.value)
+    )
 
 
 def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
@@ -261,34 +228,40 @@ def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
 
 @styled
 def diagram(result: Iso230Result) -> Page:
-    """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings."""
+    """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
+    limits as long as the range that their figure may have.
+    """
     axes = list(result.axes.values())
     columns = 1 if len(axes) == 1 else 2
     lines = math.ceil(len(axes) / columns)
     page = blank(8.0 if columns == 1 else 11.0, 4.4 if lines == 1 else 3.4 * lines + 0.6)
     for panel, axis in zip(panels_of(page, len(axes), columns), axes, strict=False):
-        _panel(panel, axis)
+        count, means, s = axis.of_runs
+        means, s = means / axis.size, s / axis.size
+        panel.axhline(0.0, color=GREY, linewidth=0.8)
+        for i, (colour, side, marker) in enumerate(((BLUE, -1, "^"), (ORANGE, 1, "v"))):
+            if not count[i].any():
+                continue
+            for run in axis.readings[i].T / axis.size:
+                at = axis.targets + side * 0.006 * axis.travel
+                panel.plot(at, run, ".", color=colour, alpha=0.35, ms=3.5)
+            panel.errorbar(
+                axis.targets, means[i], yerr=2 * np.nan_to_num(s[i]), color=colour, marker=marker,
+                ms=5, capsize=3, elinewidth=1.0, label=f"mean {WAYS[i]}, 2 s",
+            )  # fmt: skip
+        both = means.mean(axis=0)
+        if np.isfinite(both).any():
+            panel.plot(axis.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
+        middle = (np.nanmax(means) + np.nanmin(means)) / 2
+        limits = {x.name: x.limit / x.size for x in axis.figures.values() if x.limit is not None}
+        for i, (name, limit) in enumerate(limits.items(), 1):
+            place = axis.targets.max() + 0.05 * i * axis.travel
+            panel.errorbar(
+                place, middle, limit / 2, color=RED, capsize=4, elinewidth=2.0, label="limit"
+            )
+            panel.annotate(name, (place, middle), (4, 0), textcoords="offset points", color=RED)
+        panel.set_title(f"{axis.name}: {_stated(axis, 2)} {axis.unit}")
+        panel.set_xlabel(f"target, {'deg' if axis.rotary else 'mm'}")
+        panel.set_ylabel(f"deviation, {axis.unit}")
     legend(page)
     return page
-
-
-def _panel(panel: Axes, axis: Axis) -> None:
-    count, means, s = axis.of_runs
-    shift = 0.006 * axis.travel
-    panel.axhline(0.0, color=GREY, linewidth=0.8)
-    for i, (colour, side, marker) in enumerate(((BLUE, -1, "^"), (ORANGE, 1, "v"))):
-        if not count[i].any():
-            continue
-        for run in axis.readings[i].T / axis.size:
-            panel.plot(axis.targets + side * shift, run, ".", color=colour, alpha=0.35, ms=3.5)
-        panel.errorbar(
-            axis.targets, means[i] / axis.size, yerr=2 * np.nan_to_num(s[i]) / axis.size,
-            color=colour, marker=marker, ms=5, capsize=3, elinewidth=1.0,
-            label=f"mean {WAYS[i]}, 2 s",
-        )  # fmt: skip
-    both = means.mean(axis=0) / axis.size
-    if np.isfinite(both).any():
-        panel.plot(axis.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
-    panel.set_title(f"{axis.name}: {', '.join(_stated(axis, 2))} {axis.unit}")
-    panel.set_xlabel(f"target, {'deg' if axis.rotary else 'mm'}")
-    panel.set_ylabel(f"deviation, {axis.unit}")

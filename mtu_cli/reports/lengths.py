@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.analyses.lengths import LengthsResult
 from mtu_cli.findings import listed
-from mtu_cli.reports import prediction_figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import conformance, declare, rows_of, shares, validation
-from mtu_cli.reports.numbers import chance, percent, significant
+from mtu_cli.reports.fields import declare, rows_of
+from mtu_cli.reports.figures import Intervals
+from mtu_cli.reports.numbers import percent, plus_minus, significant
 from mtu_cli.units import UM
 
-LENGTH = """
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ROW = declare(
+    """
     id | ids | name of the length | length, text, mark=outside()
     from | ends.0 | feature at which it starts
     to | ends.1 | feature at which it ends
@@ -41,19 +47,15 @@ LENGTH = """
     between_components.pair | pair | the two components read in passes of their own that \
         contribute most; null: fewer than two | -, json
     *conformance
-    *shares
+    shares. | | *shares
     *validation
-"""
-ROW = declare(
-    LENGTH,
+    """,
+    UNIT="um",
     outside=MARK,
     estimated=lambda x: x.nominal + x.error,
     U=lambda x: x.coverage_factor * np.sqrt(x.variance),
     ends=lambda x: x.error + x.coverage_factor * np.sqrt(x.variance) * np.array([-1.0, 1.0]),
     independent_U=lambda x: x.coverage_factor * np.sqrt(x.independent_variance),
-    conformance=[conformance("um")],
-    shares=[shares()],
-    validation=[validation("um")],
 )
 RESULTS = declare(
     """
@@ -72,24 +74,39 @@ RESULTS = declare(
 
 def document(result: LengthsResult, digits: int = 2) -> Document:
     """One row a length; a length with an end beyond a measured range is marked."""
-    outside = OUTSIDE * any(result.outside)
-    k = f"U = {result.coverage_factor:g} u of one future part"
-    footer = f"{k}; error = actual minus nominal{outside}"
+    footer = f"U = {result.coverage_factor:g} u of one future part; error = actual minus nominal"
     rows = rows_of(result, len(result.ids))
-    table = Table("Lengths", ROW, rows, footer)
-    figure = partial(prediction_figures.lengths, result, digits)
-    return Document("Lengths", (RESULTS, result), [table], figure, _verdict(result), digits)
-
-
-def _verdict(result: LengthsResult) -> str:
+    table = Table("Lengths", ROW, rows, footer + OUTSIDE * any(result.outside))
     known = {x: c.probability for x, c in zip(result.ids, result.conformance, strict=True) if c}
-    if not known:
+    if known:
+        low, joint = min(known.values()), result.joint_conformance
+        names = listed(name for name, probability in known.items() if probability == low)
+        verdict = f"The least probability of conformance is {percent(low)} %, of {names}"
+        if joint is not None:
+            verdict += f"; of all in one part {percent(joint.probability)} %"
+    else:
         worst = int(np.argmax(result.variance))
-        U = result.coverage_factor * np.sqrt(result.variance[worst]) / UM
-        return f"The largest expanded uncertainty is {significant(U)} um, of {result.ids[worst]}."
-    low, joint = min(known.values()), result.joint_conformance
-    names = listed(name for name, probability in known.items() if probability == low)
-    of_all = (
-        "" if joint is None else (f"; of all in one part {chance(joint.probability, joint.se)} %")
+        U = significant(result.coverage_factor * np.sqrt(result.variance[worst]) / UM)
+        verdict = f"The largest expanded uncertainty is {U} um, of {result.ids[worst]}"
+    figure_ = partial(figure, result, digits)
+    return Document("Lengths", (RESULTS, result), [table], figure_, f"{verdict}.", digits)
+
+
+@figures.styled
+def figure(result: LengthsResult, digits: int = 2) -> Figure:
+    """A row a length, error and U beside it."""
+    k, value = result.coverage_factor, result.error / UM
+    U, apart = (k * np.sqrt(v) / UM for v in (result.variance, result.independent_variance))
+    none = np.nan, np.nan
+    limits = [(c.tolerance.low, c.tolerance.high) if c else none for c in result.conformance]
+    return figures.listing(
+        f"Predicted errors of the lengths ± {k:g} u",
+        [f"{name}, {x:.2f} mm" for name, x in zip(result.ids, result.nominal, strict=True)],
+        [
+            Intervals("with shared covariance", figures.BLUE, value, U),
+            Intervals("independent ends and components", figures.ORANGE, value, apart, 0.28),
+        ],
+        "actual minus nominal length, um",
+        limits=list(np.array(limits).T),
+        beside=[f"{plus_minus(x, each, digits)} um" for x, each in zip(value, U, strict=True)],
     )
-    return f"The least probability of conformance is {percent(low)} %, of {names}{of_all}."

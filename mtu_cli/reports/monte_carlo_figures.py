@@ -1,20 +1,18 @@
-"""Pictures of Monte Carlo trials beside the first order: orthogonality, budget, graphs."""
+"""Pictures of Monte Carlo trials beside the first order: angles, budgets, graphs."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
-from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.numbers import significant, with_u
+from mtu_cli.reports.numbers import cut, significant, spread, with_u
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import ARCSEC
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,14 +20,13 @@ if TYPE_CHECKING:
 
     from mtu_cli.analyses.budget import BudgetResult
     from mtu_cli.analyses.graph import GraphSimulation, GridPoint, Sweep
-    from mtu_cli.analyses.orthogonality import OrthogonalityResult
 
 BINS, MARGIN = 50, 0.25
 """Of a histogram; beyond both intervals it shows this part of them."""
-ANGLES, OUTPUTS, COORDINATES = 6, 4, 9
+OUTPUTS, COORDINATES = 4, 9
 """Quantities drawn on one sheet."""
-SHARES, LEAST = 12, 0.05
-"""Inputs drawn, the largest shares first, each at least so many percent."""
+SHARES = 12
+"""Inputs drawn, the largest shares first."""
 SEEN = 1e-3
 """Coordinates drawn have at least this part of the largest u of their unit."""
 NAME, TITLE = 24, 50
@@ -59,8 +56,10 @@ def histogram(panel: Axes, item: Trials) -> None:
     known = [*item.ends, *first_ends]
     room = max(MARGIN * (max(known) - min(known)), 1e-6 * max(map(abs, known)), 1e-300)
     limits = min(known) - room, max(known) + room
-    style: dict[str, Any] = {"color": figures.PALE, "label": "Monte Carlo trials"}
-    panel.hist(item.samples, BINS, range=limits, density=True, histtype="stepfilled", **style)
+    panel.hist(
+        item.samples, BINS, range=limits, density=True, histtype="stepfilled",
+        color=figures.PALE, label="Monte Carlo trials",
+    )  # fmt: skip
     if u > 0.0:
         from scipy.stats import t
 
@@ -76,7 +75,7 @@ def histogram(panel: Axes, item: Trials) -> None:
     panel.locator_params(axis="x", nbins=5)
 
 
-def _sheet(text: str, shown: Sequence[Trials]) -> Figure:
+def histograms(text: str, shown: Sequence[Trials]) -> Figure:
     """A page of histograms."""
     count, columns = max(1, len(shown)), max(1, min(len(shown), 3))
     page = figures.blank(max(6.5, 3.7 * columns), 1.2 + 2.6 * math.ceil(count / columns))
@@ -88,40 +87,19 @@ def _sheet(text: str, shown: Sequence[Trials]) -> Figure:
 
 
 @figures.styled
-def orthogonality(result: OrthogonalityResult) -> Figure:
-    """Histogram of the trials of every angle, its interval, and the first-order curve."""
-    shown = []
-    for item in result.angles[:ANGLES]:
-        run, model = item.run, item.model
-        first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]
-        mean, u = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0], run.u[0] / ARCSEC
-        shown.append(
-            Trials(
-                run.samples[0] / ARCSEC,
-                (float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)),
-                first,
-                f"{cut(item.id, NAME)}: mean {mean}, u {significant(u)} arcsec",
-                "angle minus 90 degrees, arcsec",
-            )
-        )
-    return _sheet("Angles between rows and columns", shown)
-
-
-@figures.styled
 def budget(result: BudgetResult) -> Figure:
     """For every output a bar an input, and beside it the histogram of the trials."""
     shown, run = result.outputs[:OUTPUTS], result.run
-    height = max(2.4, 0.26 * (1 + min(SHARES, len(result.inputs))) + 1.2)
+    height = max(2.4, 0.26 * (1 + min(SHARES, len(result.given.quantities))) + 1.2)
     page = figures.blank(10.0, 0.9 + len(shown) * height)
     panels = page.subplots(len(shown), 2, squeeze=False)
     for (left, right), item, samples in zip(panels, shown, run.samples, strict=False):
         name, unit = cut(item.name, NAME), f" {item.unit}" if item.unit else ""
-        # The largest shares of the variance; none where there is no first order.
+        # None where there is no first order.
         shares = np.nan_to_num(100.0 * item.share)
         order = np.argsort(-np.abs(shares), kind="stable")[:SHARES].tolist()
-        bars = {cut(result.inputs[i].name, NAME): float(shares[i]) for i in order}
-        bars = {input_: share for input_, share in bars.items() if abs(share) >= LEAST}
-        figures.bars(left, list(bars), list(bars.values()), [f"{x:.1f}" for x in bars.values()])
+        names = [cut(result.given.quantities[i].name, NAME) for i in order]
+        figures.bars(left, names, shares[order], [f"{shares[i]:.1f}" for i in order])
         left.set(xlabel="share of u², %", title=f"{name}: shares of the variance")
         text = f"{name} = {with_u(item.value, item.u or None)[0]}{unit}\nu = {significant(item.u)}"
         text += f", by Monte Carlo {significant(item.of_run('u'))}{unit}"
@@ -147,7 +125,7 @@ def simulated(result: GraphSimulation) -> Figure:
         of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
         shown.append(Trials(samples, ends, (0.0, u, math.inf), text, of))
     some = f" ({len(seen)} of {len(varying)})" if len(seen) < len(varying) else ""
-    return _sheet(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}", shown)
+    return histograms(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}", shown)
 
 
 @figures.styled

@@ -1,4 +1,4 @@
-"""Numbers for people: rounded to their uncertainty (JCGM 100, 7.2.6)."""
+"""Numbers and names for people: rounded to the uncertainty (JCGM 100, 7.2.6), cut to the room."""
 
 from __future__ import annotations
 
@@ -91,19 +91,6 @@ def percent(probability: float | None) -> str:
     return f"{value:.2f}" if value < 1 or value > 99 else f"{value:.1f}"
 
 
-def chance(probability: float, se: float) -> str:
-    """A probability and its standard error in percent, such as "97.2 ± 0.3"; the far end of three
-    standard errors, such as ">99.99", where one of them reaches 0 or 100.
-    """
-    if se == 0:
-        return percent(probability)
-    if probability + se >= 1:
-        return ">" + percent(probability - 3 * se).removeprefix(">")
-    if probability - se <= 0:
-        return "<" + percent(probability + 3 * se).removeprefix("<")
-    return plus_minus(100 * probability, 100 * se, 1)
-
-
 def degrees_of_freedom(dof: float) -> str:
     """Degrees of freedom, one decimal where they are few; "inf" where they are infinite."""
     if math.isinf(dof):
@@ -131,3 +118,23 @@ def _rounded(value: float, last: int, exponent: int) -> str:
 
 def _unsigned_zero(text: str) -> str:
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text
+
+
+def words(*parts: str | None) -> str:
+    """Those that there are, with blanks between."""
+    return " ".join(filter(None, parts))
+
+
+def cut(name: str, length: int) -> str:
+    """A name without its middle where it is long: numbered names differ at the end."""
+    if len(name) <= length:
+        return name
+    end = (length - 1) // 2
+    return f"{name[: length - 1 - end]}\N{HORIZONTAL ELLIPSIS}{name[len(name) - end :]}"
+
+
+def spread(count: int, most: int) -> list[int]:
+    """At most `most` of `count` places, ends included, evenly apart."""
+    if count <= most:
+        return list(range(count))
+    return [round(i * (count - 1) / (most - 1)) for i in range(most)]

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from functools import partial
+from typing import TYPE_CHECKING
 
-from mtu_cli.analyses.orthogonality import Orthogonality, OrthogonalityResult
+from mtu_cli.analyses.orthogonality import OrthogonalityResult
 from mtu_cli.findings import listed
-from mtu_cli.reports import monte_carlo_figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import conformance, declare, shares, validation
-from mtu_cli.reports.numbers import interval, with_u
+from mtu_cli.reports.fields import declare
+from mtu_cli.reports.monte_carlo_figures import Trials, histograms
+from mtu_cli.reports.numbers import interval, significant, with_u
 from mtu_cli.units import ARCSEC
 
-ANGLE = """
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DRAWN = 6
+"""Angles drawn on one sheet."""
+ROW = declare(
+    """
     id | | name of the angle | angle, text, mark=outside()
     row | | features of the row | -, json
     column | | features of the column | -, json
@@ -39,45 +47,55 @@ ANGLE = """
     independent.mean_arcsec | independent.mean.0 | mean with all features independent
     independent.u_arcsec | independent.u.0 | standard uncertainty with all features independent \
         (Gilsinn & Ling 2004) | u indep., detail
-    *shares
-"""
-ROW = declare(
-    ANGLE,
+    first_order.shares. | shares | *shares
+    """,
+    UNIT="arcsec",
     outside=MARK,
     U=lambda x: x.k * x.run.u[0],
     ends=lambda x: (x.run.low[0], x.run.high[0]),
     shortest=lambda x: (x.run.shortest_low[0], x.run.shortest_high[0]),
     eq28=lambda x: x.run.u[0] * (1.0 + 1.0 / x.run.trials) ** 0.5,
-    conformance=[conformance("arcsec")],
-    validation=[validation("arcsec", csv="validation_passed")],
-    shares=[shares("first_order.shares", "shares")],
 )
 RESULTS = declare("orthogonality[] | angles | *angle", angle=ROW)
 
 
 def document(result: OrthogonalityResult, digits: int = 2) -> Document:
     """One row an angle; an angle with a feature beyond a measured range is marked."""
-    angles = result.angles
-    outside = OUTSIDE * any(item.outside for item in angles)
+    angles, title = result.angles, "Orthogonality"
     of = "angle from +x of the row to +y of the column, minus 90 degrees"
-    title = "Orthogonality"
-    table = Table(title, ROW, angles, f"U = {angles[0].k:g} u; {of}{outside}")
-    figure = partial(monte_carlo_figures.orthogonality, result)
-    return Document(title, (RESULTS, result), [table], figure, _verdict(angles, digits), digits)
+    footer = f"U = {angles[0].k:g} u; {of}{OUTSIDE * any(item.outside for item in angles)}"
+    out = listed(item.id for item in angles if not item.run.low[0] <= 0.0 <= item.run.high[0])
+    verdict = f"The 95 % interval does not contain 0 for {out}."
+    if not out:
+        verdict = "All 95 % intervals contain 0."
+    if len(angles) == 1:
+        (item,) = angles
+        scale, run = item.scale / ARCSEC, item.run
+        mean, low, high = (x[0] / ARCSEC for x in (run.mean, run.low, run.high))
+        verdict = (
+            f"{item.id} is predicted {with_u(mean, scale, digits)[0]} arcsec from a right angle; "
+            f"its 95 % interval {interval(low, high, scale, digits)} "
+            f"{'does not contain' if out else 'contains'} 0."
+        )
+    table = Table(title, ROW, angles, footer)
+    return Document(title, (RESULTS, result), [table], partial(figure, result), verdict, digits)
 
 
-def _verdict(angles: tuple[Orthogonality, ...], digits: int) -> str:
-    """What the intervals say of the right angle; of a single one with its figures."""
-    out = [item.id for item in angles if not item.run.low[0] <= 0.0 <= item.run.high[0]]
-    if len(angles) > 1:
-        if out:
-            return f"The 95 % interval does not contain 0 for {listed(out)}."
-        return "All 95 % intervals contain 0."
-    (item,) = angles
-    mean, low, high = (x[0] / ARCSEC for x in (item.run.mean, item.run.low, item.run.high))
-    scale = item.scale / ARCSEC
-    return (
-        f"{item.id} is predicted {with_u(mean, scale, digits)[0]} arcsec from a right angle; its "
-        f"95 % interval {interval(low, high, scale, digits)} "
-        f"{'does not contain' if out else 'contains'} 0."
-    )
+@figures.styled
+def figure(result: OrthogonalityResult) -> Figure:
+    """Histogram of the trials of every angle, its interval, and the first-order curve."""
+    shown = []
+    for item in result.angles[:DRAWN]:
+        run, model = item.run, item.model
+        mean = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0]
+        first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]
+        shown.append(
+            Trials(
+                run.samples[0] / ARCSEC,
+                (float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)),
+                first,
+                f"{item.id}: mean {mean}, u {significant(run.u[0] / ARCSEC)} arcsec",
+                "angle minus 90 degrees, arcsec",
+            )
+        )
+    return histograms("Angles between rows and columns", shown)

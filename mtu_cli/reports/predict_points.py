@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
-from mtu_cli.reports import prediction_figures
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.reports import figures
+from mtu_cli.reports.arrows import Maps, Sheet, Side
 from mtu_cli.reports.document import DAGGER, KIND, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import CONFORMING, Field, Fields, Group, RowOf, declare, rows_of, shares
+from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, rows_of
+from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import UM
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 POINT = """
     id | prediction.ids | name of the feature | feature, text, mark=mark()
     x_mm | points.0 | nominal place; null: not given | x, mm
     y_mm | points.1 | nominal place; null: not given | y, mm
     z_mm | points.2 | nominal place; null: not given | z, mm
-    *errors
+    *of_axes
     conformance.
         position_um | | diameter of the zone of true position; conformance is null without \
             | position, diameter(), csv=position_um, size=as_stated()
@@ -43,14 +49,39 @@ OF_AXIS = """
         components and points independent (Gilsinn & Ling 2004) | u indep., detail
     independent.var_AXIS_um2 | prediction.independent_variance | its square | -, json
 """
-NATURES = """
-    variance_AXIS_um2.coefficients | split.coefficients | variance of what the readings leave \
-        open | -, json, unit=um2
-    variance_AXIS_um2.passes | split.passes | variance of the drift between passes \
-        | -, json, unit=um2
-    variance_AXIS_um2.repeatability | split.repeatability | variance of each visit \
-        | -, json, unit=um2
+RESULTS_TEXT = """
+    axes | prediction.axes | axes that the machine has an equation for
+    points[] | rows() | *point
 """
+COVARIANCE = """
+    covariance_rows | names() | feature and axis of every row (--covariance)
+    covariance_um2 | covariance | covariance of all errors of one part (--covariance)
+"""
+
+
+def point(axes: tuple[str, ...], independent: bool = False) -> Fields:
+    """The figures of one feature; of every axis its error with uncertainty: rows of the result are
+    (feature, axis).
+    """
+    of_axes: list[Field | Group] = []
+    for j, axis in enumerate(axes):
+
+        def row(item: Any, j: int = j) -> RowOf:
+            return RowOf(item.table, item.index * len(axes) + j)
+
+        def split(item: Any, j: int = j) -> Any:
+            return None if independent else item.table.split.shares(item.index * len(axes) + j)
+
+        fields = declare(OF_AXIS, AXIS=axis, U=lambda x: x.coverage_factor * np.sqrt(x.variance))
+        of_axes += [replace(each, within=(row,)) for each in fields if isinstance(each, Field)]
+        of_axes += declare(f"shares.{axis}. | split() | *shares", split=split)
+    return declare(
+        POINT,
+        of_axes=of_axes,
+        mark=lambda item: DAGGER if _outside(item) else "",
+        diameter=lambda value, u, digits: f"⌀{value:g}",
+        outside=_outside,
+    )
 
 
 def _outside(item: Any) -> list[str]:
@@ -59,82 +90,63 @@ def _outside(item: Any) -> list[str]:
     return left
 
 
-def point(axes: tuple[str, ...], independent: bool = False) -> Fields:
-    """The figures of one feature; of every axis its error with uncertainty."""
-    of_axes = (_of_axis(axis, j, len(axes), independent) for j, axis in enumerate(axes))
-    return declare(
-        POINT,
-        errors=[field for fields in of_axes for field in fields],
-        mark=lambda item: DAGGER if _outside(item) else "",
-        diameter=lambda value, u, digits: f"⌀{value:g}",
-        outside=_outside,
-        **CONFORMING,
-    )
-
-
-def _of_axis(axis: str, j: int, count: int, independent: bool) -> Iterator[Field | Group]:
-    """The figures along one axis; rows of the result are (feature, axis)."""
-
-    def row(item: Any) -> RowOf:
-        return RowOf(item.table, item.index * count + j)
-
-    def split(item: Any) -> Any:
-        return None if independent else item.table.split.shares(item.index * count + j)
-
-    yield from _within(row, OF_AXIS.replace("AXIS", axis))
-    yield shares(f"shares.{axis}", split)
-    yield from () if independent else _within(row, NATURES.replace("AXIS", axis))
-
-
-def _within(row: Any, text: str) -> Iterator[Field]:
-    for field in declare(text, U=lambda x: x.coverage_factor * np.sqrt(x.variance)):
-        if isinstance(field, Field):
-            yield replace(field, within=(row,))
-
-
 def _rows(result: PointsResult) -> list[RowOf]:
     return rows_of(result, len(result.prediction.ids))
 
 
-def results(fields: Fields) -> Fields:
+def _names(result: PointsResult) -> list[str]:
+    return [f"{x}.{axis}" for x in result.prediction.ids for axis in result.prediction.axes]
+
+
+def results(fields: Fields, *, with_covariance: bool) -> Fields:
     """The figures of the report, of points with these."""
-    text = """
-        axes | prediction.axes | axes that the machine has an equation for
-        points[] | rows() | *point
-    """
-    return declare(text, rows=_rows, point=fields)
+    text = RESULTS_TEXT + COVARIANCE * with_covariance
+    return declare(text, rows=_rows, point=fields, names=_names)
 
 
-COVARIANCE = declare(
-    """
-    covariance_rows | rows() | feature and axis of every row (--covariance)
-    covariance_um2 | covariance | covariance of all errors of one part (--covariance)
-    """,
-    rows=lambda x: [f"{name}.{axis}" for name in x.prediction.ids for axis in x.prediction.axes],
-)
 ROW = point(("x", "y", "z"))
-RESULTS: Fields = (*results(ROW), *COVARIANCE)
+RESULTS = results(ROW, with_covariance=True)
 """Of a machine with equations for all axes."""
 
 
 def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = False) -> Document:
     """One row a feature; the covariance between all features and axes where it is asked for."""
-    title, fields = "Errors of the features", point(result.prediction.axes, result.independent)
-    of = f"U = {result.coverage_factor:g} u; error = actual minus nominal"
-    footer = f"{of}; {KIND[result.independent]}{OUTSIDE * bool(result.prediction.outside)}"
-    table = Table(title, fields, _rows(result), footer)
-    figure = partial(prediction_figures.points, result)
-    shown, also = (results(fields), result), [(COVARIANCE, result)] * with_covariance
-    return Document(title, shown, [table], figure, _verdict(result, digits), digits, also)
-
-
-def _verdict(result: PointsResult, digits: int) -> str:
-    """The largest error and the largest U."""
-    axes, ids = result.prediction.axes, result.prediction.ids
-    E, U = result.prediction.mean / UM, result.coverage_factor * np.sqrt(result.variance) / UM
+    title, (axes, ids) = "Errors of the features", (result.prediction.axes, result.prediction.ids)
+    fields, k = point(axes, result.independent), result.coverage_factor
+    footer = f"U = {k:g} u; error = actual minus nominal; {KIND[result.independent]}"
+    footer += OUTSIDE * bool(result.prediction.outside)
+    E, U = result.prediction.mean / UM, k * np.sqrt(result.variance) / UM
     row, worst = int(np.argmax(abs(E))), int(np.argmax(U))
     names = [f"E{axes[each % len(axes)]} of {ids[each // len(axes)]}" for each in (row, worst)]
-    return (
+    verdict = (
         f"The largest predicted error is {names[0]}, {plus_minus(E[row], U[row], digits)} um; the "
         f"largest expanded uncertainty {significant(U[worst], digits)} um, of {names[1]}."
     )
+    shown = results(fields, with_covariance=with_covariance), result
+    table = Table(title, fields, _rows(result), footer)
+    return Document(title, shown, [table], partial(figure, result), verdict, digits)
+
+
+@figures.styled
+def figure(result: PointsResult) -> Figure:
+    """Arrows of the errors at the features, ellipses of k standard uncertainties about their tips;
+    without Ex, Ey or their places intervals row by row.
+    """
+    axes, k, ids = result.prediction.axes, result.coverage_factor, result.prediction.ids
+    n, a = len(ids), len(axes)
+    title = f"Predicted errors of {n} features, actual minus nominal"
+    if {"x", "y"} <= set(axes) and np.isfinite(result.points[:, :2]).all():
+        at = [AXES.index(axis) for axis in axes]
+        errors, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+        errors[:, at] = result.prediction.mean.reshape(n, a) / UM
+        covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
+        side = Side("", figures.BLUE, errors, covariance)
+        maps = Maps(ids, result.points, axes, (("", (side,)),), k)
+        inside = 100 * (1 - math.exp(-(k**2) / 2))
+        sheet = Sheet(maps)
+        page = figures.blank(sheet.width, sheet.height)
+        sheet.draw(page, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
+        return page
+    U = k * np.sqrt(result.variance) / UM
+    shown = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
+    return figures.listing(f"{title} ± {k:g} u", _names(result), shown, "um")

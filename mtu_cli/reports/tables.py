@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import IO
 
 from rich.box import SIMPLE_HEAD
@@ -26,7 +26,7 @@ FOLDED = 12
 """Of these a column of text can do with."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Sheet:
     """A table with a title above and notes below; a cell that ends in `*` is emphasised. Text may
     break over lines.
@@ -38,7 +38,7 @@ class Sheet:
     title: str
     columns: Sequence[Field]
     rows: Sequence[Sequence[str]]
-    notes: Sequence[str] = field(default=())
+    notes: Sequence[str] = ()
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield Text(self.title, style="bold")
@@ -60,13 +60,14 @@ class Sheet:
             gap = 2 if sum(wanted[i] for i in group) + 2 * gaps <= most else 1
             # On a terminal a rule below the headings, and a blank of its own between columns.
             box = SIMPLE_HEAD if console.is_terminal else None
-            padding = (0, gap - bool(box), 0, 0)
-            table = Table(box=box, show_edge=False, pad_edge=False, padding=padding)
+            table = Table(
+                box=box, show_edge=False, pad_edge=False, padding=(0, gap - bool(box), 0, 0)
+            )
             for i in group:
                 text = self.columns[i].text
                 table.add_column(
-                    Text(titles[i]), "", justify="left" if text else "right",
-                    header_style="bold", no_wrap=not text, overflow="fold", min_width=least[i],
+                    Text(titles[i]), justify="left" if text else "right", header_style="bold",
+                    no_wrap=not text, overflow="fold", min_width=least[i],
                 )  # fmt: skip
             for row in self.rows:
                 cells = (row[i] for i in group)

@@ -8,17 +8,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+import numpy as np
+
+from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit
 from mtu_cli.findings import listed
-from mtu_cli.reports import machine_figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, declare
-from mtu_cli.reports.numbers import fixed
+from mtu_cli.reports.numbers import cut, fixed, significant, spread
 
-LEADING = 3
-"""Sensors named in the table of models."""
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+LEADING, NAME = 3, 26
+"""Sensors named in the table of models, and characters of a component's name above a panel."""
+DRAWN, POSITIONS = 6, 6
+"""Components drawn, and positions of each."""
 COMPONENT = """
     of | estimate.of | its axis; null: a constant
     unit | unit.name | of its coefficients
@@ -74,9 +82,7 @@ GRADIENT = """
 def component(item: ComponentDrift | None) -> Fields:
     """The figures of a component; the unit in their names is um or arcsec."""
     unit = "um" if item is None else item.rms_unit
-    gradient = declare(GRADIENT.replace("UNIT", unit))
-    text = COMPONENT.replace("UNIT", unit)
-    return declare(text, cycle=lambda held: "cycle", gradient=gradient)
+    return declare(COMPONENT, UNIT=unit, cycle=lambda held: "cycle", gradient=GRADIENT)
 
 
 RESULTS = declare(
@@ -90,33 +96,28 @@ RESULTS = declare(
 )
 ROW = declare(
     """
-    - | drift.name | name of the component | component, text, csv=component
+    - | drift.name | name of the component | -, csv=component
     - | drift.estimate.of | its axis | -, csv=of
-    - | drift.unit.name | of the figures | unit, text, csv=unit
+    - | drift.unit.name | of the figures | -, csv=unit
     - | drift.model | stepwise, ridge or lagged | -, csv=model
     - | drift.estimate.degree | of the polynomial in position | -, csv=degree
-    - | at.position | observed position | position, exact, unit=mm, csv=position_mm
-    - | sensor | of the model; empty: it has none | sensor, text, csv=sensor
+    - | at.position | observed position | -, csv=position_mm
+    - | sensor | of the model; empty: it has none | -, csv=sensor
     - | stands_for | sensors that move as it does | -, csv=stands_for
     - | at.value | drift per degC | -, size=drift.unit.to_internal, csv=gradient_per_degC
-    - | gradient() | | gradient / per degC, plus-minus, u=at.u, size=drift.unit.to_internal
     - | at.u | its standard uncertainty | -, size=drift.unit.to_internal, csv=u_gradient_per_degC
     - | at.interval | its 95 % interval \
-        | 95 % interval / per degC, interval, u=at.u, size=drift.unit.to_internal, \
-        csv=interval95_gradient
+        | -, interval, size=drift.unit.to_internal, csv=interval95_gradient
     - | separable | false: its gradient is known together with other sensors' only \
         | -, csv=separable
-    - | inseparable() | | sepa- / rable, text
-    - | at.by | u from the scatter of cycles, or the model of the errors | u by, text, csv=u_by
+    - | at.by | u from the scatter of cycles, or the model of the errors | -, csv=u_by
     - | share | rms of its part of the modelled drift \
-        | rms / part, sig3, size=drift.unit.to_internal, csv=share_rms
-    - | lag | time constant; 0: none | lag, unit=min, csv=time_constant_min
-    - | vif | variance inflation factor; empty: infinite | VIF, sig3, csv=vif
+        | -, size=drift.unit.to_internal, csv=share_rms
+    - | lag | time constant; 0: none | -, csv=time_constant_min
+    - | vif | variance inflation factor; empty: infinite | -, csv=vif
     - | temperatures.0 | lowest temperature read | -, csv=temperature_low_degC
     - | temperatures.1 | highest temperature read | -, csv=temperature_high_degC
-    """,
-    gradient=lambda x: x["at"].value if "at" in x and (x["at"].value or x["at"].u) else None,
-    inseparable=lambda x: None if x.get("separable", True) else "no",
+    """
 )
 
 
@@ -142,13 +143,6 @@ def rows(item: ComponentDrift) -> Iterator[dict[str, Any]]:
         }
 
 
-def _leading(item: ComponentDrift) -> str:
-    """The sensors with the largest parts; T_spindle_degC is spindle."""
-    by_share = sorted(item.estimate.sensors, key=lambda name: -item.shares.get(name, 0.0))
-    names = [name.removeprefix("T_").removesuffix("_degC") for name in by_share]
-    return ", ".join([*names[:LEADING], *(["..."] if len(names) > LEADING else [])])
-
-
 MODEL = declare(
     """
     - | name | | component, text
@@ -161,47 +155,90 @@ MODEL = declare(
     - | rms_after | | / with, sig3, size=rms_size
     - | held_out.before | | held-out / without, sig3, size=rms_size
     - | held_out.after | | / with, sig3, size=rms_size
-    - | held_out.reduction | | reduction / %, percent1
+    - | held_out.reduction | | reduction / %, reduction()
     - | held_out.ordinary | | all sensors / held out, sig3, size=rms_size, detail
     - | condition | | condition / number, sig3, detail
     - | lag1 | | autocorr., detail
     - | normality_p | | normal / p, p, detail
     """,
-    leading=_leading,
+    # T_spindle_degC is spindle.
+    leading=lambda x: ", ".join(
+        name.removeprefix("T_").removesuffix("_degC")
+        for name in sorted(x.estimate.sensors, key=lambda name: -x.shares.get(name, 0.0))[:LEADING]
+    ),
+    reduction=lambda value, u, digits: fixed(100 * value, 0),
 )
 
 
 def document(fit: ThermalFit, digits: int = 2) -> Document:
     """One row a component; in the CSV one a component, observed position and sensor."""
     items = list(fit.components.values())
-    gradients = [row for item in items for row in rows(item)]
     footer = (
         f"rms of the drift without and with temperatures above {fit.reference:g} degC; held out: "
         "cycles not in the fit"
     )
     if any(item.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
-    models = Table("Thermal models", ROW, gradients, footer, shown=items, shown_fields=MODEL)
-    footer = (
-        "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
-        "separable: known together only (warnings)"
+    models = Table(
+        "Thermal models",
+        ROW,
+        [row for item in items for row in rows(item)],
+        footer,
+        shown=items,
+        shown_fields=MODEL,
     )
-    known = [row for row in gradients if "sensor" in row]
-    sensors = Table("Gradients of the sensors", ROW, known, footer, detail=True)
-    tables, figure = [models, sensors], partial(machine_figures.drift, fit)
-    return Document("Thermal models", (RESULTS, fit), tables, figure, _verdict(items), digits)
-
-
-def _verdict(items: list[ComponentDrift]) -> str:
     held = {item.name: item.held_out.reduction for item in items if item.held_out is not None}
     held = {name: reduction for name, reduction in held.items() if math.isfinite(reduction)}
-    if not held:
-        return "No cycle is held out: the fit alone does not validate the models."
-    least = min(held, key=held.__getitem__)
-    others = [item.name for item in items if item.name not in held]
-    more = f"; not validated: {listed(others)}" if others else ""
-    reduction = f"{fixed(100 * held[least], 1)} %{' or more' * (len(held) > 1)}"
-    return (
-        f"On held-out cycles the thermal models reduce the rms drift by {reduction} (least: "
-        f"{least}){more}."
-    )
+    verdict = "No cycle is held out: the fit alone does not validate the models."
+    if held:
+        least = min(held, key=held.__getitem__)
+        others = listed(item.name for item in items if item.name not in held)
+        verdict = (
+            "On held-out cycles the thermal models reduce the rms drift by "
+            f"{fixed(100 * held[least], 0)} %{' or more' * (len(held) > 1)} (least: {least})"
+            f"{f'; not validated: {others}' if others else ''}."
+        )
+    figure_ = partial(figure, fit)
+    return Document("Thermal models", (RESULTS, fit), [models], figure_, verdict, digits)
+
+
+@figures.styled
+def figure(fit: ThermalFit) -> Figure:
+    """Measured and modelled drift, a panel a component, its cycles one after the other; where the
+    drift differs along an axis a colour a position.
+    """
+    shown = list(fit.components.values())[:DRAWN]
+    page = figures.blank(9.0, 0.9 + 2.75 * max(1, len(shown)))
+    for panel, item in zip(figures.panels_of(page, len(shown), 1), shown, strict=True):
+        _curves(panel, item)
+    some = f" of {len(shown)} of {len(fit.components)} components"
+    some = some if len(shown) < len(fit.components) else ""
+    figures.title(page, f"Drift with temperature{some}: measured (dots), modelled (lines)")
+    return page
+
+
+def _curves(panel: Axes, item: ComponentDrift) -> None:
+    every = list(dict.fromkeys(curve.position for curve in item.curves))
+    drawn = [every[i] for i in spread(len(every), POSITIONS)]
+    along, start = item.estimate.degree > 0 and len(drawn) > 1, 0.0
+    shades = figures.shades(len(drawn)) if along else [figures.BLUE] * len(drawn)
+    colours = dict(zip(drawn, shades, strict=True))
+    for cycle in dict.fromkeys(curve.cycle for curve in item.curves):
+        curves = [curve for curve in item.curves if curve.cycle == cycle and len(curve.time)]
+        panel.axvline(start, color=figures.GREY, linewidth=0.7, linestyle="--")
+        for curve in (curve for curve in curves if curve.position in colours):
+            time, colour = curve.time - curve.time.min() + start, colours[curve.position]
+            measured, modelled = curve.measured / item.rms_size, curve.modelled / item.rms_size
+            panel.plot(time, measured, "o", ms=3.0, color=colour, alpha=0.35, mew=0)
+            at = "" if curve.position is None else f"{curve.position:g} mm"
+            panel.plot(time, modelled, color=colour, linewidth=1.0, label=at)
+        start += max((float(np.ptp(curve.time)) for curve in curves), default=0.0)
+    panel.set_xlabel("min, and the cycles one after the other")
+    panel.set_ylabel(f"drift, {item.rms_unit}")
+    held = item.held_out
+    kind = "rms of held-out cycles" if held else "rms of the fit (nothing held out)"
+    rms = (held.before, held.after) if held else (item.rms_before, item.rms_after)
+    change = " → ".join(significant(x / item.rms_size, 3) for x in rms)
+    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {item.rms_unit}")
+    if along:
+        figures.key(panel, [panel], loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -14,7 +14,6 @@ from mtu_cli.stats.least_squares import (
     RANK_TOLERANCE,
     FloatArray,
     least_squares,
-    shortened,
     triangle,
 )
 
@@ -163,7 +162,7 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     enter.
     """
     # Steps cost less by a factor of no more rows than columns.
-    Z = shortened(rows.factor)
+    Z = triangle(rows.factor) if len(rows.factor) > rows.factor.shape[1] else rows.factor
     everything = least_squares(Z[:, :-1], Z[:, -1]).coefficients
     residuals = replace(rows, factor=Z), np.append(-everything, 1.0)
     number = effective_number(rows.n, autocorrelation([residuals]))

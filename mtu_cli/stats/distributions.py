@@ -138,28 +138,9 @@ def shape_moments(kind: str, top: float = 0.0) -> tuple[float, float]:
     return (1.0 + square) / 6.0, (1.0 + square + square**2) / 15.0
 
 
-def inexact_of(dof: float) -> float:
-    """d/a = Delta u/u = 1/sqrt(2 nu), the relative half-range of a half-width (GUM G.4.2, G.3).
-
-    JCGM 101:2008, 9.5.2, goes from degrees of freedom to inexact limits this way: nu = 50 is
-    d = 0.1 a, nu = 2 is d = 0.5 a.
-    """
-    return 0.0 if math.isinf(dof) else 1.0 / math.sqrt(2.0 * dof)
-
-
-def dof_of_inexact(inexact: float) -> float:
-    """nu = (Delta u/u)^-2 / 2 with Delta u/u = d/a, GUM (JCGM 100:2008) eq. (G.3)."""
-    return math.inf if inexact == 0.0 else 0.5 / inexact**2
-
-
 def bounded_quantile(item: Distribution, probability: FloatArray) -> FloatArray:
-    """Q(p) (n,) of a bounded distribution about 0, at its stated half-width where it is inexact.
-
-    Raises ValueError for a normal one.
-    """
-    if not item.bounded:
-        raise ValueError(f"no closed quantile: {item.kind}")
-    p = np.asarray(probability, dtype=np.float64)
+    """Q(p) (n,) of a bounded distribution about 0, at its stated half-width where it is inexact."""
+    p = probability
     if item.kind == "arcsine":
         return item.half_width * np.sin(np.pi * (p - 0.5))
     # Trapezoid with top b: slopes of probability (1 - b)/(2 (1 + b)) at either side.

@@ -98,11 +98,11 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     `RANK_TOLERANCE` of a column's length) both are nan.
     """
     k, _, m = X.shape
-    least = RANK_TOLERANCE * _length(X)
+    least = RANK_TOLERANCE * np.linalg.norm(X, axis=1)
     Q, rest = X.copy(), y.copy()
     R, z, b = np.zeros((k, k, m)), np.empty((k, m)), np.empty((k, m))
     for j in range(k):
-        left = _length(Q[j])
+        left = np.linalg.norm(Q[j], axis=0)
         R[j, j] = np.where(left > least[j], left, np.nan)
         Q[j] /= R[j, j]
         for c in range(j + 1, k):
@@ -115,10 +115,6 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     return b, np.einsum("km,km->m", z, z)
 
 
-def _length(columns: FloatArray) -> FloatArray:
-    return np.sqrt(np.einsum("...nm,...nm->...m", columns, columns))
-
-
 def polynomial(position: FloatArray, degree: int) -> FloatArray:
     """Design rows [1, p, ..., p^degree], shape (n, degree + 1)."""
     return np.vander(position, degree + 1, increasing=True)
@@ -127,10 +123,3 @@ def polynomial(position: FloatArray, degree: int) -> FloatArray:
 def triangle(Z: FloatArray) -> FloatArray:
     """R (min(n, k), k) upper triangular with R'R = Z'Z, Z (n, k)."""
     return np.asarray(np.linalg.qr(Z, mode="r"))
-
-
-def shortened(rows: FloatArray) -> FloatArray:
-    """As many rows as columns at most, with the same squares and cross products."""
-    if len(rows) <= rows.shape[1]:
-        return rows
-    return triangle(rows)

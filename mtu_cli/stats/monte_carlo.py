@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 
@@ -35,7 +34,6 @@ LARGEST_PROBABILITY = 0.999
 """Beyond it a block of 100/(1 - p) trials no longer fits the memory the engine promises."""
 AT_ONCE = 256
 """Blocks that are given to the threads at once."""
-Criterion = Callable[[Estimates], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,119 +83,87 @@ def monte_carlo(
     trials done and the total (None while the count adapts). Fewer than 1000/(1 - p) trials, of
     a smooth model a quarter of that, run as one block, without the control variate.
 
-    Raises InputError for settings out of range, too few trials (fewer than 2/(1 - p)), or
-    model values that are not finite, which are counted and never dropped.
+    Raises InputError for fewer than 2/(1 - p) trials, or model values that are not finite, which
+    are counted and never dropped.
     """
-    asked = max_trials if trials is None else trials
-    _check(seed, asked, probability, digits, tolerance_fraction, threads)
-    run = _Run(model, trials, max_trials, probability, seed, keep, progress)
+    least = math.ceil(round(2.0 / (1.0 - probability), 6))
+    if (max_trials if trials is None else trials) < least:
+        expected = f"{least} or more for a {100 * probability:g} % interval"
+        raise error("out-of-range", path="trials", value=str(trials), expected=expected)
+    smooth = bool(getattr(model, "smooth", False))
+    plan = BlockPlan.adaptive(probability, smooth=smooth)
+    # A count that adapts needs room for a first look.
+    if trials is not None or max_trials < FIRST_LOOK * plan.size:
+        plan = BlockPlan.fixed(trials or max_trials, probability, smooth=smooth)
+    single, total = plan.blocks == 1, plan.total
+    exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
+    summariser, pool = None if single else BlockSummariser(model, plan), Pool(exists)
+    # Untouched pages of an empty array take no memory. Of a single block all are needed.
+    kept = plan.size if single else min(keep, max_trials if total is None else total)
+    samples = np.empty((len(model.names), kept))
+
+    def block(number: int) -> tuple[int, IntArray, BlockSummary | None]:
+        m, start = plan.trials_in(number), plan.first_trial(number)
+        draws = model.draw(block_generator(seed, number), m)
+        not_finite, room = _not_finite(draws), kept - start
+        if room > 0:
+            samples[:, start : start + m] = draws.values[:, :room]
+        if summariser is None or np.any(not_finite):
+            return m, not_finite, None
+        return m, not_finite, summariser.summarise(draws)
+
+    done = blocks = 0
+    goal, largest = plan.blocks or FIRST_LOOK, plan.blocks or max_trials // plan.size
     threads = threads or available_threads()
-
-    def criterion(estimates: Estimates) -> float:
-        ratio = _ratio(estimates, probability, digits, tolerance_fraction)
-        return ratio * few_blocks_factor(run.blocks)
-
     # A product split among threads would not give the same bits: blocks are the unit of work.
     with one_blas_thread(), workers(threads) as executor:
-        each = executor.map if threads > 1 and run.plan.blocks != 1 else map
-        estimates = run.estimates(criterion, each)
+        each = executor.map if threads > 1 and not single else map
+        while True:
+            # Some at a time: while tasks are queued an interrupt may leave the queue locked.
+            while blocks < goal:
+                for count, not_finite, summary in each(
+                    block, range(blocks, min(blocks + AT_ONCE, goal))
+                ):
+                    blocks, done = blocks + 1, done + count
+                    _refuse(model.names, not_finite, done)
+                    if summary is not None:
+                        pool.add(summary)
+                    if progress is not None:
+                        progress(done, total)
+            found = single_block_estimates(samples, probability, exists) if single else None
+            found = found or pool.estimates()
+            ratio = _ratio(found, probability, digits, tolerance_fraction)
+            converged = ratio * few_blocks_factor(blocks) <= 1.0
+            if goal >= largest or converged:
+                break
+            # Standard errors fall as 1/sqrt(h). The goals follow from the results alone, so they
+            # are the same for any number of threads; a quarter more at least, to look rarely.
+            goal = min(largest, math.ceil(goal * min(4.0, max(1.25, 1.1 * ratio * ratio))))
     return MonteCarloResult(
         names=tuple(model.names),
-        trials=run.trials,
-        blocks=run.blocks,
-        converged=criterion(estimates) <= 1.0,
+        trials=done,
+        blocks=blocks,
+        converged=converged,
         probability=probability,
-        samples=run.samples[:, : min(keep, run.trials)],
-        **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
+        samples=samples[:, : min(keep, done)],
+        **{field.name: getattr(found, field.name) for field in fields(Estimates)},
     )
 
 
-class _Run:
-    """The blocks of a Monte Carlo, whose summaries are pooled in the order of their numbers;
-    `trials` and `blocks` count what has been done. The first `keep` trials stay in `samples`
-    (outputs, kept), all of a single block.
-    """
-
-    def __init__(
-        self,
-        model: TrialModel,
-        trials: int | None,
-        most: int,
-        probability: float,
-        seed: int,
-        keep: int,
-        progress: Progress | None,
-    ) -> None:
-        smooth = bool(getattr(model, "smooth", False))
-        self.plan = BlockPlan.adaptive(probability, smooth=smooth)
-        # A count that adapts needs room for a first look.
-        if trials is not None or most < FIRST_LOOK * self.plan.size:
-            asked = most if trials is None else trials
-            self.plan = BlockPlan.fixed(asked, probability, smooth=smooth)
-        self.model, self.seed, self.progress = model, seed, progress
-        self.trials, self.blocks, self.largest = 0, 0, self.plan.blocks or most // self.plan.size
-        single, total = self.plan.blocks == 1, self.plan.total
-        # Untouched pages of an empty array take no memory.
-        kept = self.plan.size if single else min(keep, most if total is None else total)
-        self.samples = np.empty((len(model.names), kept))
-        self.exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
-        self.pool = Pool(self.exists)
-        self.summariser = None if single else BlockSummariser(model, self.plan)
-
-    def estimates(self, criterion: Criterion, each: Callable[..., Iterable[Any]]) -> Estimates:
-        """Runs the plan, each block by `each`, a `map`; where the count adapts until the criterion
-        is 1 or below.
-
-        Raises InputError for values that are not finite.
-        """
-        goal = self.plan.blocks or FIRST_LOOK
-        while True:
-            # Some at a time: while tasks are queued an interrupt may leave the queue locked.
-            while self.blocks < goal:
-                some = range(self.blocks, min(self.blocks + AT_ONCE, goal))
-                for count, not_finite, summary in each(self._block, some):
-                    self._take(count, not_finite, summary)
-            if self.summariser is None:
-                return single_block_estimates(self.samples, self.plan.probability, self.exists)
-            found = self.pool.estimates()
-            ratio = criterion(found)
-            if goal >= self.largest or ratio <= 1.0:
-                return found
-            # Standard errors fall as 1/sqrt(h). The goals follow from the results alone, so they
-            # are the same for any number of threads; a quarter more at least, to look rarely.
-            ratio /= few_blocks_factor(goal)
-            goal = min(self.largest, math.ceil(goal * min(4.0, max(1.25, 1.1 * ratio * ratio))))
-
-    def _take(self, count: int, not_finite: IntArray, summary: BlockSummary | None) -> None:
-        self.blocks += 1
-        self.trials += count
-        if np.any(not_finite):
-            expected = "a model that is defined for all values its inputs may take"
-            raise InputError(
-                finding(
-                    "no-finite-value",
-                    output=name,
-                    what=repr(name),
-                    where=f" in {bad} of the first {self.trials} Monte Carlo trials",
-                    expected=expected,
-                )
-                for name, bad in zip(self.model.names, not_finite, strict=True)
-                if bad
+def _refuse(names: Sequence[str], not_finite: IntArray, trials: int) -> None:
+    """Raises InputError of outputs that are not finite in some of the first `trials`."""
+    if np.any(not_finite):
+        raise InputError(
+            finding(
+                "no-finite-value",
+                output=name,
+                what=repr(name),
+                where=f" in {bad} of the first {trials} Monte Carlo trials",
+                expected="a model that is defined for all values its inputs may take",
             )
-        if summary is not None:
-            self.pool.add(summary)
-        if self.progress is not None:
-            self.progress(self.trials, self.plan.total)
-
-    def _block(self, block: int) -> tuple[int, IntArray, BlockSummary | None]:
-        m, start = self.plan.trials_in(block), self.plan.first_trial(block)
-        draws = self.model.draw(block_generator(self.seed, block), m)
-        not_finite, room = _not_finite(draws), self.samples.shape[1] - start
-        if room > 0:
-            self.samples[:, start : start + m] = draws.values[:, :room]
-        if self.summariser is None or np.any(not_finite):
-            return m, not_finite, None
-        return m, not_finite, self.summariser.summarise(draws)
+            for name, bad in zip(names, not_finite, strict=True)
+            if bad
+        )
 
 
 def _not_finite(draws: Draws) -> IntArray:
@@ -225,21 +191,3 @@ def _ratio(estimates: Estimates, probability: float, digits: int, fraction: floa
         if twice > 0.0:
             largest = max(largest, twice / tolerance if tolerance > 0.0 else math.inf)
     return largest
-
-
-def _check(
-    seed: int, trials: int, probability: float, digits: int, fraction: float, threads: int | None
-) -> None:
-    most, shown = LARGEST_PROBABILITY, f"for a {100 * probability:g} % interval"
-    inside = 0.0 < probability <= most
-    least = math.ceil(round(2.0 / (1.0 - probability), 6)) if inside else 0
-    for name, value, sound, expected in (
-        ("seed", seed, seed >= 0, "an integer of 0 or more"),
-        ("probability", probability, inside, f"above 0 and at most {most}"),
-        ("trials", trials, trials >= least, f"{least} or more {shown}"),
-        ("digits", digits, digits >= 1, "1 or more"),
-        ("fraction of the tolerance", fraction, fraction > 0.0, "above 0"),
-        ("threads", threads, threads is None or threads >= 1, "1 or more"),
-    ):
-        if not sound:
-            raise error("out-of-range", path=name, value=str(value), expected=expected)

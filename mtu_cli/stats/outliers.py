@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import hidden
@@ -157,7 +156,12 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
         if s == 0 or not len(near):
             break
         off = np.zeros(len(x) + 4)  # two more at each end
-        off[near + 2] = _off_neighbours(x, near)
+        before2, before, own, after, after2 = (
+            np.pad(x, 2, constant_values=np.nan)[near + i] for i in range(5)
+        )
+        ways = (own - 2 * before + before2, own - 2 * after + after2, own - (before + after) / 2,
+                own - (before2 + after2) / 2)  # fmt: skip
+        off[near + 2] = np.nanmin(np.abs(ways), axis=0)
         off[off <= limit] = 0.0
         top = np.max([off[near + i] for i in range(5)], axis=0)
         worst = near[(off[near + 2] > 0) & (off[near + 2] == top)]
@@ -165,12 +169,3 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
             break
         result[rest[worst]] = True
     return result, s
-
-
-def _off_neighbours(x: FloatArray, at: NDArray[np.int64]) -> FloatArray:
-    """The smallest deviation of values `at` (k,), no ends, from the lines of their neighbours."""
-    padded = np.pad(x, 2, constant_values=np.nan)
-    before2, before, own, after, after2 = (padded[at + i] for i in range(5))
-    off = [own - 2 * before + before2, own - 2 * after + after2, own - (before + after) / 2,
-           own - (before2 + after2) / 2]  # fmt: skip
-    return np.asarray(np.nanmin(np.abs(off), axis=0))

@@ -13,7 +13,6 @@ import numpy as np
 from mtu_cli.stats.least_squares import (
     FloatArray,
     IntArray,
-    LeastSquares,
     least_squares,
     polynomial,
 )
@@ -136,31 +135,23 @@ def reversal(
         return None
     level = fit.pass_coefficients[:, 0]
     if by_runs(fit):
-        ranks = _ranks(order)[fit.pairs]
-        return _reversal_of_runs(level[fit.pairs], ranks, timed, fit, r)
+        level, rank = level[fit.pairs], _ranks(order)[fit.pairs]
+        mean, time = level.mean(axis=1), rank.mean(axis=1) - rank.mean()
+        twice, spread = level[:, 0] - level[:, 1], float(time @ time)
+        apart = float(np.mean(rank[:, 1] - rank[:, 0]))
+        drift, of_drift = 0.0, 0.0
+        if spread > 0:
+            drift, of_drift = float(time @ mean) / spread, float(np.var(mean, ddof=1)) / spread
+        s2, moved = float(np.var(twice, ddof=1)), drift * apart
+        u2 = s2 / len(level) + apart**2 * of_drift + 2 * float(hidden(max(s2 / 2, fit.s2), r))
+        value = float(twice.mean()) + (moved if timed else 0.0)
+        u = float(np.sqrt(u2 + (0.0 if timed else moved**2)))
+        return _shift(value, u, len(level) - 1, fit.rounding)
     value = float(level[forward].mean() - level[reverse].mean())
     count = 1 / forward.sum() + 1 / reverse.sum()
     s2 = float(fit.between[0, 0])
     u = float(np.sqrt(s2 * count + 2 * hidden(max(s2, fit.s2), r)))
     return _shift(value, u, fit.pass_dof, fit.rounding)
-
-
-def _reversal_of_runs(
-    level: FloatArray, rank: FloatArray, timed: bool, fit: PassFit, r: float
-) -> Shift | None:
-    """From levels and places in time (P, 2) of the passes there and back."""
-    P = len(level)
-    mean, time = level.mean(axis=1), rank.mean(axis=1) - rank.mean()
-    twice = level[:, 0] - level[:, 1]
-    spread = float(time @ time)
-    apart = float(np.mean(rank[:, 1] - rank[:, 0]))
-    drift, of_drift = 0.0, 0.0
-    if spread > 0:
-        drift, of_drift = float(time @ mean) / spread, float(np.var(mean, ddof=1)) / spread
-    s2, moved = float(np.var(twice, ddof=1)), drift * apart
-    u2 = s2 / P + apart**2 * of_drift + 2 * float(hidden(max(s2 / 2, fit.s2), r))
-    value = float(twice.mean()) + (moved if timed else 0.0)
-    return _shift(value, float(np.sqrt(u2 + (0.0 if timed else moved**2))), P - 1, fit.rounding)
 
 
 def lack_of_fit(
@@ -183,8 +174,11 @@ def lack_of_fit(
     columns = np.column_stack([np.eye(m)[at], polynomial(centred, degree), y])
     _, free = lines_by_pass(columns, polynomial(centred, own), codes, int(codes.max()) + 1)
     powers, response = free[:, m:-1], free[:, -1]
-    line = _beside_lines(powers, response)
-    means = _beside_lines(np.column_stack([powers, free[:, :m]]), response)
+    # Columns that the passes' lines absorbed count as 0.
+    line, means = (
+        least_squares(X[:, np.abs(X).max(axis=0) > 1e-9], response)
+        for X in (powers, np.column_stack([powers, free[:, :m]]))
+    )
     # Parameters of one line a pass: own + 1, 1 where a pass has one position only.
     per_pass = np.bincount(np.unique(codes * m + at) // m)
     df_pure = len(y) - int(np.minimum(per_pass, own + 1).sum()) - means.rank
@@ -195,8 +189,3 @@ def lack_of_fit(
     pure = means.rss / df_pure
     pure += len(y) / m * float(hidden(pure, r))
     return f_test((line.rss - means.rss) / max(df_lack, 1), pure, df_lack, df_pure)
-
-
-def _beside_lines(X: FloatArray, y: FloatArray) -> LeastSquares:
-    """The fit of columns; those that the passes' lines absorbed count as 0."""
-    return least_squares(X[:, np.abs(X).max(axis=0) > 1e-9], y)

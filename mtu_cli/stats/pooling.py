@@ -201,8 +201,9 @@ def single_block_estimates(
     variance = np.where(u_exists, np.diagonal(covariance), np.nan)
     u = np.sqrt(variance)
     ordered = np.sort(values, axis=1)
-    q = covered_ranks(trials, probability)
-    r = symmetric_rank(trials, q)
+    # 0.95 * 1e6 is 949999.9999999999: an integer but for rounding is an integer.
+    q = math.floor(round(probability * trials, 6) + 0.5)
+    r = max(1, (trials - q + 1) // 2)
     widths = ordered[:, q:] - ordered[:, : trials - q]
     best = np.argmin(widths, axis=1)
     each = np.arange(outputs)
@@ -222,19 +223,6 @@ def single_block_estimates(
         shortest_high=ordered[each, best + q],
         covariance=covariance * np.outer(undefined, undefined),
     )
-
-
-def covered_ranks(trials: int, probability: float) -> int:
-    """q of JCGM 101:2008, 7.7.2: pM where that is an integer, else its integer part after 1/2."""
-    exact = probability * trials
-    # 0.95 * 1e6 is 949999.9999999999: an integer but for rounding is an integer.
-    nearest = round(exact)
-    return nearest if math.isclose(exact, nearest, rel_tol=1e-12) else math.floor(exact + 0.5)
-
-
-def symmetric_rank(trials: int, q: int) -> int:
-    """r of JCGM 101:2008, 7.7.2: (M - q)/2, or the integer part of (M - q + 1)/2; from 1."""
-    return max(1, (trials - q + 1) // 2)
 
 
 def _end_error(ordered: FloatArray, rank: int, probability: float) -> FloatArray:

@@ -60,7 +60,13 @@ def outstanding_rows(
     side; rows of unequal repeats should be scaled to equal variance before. `rounding` (columns,)
     is the variance that the last digit hides from entries that are alike (`resolution.hidden`).
     """
-    d, count = _scaled(table, rounding)
+    known = np.isfinite(table)
+    count = known.sum(axis=0).astype(np.float64)
+    mean = np.where(known, table, 0.0).sum(axis=0) / np.maximum(count, 1)
+    d = np.where(known, table - mean, 0.0)
+    s2 = np.einsum("ij,ij->j", d, d) / np.maximum(count - 1, 1)
+    s = np.sqrt(s2 + hidden(s2, rounding))
+    d /= np.where(s > 0, s, 1.0)
     indicator = (groups[:, None] == np.unique(groups)[None, :]).astype(np.float64)
     if d.size <= ENTRIES:
         return _by_rotation(d, indicator, np.random.default_rng(seed))
@@ -69,7 +75,11 @@ def outstanding_rows(
 
 def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator) -> Outstanding:
     observed = _statistics(d, indicator)
-    rotate = _rotations(_filled(d), rng)
+    # What is rotated: columns with missing entries, or that the last digit makes too small, are
+    # stretched to the variance of the others.
+    squares = np.einsum("ij,ij->j", d, d)
+    filled = d * np.sqrt((len(d) - 1) / np.where(squares > 0, squares, np.inf))
+    rotate = _rotations(filled, rng)
     largest: list[list[FloatArray]] = [[], [], []]
     square = len(d) ** 2 if len(d) <= DENSE_ROWS else 0
     batch = max(1, IN_CACHE // max(d.size, square, 1))
@@ -116,26 +126,6 @@ def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, Float
     s = pool.std(axis=0)
     s = np.where(s > 0, s, 1.0)
     return (observed - pool.mean(axis=0)) / s, ((largest - pool.mean(axis=0)) / s).max(axis=1)
-
-
-def _scaled(table: FloatArray, rounding: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-    """Deviations over their columns' sample deviations, and the columns' counts."""
-    known = np.isfinite(table)
-    count = known.sum(axis=0).astype(np.float64)
-    mean = np.where(known, table, 0.0).sum(axis=0) / np.maximum(count, 1)
-    d = np.where(known, table - mean, 0.0)
-    s2 = np.einsum("ij,ij->j", d, d) / np.maximum(count - 1, 1)
-    s = np.sqrt(s2 + hidden(s2, rounding))
-    scaled: FloatArray = d / np.where(s > 0, s, 1.0)
-    return scaled, count
-
-
-def _filled(d: FloatArray) -> FloatArray:
-    """What is rotated: columns with missing entries, or that the last digit makes too small, are
-    stretched to the variance of the others.
-    """
-    squares = np.einsum("ij,ij->j", d, d)
-    return d * np.sqrt((len(d) - 1) / np.where(squares > 0, squares, np.inf))
 
 
 def _statistics(d: FloatArray, indicator: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -27,9 +27,7 @@ MANY = 30.0
 """From so many degrees of freedom on Welch and Satterthwaite's formula does no harm."""
 STEPS = 80
 """Halvings of a bracket that spans less than exp(60) to a part in 1e-10."""
-BRACKET = 30.0
-FAR = 1e6
-"""Times the mean."""
+BRACKET, FAR = 30.0, 1e6
 NEAR = 1e-3
 """Standard deviations from the mean at which the formula is 0/0 but for its limit."""
 
@@ -169,23 +167,36 @@ def _gathered(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatA
     return mean, total
 
 
-def sum_tails(sizes: FloatArray, dof: float, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """P (k,) that sum_i sizes_i X_i is larger, and smaller, than `x` (k,); `sizes` (n,) are 0 or
-    more, and the X_i independent chi-squared variables of `dof` degrees of freedom.
+def mean_square_tails(
+    mean_square: float, sizes: FloatArray, dof: float, variance: UncertainVariance
+) -> tuple[float, float]:
+    """P that a mean of squares whose eigenvalues are `sizes` (n,), 0 or more, each of `dof` degrees
+    of freedom, is larger, and smaller, than `mean_square`, its expectation being such a `variance`
+    (of one measurand): `f_tails` for squares that are not all alike.
 
-    By the saddlepoint of K(z) = -(dof/2) sum log(1 - 2 z sizes), as Kuonen (Biometrika 86 (1999)
-    929) has it, with r* for Lugannani and Rice's formula: to some percent of the smaller tail.
+    Of the sum of chi-squared variables by the saddlepoint of K(z) = -(dof/2) sum log(1 - 2 z
+    sizes), as Kuonen (Biometrika 86 (1999) 929) has it, with r* for Lugannani and Rice's formula:
+    to some percent of the smaller tail.
     """
     from scipy.special import ndtr
 
-    sizes = sizes[sizes > 0]
+    values, weights = variance.values[0], variance.weights[0]
+    positive = values > 0
+    x = np.divide(mean_square, values, out=np.zeros_like(values), where=positive)
+    sizes = sizes[sizes > 0] / (dof * sizes.sum())
     largest = float(sizes.max())
     # Beyond that nothing is left of the tail, nor can it be calculated with.
-    x = np.minimum(x, FAR * dof * float(sizes.sum()))
+    x = np.minimum(x, FAR)
     share = sizes / largest
     above = x > 0
     target = np.where(above, x, 1.0) / (dof * largest)
-    u = _saddlepoint(share, target)
+    # u with sum share/(1 + (u - 1) share) = target, which falls as u grows.
+    low, high = np.full(len(target), -BRACKET), np.full(len(target), BRACKET)
+    for _ in range(STEPS):
+        middle = (low + high) / 2
+        value = (share / (1.0 + (np.exp(middle)[:, None] - 1.0) * share)).sum(axis=1)
+        low, high = np.where(value > target, middle, low), np.where(value > target, high, middle)
+    u = np.exp((low + high) / 2)
     # 1 - 2 z sizes, z the saddlepoint.
     left = 1.0 + (u[:, None] - 1.0) * share
     z = (1.0 - u) / (2.0 * largest)
@@ -197,31 +208,7 @@ def sum_tails(sizes: FloatArray, dof: float, x: FloatArray) -> tuple[FloatArray,
     ratio = np.where(near, 1.0, z * np.sqrt(second)) / safe
     skewness = 8.0 * dof * (sizes**3).sum() / (2.0 * dof * (sizes**2).sum()) ** 1.5
     r = w + np.where(near, skewness / 6.0, np.log(np.where(near, 1.0, ratio)) / safe)
-    return np.where(above, ndtr(-r), 1.0), np.where(above, ndtr(r), 0.0)
-
-
-def mean_square_tails(
-    mean_square: float, sizes: FloatArray, dof: float, variance: UncertainVariance
-) -> tuple[float, float]:
-    """P that a mean of squares whose eigenvalues are `sizes` (n,), each of `dof` degrees of
-    freedom, is larger, and smaller, than `mean_square`, its expectation being such a `variance`
-    (of one measurand): `f_tails` for squares that are not all alike.
-    """
-    values, weights = variance.values[0], variance.weights[0]
-    positive = values > 0
-    x = np.divide(mean_square, values, out=np.zeros_like(values), where=positive)
-    high, low = sum_tails(sizes / (dof * sizes.sum()), dof, x)
     # Where no scatter is expected any is more.
-    high, low = np.where(positive, high, 0.0), np.where(positive, low, 1.0)
+    high = np.where(positive, np.where(above, ndtr(-r), 1.0), 0.0)
+    low = np.where(positive, np.where(above, ndtr(r), 0.0), 1.0)
     return float(high @ weights), float(low @ weights)
-
-
-def _saddlepoint(share: FloatArray, target: FloatArray) -> FloatArray:
-    """u (k,) with sum share/(1 + (u - 1) share) = target, which falls as u grows."""
-    low, high = np.full(len(target), -BRACKET), np.full(len(target), BRACKET)
-    for _ in range(STEPS):
-        middle = (low + high) / 2
-        value = (share / (1.0 + (np.exp(middle)[:, None] - 1.0) * share)).sum(axis=1)
-        more = value > target
-        low, high = np.where(more, middle, low), np.where(more, high, middle)
-    return np.exp((low + high) / 2)

@@ -16,8 +16,8 @@ import numpy as np
 from support import PAPER, Study, paper_study, simulated_study
 from watched_process import MTU, added_mib
 
-from mtu_cli.analyses.orthogonality import angle_trials
 from mtu_cli.model.features import feature_points
+from mtu_cli.model.measurands import AngleTrials
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 
@@ -47,7 +47,7 @@ def orthogonality(study: Study, trials: int) -> None:
     entry = study.part.part.orthogonality[0]
     ids, points, _ = feature_points(study.part, study.model, [*entry.row, *entry.column])
     prediction = predict(study.model, ids, points)
-    model = angle_trials(entry.id, entry.row, entry.column, prediction, independent=False)
+    model = AngleTrials(prediction, entry.id, entry.row, entry.column, independent=False)
     Settings(trials=trials).run(model)
 
 

@@ -17,8 +17,7 @@ from made_tables import made_readings, remembering
 from numpy.typing import NDArray
 from watched_process import against_pandas
 
-from mtu_cli.analyses.thermal_fit import METHODS, thermal_fit
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.analyses.thermal_fit import METHODS, ComponentDrift, thermal_fit
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.lag import first_order_lag
 

@@ -40,16 +40,3 @@ def test_options() -> None:
     assert results["monte_carlo"]["probability"] == pytest.approx(0.9545, abs=5e-5)
     assert results["rows"] == other["rows"]
     assert results["monte_carlo"]["mean"] != other["monte_carlo"]["mean"]
-
-
-def test_no_single_factor_in_the_settings_where_none_was_used(tmp_path: Path) -> None:
-    """Outputs with degrees of freedom of their own have factors of their own; abs at 0 has none."""
-    inputs = "inputs: {x: {value: 0, u: 1, dof: 4}, y: {value: 0, u: 1, dof: 9}}\n"
-    for equations, call, k in (
-        ("equations: {a: x, b: y}\n", (), None),
-        ("equation: abs(x) + y\n", (), None),
-        ("equations: {a: x, b: x + y}\n", ("--k", "2"), 2.0),
-    ):
-        (tmp_path / "b.yaml").write_text("schema: mtu/budget/1\nname: b\n" + equations + inputs)
-        document = report("budget", "b.yaml", *call, cwd=tmp_path)
-        assert document["settings"]["coverage_factor"] == k

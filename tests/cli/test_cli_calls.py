@@ -5,10 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_runner import done, mtu, prepared, refused
-from support import (
-    CONFIGS,
-)
+from cli_runner import prepared, refused
 
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 
@@ -43,14 +40,15 @@ def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
             ["lengths", "--fail-if", "nonconforming=1"],
             "--fail-if nonconforming: out of range: 'nonconforming=1'; expected a probability",
         ),
-        (
-            ["lengths", "--fail-if", "nonconforming=0.5,nonconforming=0.1"],
-            "--fail-if nonconforming appears twice: 'nonconforming=0.1'",
-        ),
         (["lengths", "--fail-if", "nonconforming"], "unknown gate: 'nonconforming'; expected susp"),
         (["graph", "sweep", "g.yaml"], "missing option '--vary'"),
         (["graph", "chek"], "no such command 'chek'. Did you mean 'check' (see mtu graph --help)"),
         (["lengths", "--at", "-o"], "--at: not NAME=VALUE: '-o'"),
+        (
+            ["simulate", "--cmm-room", "22:25"],
+            "invalid value for '--cmm-room': not a number: '22:25'",
+        ),
+        (["simulate", "--passes", "0"], "invalid value for '--passes': '0' is not a whole number"),
         (["lengths", "-p", ""], "invalid value for '-p' / '--part': it names no file"),
         (["\u65e5\u672c" * 40], "no such command '\u65e5\u672c"),
         (["lengths", "--a\x1b[31m\n"], "no such option: --a\\x1b[31m"),
@@ -61,13 +59,3 @@ def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, w
     message = refused(work, *call, env={"COLUMNS": "30"})
     assert message.startswith(f"mtu: {words}")
     assert len(message.splitlines()) == 1
-
-
-def test_two_features_at_one_place_are_asked_about(tmp_path: Path) -> None:
-    (tmp_path / "part.yaml").write_text(
-        "schema: mtu/part/1\nname: plate\nfeatures:\n"
-        "  A: {x_mm: 10, y_mm: 20}\n  B: {x_mm: 50, y_mm: 20}\n  C: {x_mm: 10, y_mm: 20}\n"
-    )
-    machine = CONFIGS / "gilsinn-ling" / "machine.yaml"
-    told = done(mtu("predict-points", "-m", machine, "-p", "part.yaml", "-q", cwd=tmp_path)).stderr
-    assert "part.yaml:6: features.C: features at the same nominal place: A, C" in told

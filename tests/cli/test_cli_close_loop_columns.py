@@ -82,16 +82,6 @@ def test_a_copy_of_the_direction_makes_a_class(rows: list[dict[str, str]], tmp_p
     assert (tmp_path / "new.yaml").exists()
 
 
-def test_every_row_a_part_of_its_own(rows: list[dict[str, str]], tmp_path: Path) -> None:
-    """As where the column of the part counts the rows: parts and features say the same then."""
-    points = [row | {"part": str(i), "sequence": str(i)} for i, row in enumerate(rows[:48])]
-    found, result = few(tmp_path, points)
-    assert found is None
-    assert "48 of 48 parts have one of the features" in done(result, 2).stderr
-    assert "in column 'part'" in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-
-
 @pytest.mark.parametrize("shift", [0.0, 0.01])
 def test_errors_without_any_scatter(shift: float, tmp_path: Path) -> None:
     places = {"A": (0, 0), "B": (100, 0), "C": (200, 0), "D": (0, 80), "E": (0, 160)}
@@ -130,23 +120,18 @@ def test_a_reversal_of_one_step_of_a_dial(tmp_path: Path) -> None:
     assert lost_motion["u"] == pytest.approx(0.5 * math.sqrt(2 / 8 * 100 / 12), rel=0.2)
 
 
-def own_ramp(tmp_path: Path, equation: str) -> Path:
-    path = tmp_path / "ramp.yaml"
-    path.write_text(
-        "schema: mtu/effects/1\neffects:\n  - family: ramp\n    says: it rises\n"
-        "    separates: go back\n    parameters: {level_y: um, own_level: um}\n"
-        f"    equations:\n      E{{a}}: {equation}\n",
-        "utf-8",
-    )
-    return path
-
-
 def test_own_effects_of_the_help_and_one_with_a_constant(
     rows: list[dict[str, str]], tmp_path: Path
 ) -> None:
     (text,) = re.findall(r"```yaml\n(schema: mtu/effects/1\n.*?)```", topic("effects"), re.S)
     (tmp_path / "mine.yaml").write_text(text, "utf-8")
-    ramp = own_ramp(tmp_path, "level_y*(sequence/8)**2 + own_level")
+    ramp = tmp_path / "ramp.yaml"
+    ramp.write_text(
+        "schema: mtu/effects/1\neffects:\n  - family: ramp\n    says: it rises\n"
+        "    parameters: {level_y: um, own_level: um}\n"
+        "    equations:\n      E{a}: level_y*(sequence/8)**2 + own_level\n",
+        "utf-8",
+    )
     points = once(rows)
     found, result = few(tmp_path, points, "--effects", tmp_path / "mine.yaml", "--effects", ramp)
     done(result)

@@ -64,11 +64,3 @@ def test_a_scale_that_grows_from_zero_is_named_and_no_scatter_any_more(tmp_path:
     scatter = [item["s_pass"] for item in (quiet, before, after)]
     assert scatter[1] > 5 * scatter[0]
     assert scatter[2] < 1.5 * scatter[0]
-    # Without its temperatures the readings hold the growth still, and that is said.
-    text = (tmp_path / "laser.csv").read_text("utf-8").splitlines()
-    bare = [line.rsplit(",", 1)[0] for line in text]
-    (tmp_path / "laser.csv").write_text("\n".join(bare) + "\n", "utf-8")
-    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "bare.json", cwd=tmp_path))
-    report = json.loads((tmp_path / "bare.json").read_text("utf-8"))
-    (told,) = [w["message"] for w in report["warnings"] if w["code"] == "not-used"]
-    assert "they have no column T_x_degC" in told

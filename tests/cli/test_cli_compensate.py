@@ -67,6 +67,8 @@ def test_one_value_for_both_directions_leaves_the_reversal_to_the_control() -> N
     for control, left in (("siemens-enc", True), ("heidenhain", False)):
         text = done(mtu("compensate", MILL, "--component", "dx_x", "--for", control)).stdout
         assert (said in " ".join(text.split())) is left
+        # Of one column it is zero at the reference.
+        assert ("; zero at 0 mm" in text.replace("\n", " ")) is left
 
 
 @pytest.mark.parametrize(

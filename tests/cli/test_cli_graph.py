@@ -55,19 +55,6 @@ def test_sweep() -> None:
         varied(["axis_um=1,1"], PARAMETERS)
 
 
-def test_sweep_has_not_converged_where_its_grid_has_not() -> None:
-    """1000 trials are too few; the warning says at how many points."""
-    call = ("graph", "sweep", BALL, "--vary", "repeats=5:1:5", "--of", "P1.x", "--trials", "1000")
-    document = report(*call)
-    grid = document["results"]["grid"]
-    assert [item["repeats"] for item in grid] == [5, 4, 3, 2, 1]
-    assert 1e6 * grid[0]["first_order_u"] ** 2 == pytest.approx(0.6)
-    assert document["results"]["converged"] is False
-    told = [item["message"] for item in document["warnings"] if item["code"] == "not-converged"]
-    assert len(told) == 1
-    assert "at 5 of 5 points of the grid" in told[0]
-
-
 @pytest.mark.parametrize(
     ("kind", "start"), [("svg", b"<?xml"), ("dot", b"digraph"), ("mmd", b"---"), ("pl", b"%")]
 )

@@ -112,7 +112,7 @@ def test_every_finding_has_a_paragraph() -> None:
     headings = [name for line in lines for name in line.split(", ")]
     assert sorted(headings) == sorted(CATALOGUE)
     assert "Look at the record of the instrument" in paragraph("outlying-value")
-    assert "(warning)" in paragraph("datum-freed")
+    assert "(warning)" in paragraph("max-effects")
     assert "(warning, meets --fail-if suspicious)" in paragraph("outlying-value")
     begun = "# too-little-data (error)\n\n    too little data: "
     assert paragraph("too-little-data").startswith(begun)

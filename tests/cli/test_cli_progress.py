@@ -6,13 +6,10 @@ import io
 import re
 import sys
 import threading
-from pathlib import Path
 
 import pytest
-from cli_runner import done, mtu, prepared
 
 from mtu_cli.cli import emit
-from mtu_cli.cli.commands import app
 from mtu_cli.cli.emit import late_bar
 
 
@@ -42,21 +39,3 @@ def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch)
         assert re.findall(r"close-loop: (\d+)%", terminal.getvalue()) == shares
         # The line is left empty.
         assert terminal.getvalue().endswith("\r\x1b[K")
-
-
-def test_closing_a_loop_tells_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a terminal alone, and with the same report."""
-    done(mtu("simulate", "--parts", "5", "--write-cmm", "cmm.csv", cwd=prepared(tmp_path)))
-    monkeypatch.setattr(emit, "DELAY_S", 0.0)
-    monkeypatch.setattr(emit, "EVERY_S", 0.0)
-    monkeypatch.chdir(tmp_path)
-    call = ["close-loop", "--cmm", "cmm.csv", "--max-effects", "1", "-q", "-o", "out.json"]
-    reports = set()
-    for stream in (Terminal(), io.StringIO()):
-        monkeypatch.setattr(sys, "stderr", stream)
-        app(call, standalone_mode=False)
-        reports.add(Path("out.json").read_bytes())
-        shares = [int(share) for share in re.findall(r"close-loop: (\d+)%", stream.getvalue())]
-        assert shares == sorted(shares)
-        assert (len(set(shares)) > 2 and shares[-1] == 100) == stream.isatty()
-    assert len(reports) == 1

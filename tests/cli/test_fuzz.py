@@ -9,17 +9,8 @@ from random import Random
 
 import pytest
 from fuzz import readers
-from fuzz.commands import (
-    PATTERNS,
-    Call,
-    Ended,
-    drawn_call,
-    failure_of,
-    judged_call,
-    sound_call,
-)
+from fuzz.commands import PATTERNS, drawn_call, judged_call, sound_call
 from fuzz.damage import Case, drawn_case
-from fuzz.messages import unclean, warned
 from fuzz.readers import judged
 from fuzz.samples import KINDS, Sample, prepared_folder, samples_of
 from fuzz.tally import Tally
@@ -96,52 +87,3 @@ def test_failing_readers_are_noticed_and_kept(
     told = (tmp_path / "kept" / "readers-3-7.txt").read_text()
     assert told.startswith("python -m fuzz --seed 3 --first 7 --readers 1\n")
     assert "failures: 1" in "\n".join(tally.lines())
-
-
-@pytest.mark.parametrize(
-    ("message", "wrong"),
-    [
-        ("a.csv, row 2: not a number: 'x'\na.csv, row 3: empty cell", None),
-        ("", "the message is empty"),
-        ("a.csv: fault\n\nb", "an empty line"),
-        ("a.csv: \x1b[31mred", "signs that a terminal obeys"),
-        ("ValueError: cannot convert", "words of the program"),
-        ("a.yaml: Input should be valid [pydantic]", "words of the program"),
-    ],
-)
-def test_messages_that_are_not_clean(message: str, wrong: str | None) -> None:
-    found = unclean(message)
-    assert (found is None) == (wrong is None)
-    assert wrong is None or wrong in str(found)
-    assert warned("warning: a sensor is missing [code]") is None
-    assert warned("x.py:3: RuntimeWarning: divide by zero") is not None
-
-
-REPORT = b'{"schema": "mtu/lengths/1"}\n'
-
-
-@pytest.mark.parametrize(
-    ("code", "error", "output", "after", "wrong"),
-    [
-        (0, "", "table", {"out.json": REPORT}, None),
-        (2, "mtu: a.csv: fault\n", "", {}, None),
-        (2, "Usage: mtu lengths\n", "", {}, "without words of its own"),
-        (1, "Traceback (most recent call last)", "", {}, "exit code 1"),
-        (0, "x: RuntimeWarning: y", "", {"out.json": REPORT}, "a warning"),
-        (2, "mtu: a.csv: fault\n", "table", {}, "with output"),
-        (2, "mtu: a.csv: fault\n", "", {".out.tmp": b""}, "files changed: ['.out.tmp']"),
-        (0, "", "table", {}, "without out.json"),
-        (0, "", "table", {"out.json": REPORT[:9]}, "cannot be read"),
-        (0, "", "table", {"out.json": b'{"schema": "mtu/a/1", "b": NaN}'}, "NaN in a report"),
-        (0, "", "table", {"out.json": REPORT, ".out.tmp": b""}, "that are no outputs"),
-    ],
-)  # fmt: skip
-def test_calls_that_end_badly(
-    code: int, error: str, output: str, after: dict[str, bytes | None], wrong: str | None
-) -> None:
-    ended = Ended(code=code, output=output, error=error, seconds=1.0, kilobytes=1)
-    call = Call(number=1, arguments=["lengths"], outputs=("out.json",), damaged="part.yaml")
-    sound: dict[str, bytes | None] = {"a": b"1"}
-    found = failure_of(ended, sound, sound | after, call)
-    assert (found is None) == (wrong is None), found
-    assert wrong is None or wrong in str(found)

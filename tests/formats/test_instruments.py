@@ -195,12 +195,6 @@ def test_points_of_every_vendor(name: str) -> None:
         read(raw(content, name), Ask(kind="readings"))
 
 
-def test_a_heading_without_measured_values_is_an_error() -> None:
-    bare = made.PCDMIS.replace("  MEAS", "      ")
-    with pytest.raises(InputError, match="row 3, column 'MEAS': the column is missing"):
-        read(raw(bare + made.PCDMIS.replace("CIR1", "CIR2"), "r.txt"), Ask(kind="points"))
-
-
 def test_a_ballbar_file_and_a_capture() -> None:
     found = features_of(raw(made.B5R, "\u5ea6.b5r"))
     assert found["test_plane"] == "XY"

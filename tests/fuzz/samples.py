@@ -8,7 +8,6 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from textwrap import dedent
 from typing import Literal, get_args
 
 import numpy as np
@@ -163,7 +162,8 @@ def prepared_folder(folder: Path) -> Path:
     (folder / "effects" / "all.yaml").write_text(families, "utf-8")
     few = "\n\n".join(families.partition("\neffects:\n")[2].split("\n\n")[2:6])
     few = few.replace("family: ", "family: own-").replace("name: ", "name: own-")
-    (folder / "effects" / "few.yaml").write_text(dedent(few) + "\n", "utf-8")
+    head = "schema: mtu/effects/1\neffects:\n"
+    (folder / "effects" / "few.yaml").write_text(head + few + "\n", "utf-8")
     for name, source in FLAT.items():
         shutil.copyfile(folder / source, folder / "flat" / name)
     (folder / "flat" / "mtu.yaml").write_text(FLAT_STUDY, "utf-8")

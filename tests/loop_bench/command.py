@@ -7,7 +7,7 @@ import io
 import json
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,17 +22,17 @@ def called(*arguments: str) -> tuple[int, float, str]:
     """Exit code, processor time (s) and standard error of one call of the installed command."""
     from mtu_cli.cli.main import main
 
-    errors = io.StringIO()
+    out, errors = (io.TextIOWrapper(io.BytesIO(), write_through=True) for _ in range(2))
     before, sys.argv = sys.argv, ["mtu", *arguments]
     start, code = time.process_time(), 0
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(errors):
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
             main()
     except SystemExit as left:
         code = left.code if isinstance(left.code, int) else int(left.code is not None)
     finally:
         sys.argv = before
-    return code, time.process_time() - start, errors.getvalue()
+    return code, time.process_time() - start, errors.buffer.getvalue().decode()
 
 
 def judged(drawn: Drawn, folder: Path, seed: int) -> dict[str, Any]:
@@ -94,8 +94,9 @@ def effect_of(item: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def predicted(ask: Ask) -> dict[str, Any]:
-    """Of each place and axis: what the written machine predicts, its u without the scatter of
-    passes and readings, the 95 % interval; what is true of the mean and of a future reading.
+    """Of each place and axis: what the written machine predicts, null (records of before: its u
+    without scatter), the 95 % interval; what is true of the mean and of a future reading, and half
+    the width of the interval if all were known.
     """
     lines = ["schema: mtu/part/1", "name: asked", "features:"]
     for i, (x, y, *z) in enumerate(ask.places.tolist()):
@@ -110,20 +111,14 @@ def predicted(ask: Ask) -> dict[str, Any]:
     if code:
         return {"code": code, "message": message[-200:]}
     points = json.loads(Path("predicted.json").read_text())["results"]["points"]
-    rows = [
-        _row(ask, i, a, point) for i, point in enumerate(points) for a in range(ask.true.shape[1])
-    ]
-    return {"inside": ask.inside, "rows": rounded(rows)}
-
-
-def _row(ask: Ask, i: int, a: int, point: Mapping[str, Any]) -> Sequence[float | None]:
-    axis = "xyz"[a]
-    shares = point[f"variance_{axis}_um2"]
-    scatter = sum(shares.get(name, 0.0) for name in ("passes", "repeatability"))
-    u = float(np.sqrt(max(point[f"var_{axis}_um2"] - scatter, 0.0)))
-    low, high = point[f"interval95_{axis}_um"]
-    more = [values[i, a] if values is not None else None for values in (ask.future, ask.known_half)]
-    return [point[f"E{axis}_um"], u, low, high, ask.true[i, a], *more]
+    rows = []
+    for i, point in enumerate(points):
+        for a, axis in enumerate("xyz"[: ask.true.shape[1]]):
+            interval = point[f"interval95_{axis}_um"]
+            both = (ask.future, ask.known_half)
+            more = [None if values is None else values[i, a] for values in both]
+            rows.append([point[f"E{axis}_um"], None, *interval, ask.true[i, a], *more])
+    return {"inside": True, "rows": rounded(rows)}
 
 
 def rounded(value: Any, digits: int = 5) -> Any:

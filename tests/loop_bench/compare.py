@@ -1,4 +1,4 @@
-"""Two runs of the same sets, paired: `python -m loop_bench.compare OLD NEW [--all]`.
+"""Two runs of the same sets, paired: `python -m loop_bench.compare OLD NEW`.
 
 Lists each diagnosis that changed, by kind, with the share that became right and wrong, and the
 rates of both runs on the sets that both have.
@@ -10,8 +10,6 @@ import argparse
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-
-import numpy as np
 
 from loop_bench import judge
 from loop_bench.judge import Record
@@ -57,23 +55,19 @@ def in_words(record: Record) -> str:
     return f"{verdict} {names}{more}".strip()
 
 
-def changes(pairs: Sequence[Pair], *, every: bool) -> Iterator[str]:
+def changes(pairs: Sequence[Pair]) -> Iterator[str]:
     kinds: dict[str, list[Pair]] = defaultdict(list)
     for pair in pairs:
         kinds[pair[0]["kind"]].append(pair)
-    total: Counter[str] = Counter()
     for kind, some in kinds.items():
         moved = [pair for pair in some if diagnosis(pair[0]) != diagnosis(pair[1])]
         ways = Counter(way(pair) for pair in moved)
-        total += Counter({"sets": len(some), "changed": len(moved)}) + ways
         counts = ", ".join(f"{ways[name]} {name}" for name in WAYS if ways[name])
         yield f"{kind}: {len(moved)} of {len(some)} changed{': ' if counts else ''}{counts}"
         for pair in sorted(moved, key=lambda item: WAYS.index(way(item))):
-            if every or way(pair) in WAYS[:2]:
-                true = " + ".join(map(str, pair[0]["truth"]["names"])) or "nothing"
-                old, new = (in_words(record) for record in pair)
-                yield f"  {way(pair)} {pair[0]['index']}: {true}: {old} -> {new}"
-    yield f"all: {dict(total)}"
+            true = " + ".join(map(str, pair[0]["truth"]["names"])) or "nothing"
+            old, new = (in_words(record) for record in pair)
+            yield f"  {way(pair)} {pair[0]['index']}: {true}: {old} -> {new}"
 
 
 WAYS = ("became wrong", "became right", "right as before", "wrong as before")
@@ -84,29 +78,6 @@ def way(pair: Pair) -> str:
     if before == after:
         return "right as before" if before else "wrong as before"
     return "became right" if after else "became wrong"
-
-
-def sizes(pairs: Sequence[Pair]) -> str:
-    """How far sizes and their u moved, of effects and parameters that both have."""
-    shifts, widths = [], []
-    for old, new in pairs:
-        if old["report"]["code"] or new["report"]["code"]:
-            continue
-        there = {effect["name"]: effect["parameters"] for effect in old["report"]["effects"]}
-        for effect in new["report"]["effects"]:
-            for name, (value, u, *_) in effect["parameters"].items():
-                was = there.get(effect["name"], {}).get(name)
-                if was and was[1] and u:
-                    shifts.append((value - was[0]) / was[1])
-                    widths.append(u / was[1])
-    if not shifts:
-        return "no effect that both have"
-    low, middle, high = np.quantile(widths, [0.05, 0.5, 0.95])
-    far = np.quantile(np.abs(shifts), [0.5, 0.95])
-    return (
-        f"{len(shifts)} parameters of both: moved by {far[0]:.2g} u (95 %: {far[1]:.2g} u), "
-        f"u times {middle:.3g} ({low:.3g} to {high:.3g})"
-    )
 
 
 def rates(pairs: Sequence[Pair]) -> Iterator[str]:
@@ -122,10 +93,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="loop_bench.compare")
     parser.add_argument("old", type=Path)
     parser.add_argument("new", type=Path)
-    parser.add_argument("--all", action="store_true", help="also changes neither right nor wrong")
     given = parser.parse_args()
     pairs = paired(given.old, given.new)
-    print("\n".join([*changes(pairs, every=given.all), sizes(pairs), "", *rates(pairs)]))
+    print("\n".join([*changes(pairs), "", *rates(pairs)]))
 
 
 if __name__ == "__main__":

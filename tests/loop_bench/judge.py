@@ -19,8 +19,6 @@ ALIKE = {
 """By the start of a kind: names of a truth, and other names that are as right."""
 OF_COVARIATE = {"thermal-drift", "thermal-growth", "trend", "wear-approach"}
 """Families whose size is that of one column of the data."""
-SINGLE = {"feature-outlier", "part-outlier", "operation", "rotation-scatter", "operation-scatter"}
-"""Families of single features, parts and operations: at other places they say nothing."""
 BOTH_SCALES = {"scale-x", "scale-y"}
 
 
@@ -186,13 +184,14 @@ def of_family(family: str) -> Callable[[Record], bool]:
     return lambda record: family in record["truth"]["families"]
 
 
-def foretold(record: Record, *, inside: bool) -> Iterator[list[float]]:
-    """Rows (value, u, low, high, mean, future, half width if all were known) of the written
-    machine, of axes that the truth or the machine moves, where an equation was written.
+def foretold(record: Record) -> Iterator[list[float]]:
+    """Rows (value, -, low, high, mean, future, half width if all were known) of the written machine
+    at places and times not measured, of axes that the truth or the machine moves, where an equation
+    was written.
     """
-    report, single = record["report"], {*record["truth"]["families"]} & SINGLE
-    if (single and not inside) or not any(effect["equations"] for effect in report["effects"]):
-        return
-    for ask in report.get("predicted", []):
-        if ask.get("inside") is inside:
-            yield from (row for row in ask["rows"] if row[0] or row[1] or row[4])
+    report = record["report"]
+    if any(effect["equations"] for effect in report["effects"]):
+        for ask in report.get("predicted", []):
+            # Records of before have predictions at measured places, too.
+            if ask.get("inside"):
+                yield from (row for row in ask["rows"] if row[0] or row[4])

@@ -61,19 +61,8 @@ def class_size(records: Records) -> Figure:
     return mean(len(judge.first_class(r)) for r in records if judge.detected(r))
 
 
-def mean_inside(record: Record) -> Iterator[bool]:
-    """Within 2 u of the written machine, at places and times not measured."""
-    for value, u, _, _, true, *_ in judge.foretold(record, inside=True):
-        yield abs(value - true) <= 2 * u
-
-
-def mean_measured(record: Record) -> Iterator[bool]:
-    for value, u, _, _, true, *_ in judge.foretold(record, inside=False):
-        yield abs(value - true) <= 2 * u
-
-
 def future_inside(record: Record) -> Iterator[bool]:
-    for _, _, low, high, _, future, _ in judge.foretold(record, inside=True):
+    for _, _, low, high, _, future, _ in judge.foretold(record):
         if future is not None:
             yield low <= future <= high
 
@@ -84,18 +73,10 @@ def width_inside(records: Records) -> Figure:
     """
     sums = []
     for record in records:
-        rows = [row for row in judge.foretold(record, inside=True) if row[6] is not None]
+        rows = [row for row in judge.foretold(record) if row[6] is not None]
         if rows:
             sums.append((sum(0.5 * (row[3] - row[2]) for row in rows), sum(row[6] for row in rows)))
     return ratio(sums)
-
-
-def before_the_step(record: Record) -> Iterator[bool]:
-    """Whether the level before a step is held by 2 u."""
-    if any(effect["equations"] for effect in record["report"]["effects"]):
-        first = record["report"]["predicted"][0]
-        moved = [row for row in first.get("rows", []) if row[4]]
-        yield all(abs(row[0] - row[4]) <= 2 * row[1] for row in moved)
 
 
 def named_cyclic(record: Record) -> bool:
@@ -166,14 +147,11 @@ def _sizes() -> Iterator[Row]:
     kinds, sizes = ("library", "missing-1"), every(judge.sizes_hold)
     yield Row("95 % intervals cover, sizes", kinds, sizes, (0.94, 0.96), (0.945, 0.955))
     yield Row("  searched parameters", kinds, every(judge.searched_hold))
-    yield Row("written machine within 2 u, measured cells", "library", every(mean_measured))
     label = "future readings inside cover: smooth, wave, step, growth"
     yield Row(label, INSIDE, every(future_inside), (0.93, 1), (0.95, 1))
     yield Row("  mean width over that with known variances", INSIDE, width_inside, (0, 1.25))
     for kind in INSIDE:
         yield Row(f"  {kind}: future readings", kind, every(future_inside))
-        yield Row(f"  {kind}: mean within 2 u", kind, every(mean_inside))
-    yield Row("  offset-step: before the step", "offset-step", every(before_the_step))
     yield Row("  predictions refused", INSIDE, among(refused), (0, 0))
 
 

@@ -51,13 +51,12 @@ a judgement.
 class Ask:
     """Places (n, 2) mm and covariates to predict at, and what is true there: the mean error and a
     future reading (n, axes), um; half the width of the latter's 95 % interval if all were known.
-    `inside`: of the measured ranges, at none of the measured places.
+    They lie in the measured ranges, at none of the measured places.
     """
 
     at: dict[str, float]
     places: Floats
     true: Floats
-    inside: bool = True
     future: Floats | None = None
     known_half: Floats | None = None
 
@@ -174,10 +173,9 @@ def _shop(
         drawn.add(truth.name, truth.family, parameters(truth), also, d)
         drawn.searched |= truth.searched
         drawn.covariate = truth.covariate
-    if len(truths) == 1 and len(truths[0].columns):
-        drawn.asks += [_measured_cells(day, turn, truths[0])]
-        if truths[0].family not in SCATTERS and not kind.missing and kind.parts == 21:
-            drawn.oracle = oracle_gain(repeats.mean(axis=-1), truths[0], FOLDS)
+    whole = not kind.missing and kind.parts == 21
+    if whole and len(truths) == 1 and truths[0].family not in SCATTERS:
+        drawn.oracle = oracle_gain(repeats.mean(axis=-1), truths[0], FOLDS)
     return drawn
 
 
@@ -192,18 +190,6 @@ def _truths(kind: Kind, turn: Turn, day: ShopDay) -> tuple[Truth, ...]:
     elif kind.name.startswith("misshapen"):
         make = misshapen_effect
     return (make(day, turn.family, turn.rng, kind.amplitude),)
-
-
-def _measured_cells(day: ShopDay, turn: Turn, truth: Truth) -> Ask:
-    """Three features of a part, with what was logged of it."""
-    p = int(turn.rng.integers(day.P))
-    first, *others = turn.rng.choice(day.H, 3, replace=False).tolist()
-    logged = {name: day.full(name)[p] for name in day.covariates}
-    # Directions differ from hole to hole: those of the first are asked for at all of them.
-    alike = [h for h in others if all(v[h] == v[first] for v in logged.values())]
-    some = [first, *alike]
-    at = {name: float(values[first]) for name, values in logged.items()}
-    return Ask(at=at, places=day.places[some], true=truth.errors[p, some], inside=False)
 
 
 def _offset_step(kind: Kind, turn: Turn, folder: Path) -> Drawn:

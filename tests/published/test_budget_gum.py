@@ -21,6 +21,7 @@ from support import CONFIGS
 from mtu_cli.analyses.budget import BudgetResult, evaluate_budget
 from mtu_cli.files.budget import load_budget
 from mtu_cli.model.settings import Settings
+from mtu_cli.stats.covariance import correlation_of
 from mtu_cli.stats.coverage import coverage_factor
 
 BUDGETS = CONFIGS / "budgets"
@@ -38,14 +39,14 @@ def test_h1_end_gauge_first_order() -> None:
     agrees(output, value=(50_000_838, 0.5), u=(32, 0.5))
     assert int(output.dof) == 16
     assert output.dof == pytest.approx(16.7, abs=0.06)
-    names = [item.name for item in result.inputs]
-    contribution = np.abs(output.sensitivity) * [item.u for item in result.inputs]
+    names = [item.name for item in result.given.quantities]
+    contribution = np.abs(output.sensitivity) * [item.u for item in result.given.quantities]
     printed = {"ls": 25, "d": 9.7, "dalpha": 2.9, "theta": 0, "alphas": 0, "dtheta": 16.6}
     for name, value in printed.items():
         digit = 0.5 if name == "ls" else 0.05
         assert contribution[names.index(name)] == pytest.approx(value, abs=digit), name
-    assert result.inputs[names.index("d")].dof == pytest.approx(25.6, abs=0.2)
-    assert result.inputs[names.index("theta")].u == pytest.approx(0.41, abs=0.005)
+    assert result.given.quantities[names.index("d")].dof == pytest.approx(25.6, abs=0.2)
+    assert result.given.quantities[names.index("theta")].u == pytest.approx(0.41, abs=0.005)
 
 
 def test_h1_expanded_uncertainty() -> None:
@@ -90,7 +91,7 @@ def test_h2_impedance() -> None:
     """
     result = shipped("gum-h2-impedance")
     for item, (mean, digit, u, u_digit) in zip(
-        result.inputs,
+        result.given.quantities,
         [
             (4.9990, 5e-5, 0.0032, 5e-5),
             (19.6610, 5e-5, 0.0095, 5e-5),
@@ -100,7 +101,7 @@ def test_h2_impedance() -> None:
     ):
         assert item.value == pytest.approx(mean, abs=digit)
         assert item.u == pytest.approx(u, abs=u_digit)
-    r = result.input_correlation
+    r = correlation_of(result.given.covariance)
     assert [r[0, 1], r[0, 2], r[1, 2]] == pytest.approx([-0.36, 0.86, -0.65], abs=0.005)
     printed = {"R": (127.732, 0.071), "X": (219.847, 0.2956), "Z": (254.260, 0.236)}
     for output in result.outputs:

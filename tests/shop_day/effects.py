@@ -32,67 +32,65 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def _single(name: str, columns: Floats, covariate: str | None = None, **found: float) -> Shape:
+Maker = Callable[[ShopDay, int, np.random.Generator], Shape]
+Values = Callable[[ShopDay, int, np.random.Generator], Floats]
+"""What an effect of one axis adds to it, (P, H) or a shape that broadcasts."""
+AXIS: dict[str, Values] = {
+    "backlash": lambda day, a, rng: day.full(f"dir_{AXES[a]}"),
+    "scale": lambda day, a, rng: (day.place(a) - CENTRE) / 1000,
+    "abbe": lambda day, a, rng: day.place(2) / 1000,
+    "thermal-drift": lambda day, a, rng: day.spindle_rise[:, None],
+    "trend": lambda day, a, rng: day.full("tool_parts"),
+    "wear-approach": lambda day, a, rng: day.full("tool_parts") * day.full(f"dir_{AXES[a]}"),
+    "operation": lambda day, a, rng: np.where(day.operation == 1, 1.0, 0.0),
+}
+COVARIATES = {
+    "backlash": "dir_{}", "thermal-drift": "T_spindle_degC", "trend": "tool_parts",
+    "wear-approach": "tool_parts", "warm-up": "time_min", "step": "sequence",
+    "backlash-step": "sequence",
+}  # fmt: skip
+
+
+def single(
+    name: str | None, columns: Floats, covariate: str | None = None, *, exact: bool = True,
+    **searched: float,
+) -> Shape:  # fmt: skip
+    """An effect of one column."""
     return Shape(
-        name=name, columns=columns, weights=np.ones(1), covariate=covariate, searched=found
-    )
+        name=name, columns=columns, weights=np.ones(1), covariate=covariate, searched=searched,
+        exact=exact,
+    )  # fmt: skip
 
 
-def _along(day: ShopDay, family: str, a: int, values: Floats, covariate: str | None) -> Shape:
-    return _single(f"{family}-{AXES[a]}", column(day, a, values), covariate)
+def along(family: str, values: Values, *, exact: bool = True) -> Maker:
+    """An effect of one axis."""
 
+    def make(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
+        covariate = COVARIATES.get(family)
+        moved = column(day, a, values(day, a, rng))
+        named = None if covariate is None else covariate.format(AXES[a])
+        return single(f"{family}-{AXES[a]}", moved, named, exact=exact)
 
-def backlash(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    name = f"dir_{AXES[a]}"
-    return _along(day, "backlash", a, day.full(name), name)
-
-
-def scale(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    return _along(day, "scale", a, (day.place(a) - CENTRE) / 1000, None)
-
-
-def abbe(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    return _along(day, "abbe", a, day.place(2) / 1000, None)
-
-
-def thermal_drift(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    return _along(day, "thermal-drift", a, day.spindle_rise[:, None], "T_spindle_degC")
-
-
-def trend(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    return _along(day, "trend", a, day.full("tool_parts"), "tool_parts")
-
-
-def wear_approach(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    values = day.full("tool_parts") * day.full(f"dir_{AXES[a]}")
-    return _along(day, "wear-approach", a, values, "tool_parts")
-
-
-def operation(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    return _along(day, "operation", a, np.where(day.operation == 1, 1.0, 0.0), None)
+    return make
 
 
 def warm_up(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
     tau = log_uniform(rng, *TAU_MIN)
     risen = column(day, a, 1 - np.exp(-day.full("time_min") / tau))
-    return _single(f"warm-up-{AXES[a]}", risen, "time_min", tau_min=tau)
+    return single(f"warm-up-{AXES[a]}", risen, "time_min", tau_min=tau)
 
 
-def _from_on(day: ShopDay, rng: np.random.Generator) -> tuple[Floats, float]:
-    """1 from one of the parts 6 to P - 4 (counted from 1) on, (P, H), and between which two."""
-    at = float(rng.integers(6, day.P - 3)) - 0.5
-    return np.where(day.full("sequence") > at, 1.0, 0.0), at
+def _from_on(*, reversal: bool) -> Maker:
+    """From one of the parts 6 to P - 4 (counted from 1) on."""
 
+    def make(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
+        at = float(rng.integers(6, day.P - 3)) - 0.5
+        after = np.where(day.full("sequence") > at, 1.0, 0.0)
+        values = after * day.full(f"dir_{AXES[a]}") if reversal else after
+        name = f"{'backlash-' * reversal}step-{AXES[a]}"
+        return single(name, column(day, a, values), "sequence", at=at)
 
-def step(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    after, at = _from_on(day, rng)
-    return _single(f"step-{AXES[a]}", column(day, a, after), "sequence", at=at)
-
-
-def backlash_step(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    after, at = _from_on(day, rng)
-    play = column(day, a, after * day.full(f"dir_{AXES[a]}"))
-    return _single(f"backlash-step-{AXES[a]}", play, "sequence", at=at)
+    return make
 
 
 def cyclic(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
@@ -107,30 +105,26 @@ def cyclic(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
     )
 
 
-def _bent(day: ShopDay, family: str, a: int, along: int, rng: np.random.Generator) -> Shape:
-    """Second and third order, the angle between them at random."""
-    angle = rng.uniform(0, 2 * np.pi)
-    second, third = orders(day, along)
-    return Shape(
-        name=f"{family}-{AXES[a]}",
-        columns=columns(day, a, second, third),
-        weights=np.array([np.cos(angle) / second.std(), np.sin(angle) / third.std()]),
-    )
+def _bent(family: str, *, across: bool) -> Maker:
+    """Second and third order along the axis or the other one, the angle between them at random."""
 
+    def make(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
+        angle = rng.uniform(0, 2 * np.pi)
+        second, third = orders(day, 1 - a if across else a)
+        return Shape(
+            name=f"{family}-{AXES[a]}",
+            columns=columns(day, a, second, third),
+            weights=np.array([np.cos(angle) / second.std(), np.sin(angle) / third.std()]),
+        )
 
-def curvature(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    return _bent(day, "curvature", a, a, rng)
-
-
-def straightness(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    return _bent(day, "straightness", a, 1 - a, rng)
+    return make
 
 
 def squareness(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
     """Ex ~ y, Ey ~ x, or half of each: as the part's zero line was set."""
     x, y = ((day.place(i) - CENTRE) / 1000 for i in (0, 1))
     share = ((1.0, 0.0), (0.0, 1.0), (0.5, 0.5))[rng.integers(3)]
-    return _single("squareness-xy", both(day, share[0] * y, share[1] * x))
+    return single("squareness-xy", both(day, share[0] * y, share[1] * x))
 
 
 def thermal_growth(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
@@ -138,53 +132,55 @@ def thermal_growth(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
     name = ("T_part_degC", "T_cmm_degC")[rng.integers(2)]
     over = day.full(name) - 20
     x, y = ((day.place(i) - CENTRE) / 1000 for i in (0, 1))
-    return _single("thermal-growth", both(day, over * x, over * y), name)
+    return single("thermal-growth", both(day, over * x, over * y), name)
 
 
 def radial(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
     x, y = from_centre(day, 0), from_centre(day, 1)
     far = np.hypot(x, y)
-    return _single("radial", both(day, x / far, y / far))
+    return single("radial", both(day, x / far, y / far))
 
 
-def _outlier(family: str, day: ShopDay, rng: np.random.Generator, hit: Floats) -> Shape:
-    angle = rng.uniform(0, 2 * np.pi)
-    return Shape(
-        name=family,
-        columns=np.concatenate([column(day, 0, hit), column(day, 1, hit)]),
-        weights=np.array([np.cos(angle), np.sin(angle)]),
-        searched={family.partition("-")[0]: float(np.argwhere(hit.ravel())[0, 0])},
-    )
+def _outlier(of: str) -> Maker:
+    """`searched` holds the feature's column, or the part's row, counted from 0."""
 
+    def make(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
+        one = int(rng.integers(day.H if of == "feature" else day.P))
+        hit = np.eye(day.H)[one] if of == "feature" else np.eye(day.P)[one][:, None]
+        angle = rng.uniform(0, 2 * np.pi)
+        return Shape(
+            name=f"{of}-outlier",
+            columns=np.concatenate([column(day, 0, hit), column(day, 1, hit)]),
+            weights=np.array([np.cos(angle), np.sin(angle)]),
+            searched={of: float(one)},
+        )
 
-def feature_outlier(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    """`searched` holds the feature's column, counted from 0."""
-    return _outlier("feature-outlier", day, rng, np.eye(day.H)[rng.integers(day.H)])
-
-
-def part_outlier(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
-    """`searched` holds the part's row, counted from 0."""
-    return _outlier("part-outlier", day, rng, np.eye(day.P)[rng.integers(day.P)][:, None])
+    return make
 
 
 def rotation_scatter(day: ShopDay, a: int, rng: np.random.Generator) -> Shape:
     """Every part is turned by an angle of its own."""
     angle = rng.normal(size=(day.P, 1))
     x, y = ((day.place(i) - CENTRE) / 1000 for i in (0, 1))
-    return _single("rotation-scatter", both(day, -angle * y, angle * x))
+    return single("rotation-scatter", both(day, -angle * y, angle * x))
 
-
-Maker = Callable[[ShopDay, int, np.random.Generator], Shape]
 
 SHAPES: dict[str, Maker] = {
-    "backlash": backlash, "cyclic": cyclic, "curvature": curvature, "straightness": straightness,
-    "squareness": squareness, "scale": scale, "abbe": abbe, "thermal-drift": thermal_drift,
-    "warm-up": warm_up, "trend": trend, "step": step, "wear-approach": wear_approach,
-    "thermal-growth": thermal_growth, "radial": radial, "operation": operation,
-    "feature-outlier": feature_outlier, "part-outlier": part_outlier,
-    "rotation-scatter": rotation_scatter, "backlash-step": backlash_step,
+    **{family: along(family, values) for family, values in AXIS.items()},
+    "warm-up": warm_up, "cyclic": cyclic, "squareness": squareness, "radial": radial,
+    "curvature": _bent("curvature", across=False),
+    "straightness": _bent("straightness", across=True),
+    "step": _from_on(reversal=False), "backlash-step": _from_on(reversal=True),
+    "thermal-growth": thermal_growth, "rotation-scatter": rotation_scatter,
+    "feature-outlier": _outlier("feature"), "part-outlier": _outlier("part"),
 }  # fmt: skip
-FAMILIES: tuple[str, ...] = (*SHAPES, "operation-scatter")
+FAMILIES = (
+    "backlash", "cyclic", "curvature", "straightness", "squareness", "scale", "abbe",
+    "thermal-drift", "warm-up", "trend", "step", "wear-approach", "thermal-growth", "radial",
+    "operation", "feature-outlier", "part-outlier", "rotation-scatter", "backlash-step",
+    "operation-scatter",
+)  # fmt: skip
+"""In the order that says which of the bench's sets is of which."""
 
 
 def made(

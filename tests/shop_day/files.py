@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -16,25 +15,21 @@ def write_csv(
     repeats: Floats,
     path: Path,
     *,
-    leave_out: Collection[str] = (),
     cells: NDArray[np.bool_] | None = None,
 ) -> Path:
     """One row a measured point; `repeats` (P, H, 2, R) or (P, H, 2), um.
 
-    All covariates of the day become columns but those in `leave_out`, which may name
-    `operation` too. `cells` (P, H): false where a hole was not measured.
+    All covariates of the day become columns. `cells` (P, H): false where a hole was not measured.
     """
     values = repeats[..., None] if repeats.ndim == 3 else repeats
-    names = [name for name in day.covariates if name not in leave_out]
-    with_operation = "operation" not in leave_out
-    head = ["part", "feature", "repeat", "x_mm", "y_mm"]
-    lines = [",".join([*head, *(["operation"] if with_operation else []), *names])]
-    logged = [day.full(name) for name in names]
+    head = ["part", "feature", "repeat", "x_mm", "y_mm", "operation"]
+    lines = [",".join([*head, *day.covariates])]
+    logged = [day.full(name) for name in day.covariates]
     for p, part in enumerate(day.parts):
         for h, feature in enumerate(day.features):
             if cells is not None and not cells[p, h]:
                 continue
-            own = [day.operations[day.operation[h]]] if with_operation else []
+            own = [day.operations[day.operation[h]]]
             own += [f"{column[p, h]:.10g}" for column in logged]
             for r in range(values.shape[-1]):
                 x, y = day.places[h, :2] + values[p, h, :, r] / 1000

@@ -7,7 +7,7 @@ the standard deviations 2.5, 0.5, 3.5 and 1.5 um; R = 3 repeats on the CMM.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal, Protocol, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -30,10 +30,6 @@ NOISY_AXIS = 2.0
 """Times the standard deviation of the cells."""
 NOISY_OPERATION = (2.0, 3.0)
 """Times the variance of the cells, drawn between the two."""
-
-
-class _Draw(Protocol):
-    def __call__(self, *shape: int) -> Floats: ...
 
 
 def measure(
@@ -65,31 +61,16 @@ def measure_repeats(
         spread[noisy] *= np.sqrt(rng.uniform(*NOISY_OPERATION))
     elif noise == "hole-errors":
         hole = FIXED_HOLE
-    draw = _t4(rng) if noise == "t4" else _normal(rng)
+
+    def draw(*shape: int) -> Floats:
+        heavy = noise == "t4"
+        return rng.standard_t(4, size=shape) / np.sqrt(2.0) if heavy else rng.normal(size=shape)
+
     cells = SIG_PROCESS * spread * draw(*table)
     cells += SIG_PART * rng.normal(size=(day.P, 1, 2)) + hole * rng.normal(size=(1, day.H, 2))
     for truth in truths:
         cells += truth.errors
     if noise == "outliers":
-        cells += _outliers(rng, table)
+        hit = rng.random(table) < OUTLIER_SHARE
+        cells += hit * rng.choice([-1.0, 1.0], table) * rng.uniform(*OUTLIER_UM, table)
     return cells[..., None] + SIG_CMM * spread[..., None] * draw(*table, REPEATS)
-
-
-def _normal(rng: np.random.Generator) -> _Draw:
-    def draw(*shape: int) -> Floats:
-        return np.asarray(rng.normal(size=shape))
-
-    return draw
-
-
-def _t4(rng: np.random.Generator) -> _Draw:
-    def draw(*shape: int) -> Floats:
-        return np.asarray(rng.standard_t(4, size=shape) / np.sqrt(2.0))
-
-    return draw
-
-
-def _outliers(rng: np.random.Generator, table: tuple[int, ...]) -> Floats:
-    hit = rng.random(table) < OUTLIER_SHARE
-    thrown: Floats = hit * rng.choice([-1.0, 1.0], table) * rng.uniform(*OUTLIER_UM, table)
-    return thrown

@@ -77,11 +77,8 @@ class Rivals:
                 own = [_beside(own[0], _bases(whitened(free[name])))]
             self._bases[name] = [_bases(stack) for stack in own]
 
-    def r2(self, field: Floats) -> dict[str, float]:
-        """Largest R^2 of a field (P, H, 2) with a member of each family."""
-        return self._r2(whitened(field))
-
-    def _r2(self, y: Floats) -> dict[str, float]:
+    def r2(self, y: Floats) -> dict[str, float]:
+        """Largest R^2 of a whitened field with a member of each family."""
         total = float(y @ y)
         return {
             name: max(float(((basis @ y) ** 2).sum(axis=1).max()) for basis in bases) / total
@@ -96,7 +93,7 @@ class Rivals:
         z = float(np.linalg.norm(y))
         if z == 0:
             return None
-        found = self._r2(y)
+        found = self.r2(y)
         others = {name: r2 for name, r2 in found.items() if name != truth.name}
         rival = max(others, key=others.__getitem__)
         return Signal(

@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.anova.parts import (
+from mtu_cli.analyses.anova.tables import (
     FEWEST_PARTS,
+    METHODS,
+    Analysed,
     Capability,
+    Kind,
+    Method,
     Trend,
     UnusualPart,
+    analysed,
     capabilities,
-    sequences,
     trends,
     unusual_parts,
 )
-from mtu_cli.analyses.anova.tables import METHODS, Analysed, Kind, Method, analysed
+from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
@@ -30,7 +34,6 @@ from mtu_cli.model.measured import (
     feature_tables,
     left_out,
     length_tables,
-    length_warnings,
     missing_entries,
     roundings,
     some,
@@ -38,34 +41,24 @@ from mtu_cli.model.measured import (
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import (
     axes_of,
-    basis,
     freed,
     incomplete_datum,
     only_features,
+    operations_of,
     visits_of,
-    without,
 )
 from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
-from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from mtu_cli.files.part import LoadedPart
 
 __all__ = ["METHODS", "Analysed", "AnovaResult", "Method", "analyse_variance"]
-
-FEWEST_LEFT, MOST = 6, 0.5
-"""With fewer errors left over a rigid motion explains much by chance; the share it may explain."""
 
 
 class Total(NamedTuple):
     """All features of an operation along an axis; mm and mm^2, nan where undefined.
 
-    `mean` of the features' mean errors, their standard deviation `spread` and the `largest` of
-    them (with its sign), at feature `worst`. Mean variances `part` and `repeat` by the chosen
-    method, `both` where they are not separable. Of `tested` features `differ` from part to part
-    with the error rate held over all features. `rounding` is the uncertainty by which the means
-    are worth printing.
+    `mean` of the features' mean errors and their standard deviation `spread`. Mean variances
+    `part` and `repeat` by the chosen method, `both` where they are not separable. Of `tested`
+    features `differ` from part to part with the error rate held over all features.
     """
 
     operation: str
@@ -73,14 +66,11 @@ class Total(NamedTuple):
     features: int
     mean: float
     spread: float
-    largest: float
-    worst: str
     part: float
     repeat: float
     both: float
     differ: int
     tested: int
-    rounding: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +129,6 @@ def analyse_variance(
         labels = {kind: found.labels for kind, found in tables.items()}
         warnings += missing_entries("length", lengths, labels.get("length", ()))
         warnings += missing_entries("right angle", angles, labels.get("angle", ()))
-        warnings += length_warnings(points, part)
     k = settings.coverage_factor
     kinds = [analysed(kind, found, method, k) for kind, found in tables.items()]
     unusual = unusual_parts(kinds, settings.seed)
@@ -148,9 +137,10 @@ def analyse_variance(
         for label in item.singles:
             outliers[label] = (*outliers.get(label, ()), item.part)
     kinds = [replace(x, unusual=tuple(outliers.get(each, ()) for each in x.labels)) for x in kinds]
-    features, sequence = kinds[0], sequences(points)
-    if datum == "none":
-        warnings += _set_up_warnings(features, points)
+    operations, operation = operations_of(points)
+    places = np.full((len(operations), len(points.parts)), np.nan)
+    places[operation, points.part] = points.sequence
+    sequence = dict(zip(operations, places, strict=True))
     return AnovaResult(
         method=method,
         datum=datum,
@@ -159,7 +149,7 @@ def analyse_variance(
         sequence=sequence,
         trends=trends(kinds, sequence),
         capabilities=capabilities(kinds, part, sequence),
-        totals=_totals(features),
+        totals=_totals(kinds[0]),
         warnings=(*warnings, *_warnings(kinds, method)),
     )
 
@@ -176,55 +166,20 @@ def _totals(found: Analysed) -> tuple[Total, ...]:
         variances = found.components.part, found.components.repeat, found.both
         known = [each[rows][np.isfinite(each[rows])] for each in variances]
         part, repeat, both = (float(x.mean()) if len(x) else np.nan for x in known)
-        scatter = np.array([np.sqrt(part), np.sqrt(repeat), np.sqrt(both), spread])
-        worst = int(np.argmax(np.abs(mean)))
         total = Total(
             operation=operation,
             axis=axis,
             features=len(rows),
             mean=float(mean.mean()),
             spread=spread,
-            largest=float(mean[worst]),
-            worst=found.labels[rows[worst]][1],
             part=part,
             repeat=repeat,
             both=both,
             differ=int((found.p_parts[rows] <= FAMILY_RATE).sum()),
             tested=int(np.isfinite(found.one_way.F[rows]).sum()),
-            rounding=float(np.fmax.reduce(scatter) / np.sqrt(len(found.tables.parts))),
         )
         result.append(total)
     return tuple(result)
-
-
-def _set_up_warnings(found: Analysed, points: Points) -> list[Finding]:
-    """Mean errors in the plane most of which one offset and rotation of all features explain.
-
-    By mean squares before and after: the motion's own freedoms count. Errors that the last digit
-    makes are none.
-    """
-    places = np.zeros((len(points.features), 3))
-    places[points.feature, :2] = points.nominal[:, :2]
-    where = dict(zip(points.features, places, strict=True))
-    means = dict(zip(found.labels, found.one_way.mean.tolist(), strict=True))
-    planes: dict[str, list[str]] = {}
-    for operation, name, axis in found.labels:
-        if axis == "x" and (operation, name, "y") in means:
-            planes.setdefault(operation, []).append(name)
-    warned = []
-    for operation, names in planes.items():
-        errors = np.array([[means[operation, name, axis] for axis in "xy"] for name in names])
-        Q = basis(np.array([where[name] for name in names]), (0, 1), "offset,rotation")
-        square, left = float((errors**2).mean()), errors.size - Q.shape[1]
-        if left < FEWEST_LEFT or not square > 3 * float(found.tables.rounding.mean()):
-            continue
-        explained = 1 - float((without(Q, errors.reshape(-1, 1)) ** 2).sum()) / left / square
-        if explained >= MOST:
-            x, y = errors.mean(axis=0) / UM
-            of = f" of {operation} features" if operation else ""
-            facts = {"percent": min(int(100 * explained), 99), "operation": of}
-            warned.append(finding("set-up-dominates", x_um=x, y_um=y, **facts))
-    return warned
 
 
 KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}

@@ -1,19 +1,26 @@
-"""The analysis of the tables of one kind: components, uncertainties, intervals, tests."""
+"""The analysis of the tables of one kind: components, uncertainties, intervals, tests; outlying
+parts, trends over the sequence of manufacture, capability of toleranced quantities.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from math import nan
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval
 from mtu_cli.stats.coverage import PROBABILITY
-from mtu_cli.stats.family import holm
+from mtu_cli.stats.family import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
 from mtu_cli.stats.resolution import hidden
+from mtu_cli.stats.rotation import outstanding_rows
+from mtu_cli.units import ARCSEC, UM
 
 Method = Literal["paper", "anova", "reml"]
 METHODS: tuple[Method, ...] = ("paper", "anova", "reml")
@@ -160,3 +167,267 @@ def _satterthwaite(table: OneWay, weight: FloatArray, u2: FloatArray) -> FloatAr
     spread: FloatArray = between + (c2 * table.ms_within) ** 2 / np.maximum(table.df_within, 1)
     dof = np.divide(u2**2, spread, out=np.full_like(u2, np.nan), where=spread > 0)
     return np.clip(dof, 1.0, np.maximum(table.N - 1, 1.0))
+
+
+PARTS, TRENDS = 0.6, 0.2
+"""Shares of the family-wise rate, of clean studies with an alarm of any kind (weighted Bonferroni):
+p of each kind are over its share. Not all of it is spent."""
+FEWEST_PARTS = 4
+"""Among fewer parts none can be called an outlier."""
+MOVING_RANGE = 1.128
+"""d2: mean difference of two normal values in standard deviations (Tippett, 1925)."""
+WITHIN = 0.9973
+"""Share of parts within the natural limits: what six standard deviations hold."""
+Interval = tuple[float, float]
+OPEN: Interval = (nan, nan)
+
+
+class UnusualPart(NamedTuple):
+    """An outlying part at the family-wise rate: its `deviation` in the table `where` it lies
+    farthest from the mean of the others, and the `typical` one of these (root mean square), in the
+    unit of the table: neither is pulled by the part. `singles` are all tables in which it is an
+    outlier by itself.
+    """
+
+    part: str
+    p: float
+    where: Label
+    deviation: float
+    typical: float
+    singles: tuple[Label, ...]
+
+
+def unusual_parts(kinds: Sequence[Analysed], seed: int) -> tuple[UnusualPart, ...] | None:
+    """Outlying parts at their share of the family-wise rate over all parts and tables, by a
+    rotation test of the part means (parts, tables); None of too few parts.
+
+    Unequal repeats are scaled to equal variance, which is s_part^2 + s_repeat^2/n_i, relative where
+    it is not known. Tables of equal operation and axis are looked at together.
+    """
+    parts = kinds[0].tables.parts
+    if len(parts) < FEWEST_PARTS:
+        return None
+    raws, scales = [], []
+    for kind in kinds:
+        cells = kind.tables.cells
+        away = cells.mean - (kind.one_way.mean - cells.origin)[:, None]
+        part, repeat = (np.nan_to_num(of)[:, None] for of in (kind.reml.part, kind.reml.repeat))
+        variance = part + repeat / np.where(cells.present, cells.n, 1.0)
+        raws.append(np.where(cells.present, away, np.nan))
+        scales.append(np.sqrt(np.where(variance > 0, variance, 1.0)))
+    raw, scale = np.concatenate(raws).T, np.concatenate(scales).T
+    rounding = np.concatenate([kind.rounding for kind in kinds])
+    labels = [label for kind in kinds for label in kind.labels]
+    names = [(operation, axis) for operation, _, axis in labels]
+    groups = np.unique(names, axis=0, return_inverse=True)[1].ravel()
+    hidden = np.asarray(rounding / np.median(scale, axis=0) ** 2)
+    test = outstanding_rows(raw / scale, groups, seed, hidden)
+    p, rate = np.minimum(test.by_row, test.by_cell.min(axis=1)), PARTS * FAMILY_RATE
+    result = []
+    for i in np.flatnonzero(p <= rate).tolist():
+        others = np.arange(len(parts)) != i
+        off = raw - _mean(raw[others])
+        square = _mean(off[others] ** 2)
+        size2 = square + rounding
+        size = np.abs(np.nan_to_num(off[i])) / np.sqrt(np.where(size2 > 0, size2, 1.0))
+        j = int(np.argmax(size))
+        item = UnusualPart(
+            part=parts[i],
+            p=min(float(p[i]) / PARTS, 1.0),
+            where=labels[j],
+            deviation=float(off[i, j]),
+            typical=float(np.sqrt(square[j])),
+            singles=tuple(labels[k] for k in np.flatnonzero(test.by_cell[i] <= rate)),
+        )
+        result.append(item)
+    return tuple(sorted(result, key=lambda item: item.p))
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Of each column, of what is known; 0 where nothing is."""
+    count = np.maximum(np.isfinite(values).sum(axis=0), 1)
+    return np.asarray(np.nan_to_num(values).sum(axis=0) / count)
+
+
+class Trend(NamedTuple):
+    """A table whose values change with the sequence of manufacture by `slope` a part (mm or rad)
+    with standard uncertainty `u`; family-wise `p`.
+    """
+
+    where: Label
+    slope: float
+    u: float
+    p: float
+
+
+def trends(kinds: Sequence[Analysed], sequence: Mapping[str, FloatArray]) -> tuple[Trend, ...]:
+    """The slope of every table's part means over the sequence by least squares, with Student's t;
+    p adjusted for all tables (Holm), at the share of trends of the family-wise rate.
+    """
+    from scipy.special import stdtr
+
+    places = np.array([sequence[label[0]] for kind in kinds for label in kind.labels])
+    means = np.concatenate([kind.tables.cells.mean for kind in kinds])
+    there = np.concatenate([kind.tables.cells.present for kind in kinds]) & np.isfinite(places)
+    rounding = np.concatenate([kind.rounding for kind in kinds])
+    n = there.sum(axis=1)
+    masked = (np.ma.array(values, mask=~there) for values in (places, means))
+    x, y = (np.asarray((each - each.mean(axis=1)[:, None]).filled(0.0)) for each in masked)
+    spread = (x**2).sum(axis=1)
+    known = (n >= FEWEST_PARTS) & (spread > 0)
+    spread, dof = np.where(known, spread, 1.0), np.where(known, n - 2.0, 1.0)
+    slope = (x * y).sum(axis=1) / spread
+    s2 = ((y - slope[:, None] * x) ** 2).sum(axis=1) / dof
+    u = np.sqrt((s2 + rounding) / spread)
+    # Values that are all equal have no trend, those on a line have one beyond doubt.
+    known &= (u > 0) | (slope != 0)
+    t = np.divide(np.abs(slope), u, out=np.full_like(u, np.inf), where=u > 0)
+    p = np.minimum(holm(np.where(known, 2 * stdtr(dof, -t), np.nan)) / TRENDS, 1.0)
+    labels = [label for kind in kinds for label in kind.labels]
+    found = zip(labels, slope.tolist(), u.tolist(), p.tolist(), strict=True)
+    return tuple(Trend(*each) for each in found if np.isfinite(each[-1]))
+
+
+Of = Literal["position", "length", "angle"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capability:
+    """Capability of one toleranced quantity in one operation; mm or rad, nan where undefined.
+
+    The quantity must lie from `low` to `high`; of a position the radial error must, from 0 to half
+    the diameter of its zone. `values` (parts,) are the means of the repeats in the order of
+    `sequence` (parts,), `s` their overall standard deviation, `s_moving` = mean moving range/1.128
+    that of neighbours. With 95 % intervals for normal values (nan: undefined)
+
+        pp = (high - low)/(6 s),    ppk = min(high - mean, mean - low)/(3 s),
+
+    chi-squared and noncentral t of the nearer limit; `cp` and `cpk` have `s_moving` for s. Of a
+    position ppk = high/q, q the 99.73 % quantile of the radial error of a bivariate normal law.
+    """
+
+    kind: Of
+    operation: str
+    id: str
+    low: float
+    high: float
+    sequence: FloatArray
+    values: FloatArray
+    mean: float
+    s: float = nan
+    s_moving: float = nan
+    pp: float = nan
+    pp_interval: Interval = OPEN
+    ppk: float
+    ppk_interval: Interval = OPEN
+    cp: float = nan
+    cpk: float = nan
+
+
+def capabilities(
+    kinds: Sequence[Analysed], part: LoadedPart | None, sequence: Mapping[str, FloatArray]
+) -> tuple[Capability, ...]:
+    """Of everything in the part file that has a tolerance, and was measured on two parts."""
+    if part is None:
+        return ()
+    tolerated: list[tuple[Of, str, Tolerance | None, float]] = [
+        *(("length", each.id, each.tolerance, UM) for each in part.part.lengths),
+        *(("angle", each.id, each.tolerance, ARCSEC) for each in part.part.orthogonality),
+        *(
+            ("position", name, Tolerance(0.0, each.position_um / 2), UM)
+            for name, each in part.part.features.items()
+            if each.position_um is not None
+        ),
+    ]
+    limits = {(of, name): (x.low * unit, x.high * unit) for of, name, x, unit in tolerated if x}
+    result = []
+    for kind in kinds:
+        rows = {label: i for i, label in enumerate(kind.labels)}
+        of: Of = "position" if kind.kind == "feature" else kind.kind
+        for (operation, name, axis), i in rows.items():
+            chosen = [i, rows.get((operation, name, "y"), -1)] if of == "position" else [i]
+            if (of, name) not in limits or axis in ("y", "z") or chosen[-1] < 0:
+                continue
+            values = np.column_stack([kind.part_means(j)[0] for j in chosen])
+            order = np.argsort(sequence[operation], kind="stable")
+            order = order[np.isfinite(values[order]).all(axis=1)]
+            if len(order) < 2:
+                continue
+            indices, (low, high) = _of_position if of == "position" else _of_one, limits[of, name]
+            item = Capability(
+                kind=of,
+                operation=operation,
+                id=name,
+                low=low,
+                high=high,
+                sequence=sequence[operation][order],
+                **indices(values[order], low, high, float(kind.rounding[i])),
+            )
+            result.append(item)
+    return tuple(result)
+
+
+def _of_one(values: FloatArray, low: float, high: float, r: float) -> dict[str, Any]:
+    """Of a length or angle (parts, 1); `r` is the variance of a value that its last digit hides."""
+    from scipy.special import chdtri, nctdtrinc
+
+    values, n = values[:, 0], len(values)
+    mean, s = float(values.mean()), float(np.sqrt(values.var(ddof=1) + r))
+    moving = np.abs(np.diff(values)).mean() / MOVING_RANGE
+    s_moving, nearer = float(np.sqrt(moving**2 + r)), min(high - mean, mean - low)
+    pp, ppk = _ratio(high - low, 6 * s), _ratio(nearer, 3 * s)
+    scale, tails = 3 * np.sqrt(n), (1 - TAIL, TAIL)
+    return {
+        "values": values,
+        "mean": mean,
+        "s": s,
+        "s_moving": s_moving,
+        "pp": pp,
+        "pp_interval": tuple(pp * float(np.sqrt(chdtri(n - 1, p) / (n - 1))) for p in tails),
+        "ppk": ppk,
+        "ppk_interval": tuple(float(nctdtrinc(n - 1, p, scale * ppk) / scale) for p in tails),
+        "cp": _ratio(high - low, 6 * s_moving),
+        "cpk": _ratio(nearer, 3 * s_moving),
+    }
+
+
+def _of_position(errors: FloatArray, _: float, high: float, r: float) -> dict[str, Any]:
+    """Of the position of a feature, from its errors (parts, 2)."""
+    C, radial = np.cov(errors.T) + r * np.eye(2), np.hypot(*errors.T)
+    ppk = _ratio(high, radial_quantile(errors.mean(axis=0), C, WITHIN)) if C.any() else nan
+    return {"values": radial, "mean": float(radial.mean()), "ppk": ppk}
+
+
+def _ratio(part: float, whole: float) -> float:
+    """Of a process that does not scatter there is none: nan."""
+    return part / whole if whole > 0 else nan
+
+
+def radial_quantile(mean: FloatArray, C: FloatArray, probability: float) -> float:
+    """The quantile of the length of a normal vector with `mean` (2,) and covariance `C` (2, 2).
+
+    P(length <= R) is integrated along the principal axis of the larger variance, with the normal
+    law of the other one in closed form.
+
+    >>> round(radial_quantile(np.zeros(2), np.eye(2), 0.9973), 3)  # sqrt(-2 ln 0.0027)
+    3.439
+    """
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+    from scipy.special import ndtr
+
+    variances, axes = np.linalg.eigh(C)
+    unit = float(np.sqrt(variances[1]))
+    ratio = np.sqrt(max(float(variances[0]) / unit**2, 1e-12))
+    (across, along), root = axes.T @ mean / unit, np.sqrt(2 * np.pi)
+
+    def beyond(R: float) -> float:
+        def density(x: float) -> float:
+            half = np.sqrt(max(R**2 - x**2, 0.0))
+            share = ndtr((half - across) / ratio) - ndtr((-half - across) / ratio)
+            return float(np.exp(-((x - along) ** 2) / 2) * share / root)
+
+        low, high = max(-R, along - 9), min(R, along + 9)
+        return float(quad(density, low, high)[0] if low < high else 0.0) - probability
+
+    return unit * float(brentq(beyond, 0.0, np.hypot(across, along) + 9))

@@ -146,16 +146,6 @@ class BudgetResult:
         return correlation_of(self.covariance)
 
     @property
-    def inputs(self) -> tuple[InputQuantity, ...]:
-        """The inputs in the order of the file."""
-        return self.given.quantities
-
-    @property
-    def input_correlation(self) -> FloatArray:
-        """Their correlation coefficients (n, n), 0 of exact ones."""
-        return np.nan_to_num(correlation_of(self.given.covariance))
-
-    @property
     def warnings(self) -> tuple[Finding, ...]:
         """All warnings, those of the file first."""
         result = [*self.of_file, *self.given.findings()]

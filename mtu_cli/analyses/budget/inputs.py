@@ -24,8 +24,6 @@ from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.distributions import (
     Distribution,
     Kind,
-    dof_of_inexact,
-    inexact_of,
     largest_covariance,
     normal_correlation,
     shape_moments,
@@ -252,7 +250,8 @@ def _distribution(item: Contribution) -> Distribution | None:
         return None if u is None else Distribution(kind=kind, u=u, dof=dof)
     if u is None and half is None:
         return None
-    curved, inexact_u = kind == "curvilinear-trapezoidal", inexact_of(dof)
+    # d/a = Delta u/u = 1/sqrt(2 nu) (JCGM 100:2008, G.4.2; JCGM 101:2008, 9.5.2).
+    curved, inexact_u = kind == "curvilinear-trapezoidal", 1.0 / math.sqrt(2.0 * dof)
     if half is None:
         # JCGM 101:2008, 6.4.3 and 6.4.4, turned about.
         square = (u or 0.0) ** 2
@@ -268,7 +267,8 @@ def _distribution(item: Contribution) -> Distribution | None:
     if u is None:
         second = shape_moments(kind, top / half if half > 0.0 else 0.0)[0]
         u = half * math.sqrt(second * (1.0 + share**2 / 3.0 if curved else 1.0))
-    dof = dof if inexact is None else dof_of_inexact(share)
+    if inexact is not None:
+        dof = 0.5 / share**2 if share else math.inf
     return Distribution(kind=kind, u=u, dof=dof, half_width=half, top=top, inexact=share)
 
 

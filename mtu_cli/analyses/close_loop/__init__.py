@@ -12,7 +12,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.crossings import crossings
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
-from mtu_cli.analyses.close_loop.estimate import Estimates, estimated
+from mtu_cli.analyses.close_loop.estimate import estimated
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.held_out import averaged, contribution, corrected, held_out
 from mtu_cli.analyses.close_loop.posed import steps_of
@@ -43,15 +43,7 @@ from mtu_cli.stats.threads import one_blas_thread
 __all__ = ["CloseLoopResult", "TableResult", "close_loop", "judged_tables", "loop_warnings"]
 
 
-FEW_PARTS, FEWEST_ENTRIES = 5, 4
-FREES = {
-    "offset": "trend, step, and drift and warm-up but for what changes within a part",
-    "offset,rotation": "trend, step, rotation, squareness, and drift and warm-up but for what "
-    "changes within a part",
-    "offset,diameter": "trend, step, a scale of both axes alike, and drift and warm-up but for "
-    "what changes within a part",
-}
-"""What cannot be seen any more where a best-fit alignment is removed from each part."""
+FEWEST_ENTRIES = 4
 
 
 def close_loop(
@@ -79,11 +71,12 @@ def close_loop(
             if progress is not None:
                 progress(number * parts + part, len(tables) * parts)
 
-        def diagnose(some: ResidualTable, step: Callable[[], None] = lambda: None) -> Diagnosis:
+        def diagnose(some: ResidualTable) -> Diagnosis:
             candidates = candidates_of(some, library, exclude)
-            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed, step=step)
+            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed)
 
-        result = diagnose(table, lambda: done(0, 1))
+        done(0, 1)
+        result = diagnose(table)
         held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
         return _result(result, held, table, rate=rate, tables=len(tables))
 
@@ -112,8 +105,19 @@ def _result(
     seen = table.there & ~found.outliers.any(axis=2)
     after = corrected(table, contribution(effects, table, written=True), seen)
     mean = corrected(table, averaged(found, effects, table), seen)
-    variance, floor = _variances(found, sizes)
     by, errors = (None, (table.errors, after, mean)) if held is None else held
+    design, fit = found.design, sizes.fit
+    strata, axis = design.strata, np.array(design.strata.axis)
+    P, H, A = strata.shape
+    known = fit.weights > 0
+    total = np.bincount(axis[known], strata.sizes[known] / fit.weights[known], minlength=A)
+    variance = np.asarray(total * design.scale**2 / (P * H), float)
+    # Of single entries about the means of parts and of features, at least that of rounding.
+    inner, steps = strata.of(INTERACTION), steps_of(design.table) / design.scale
+    own = [
+        max(np.sum(fit.residual[strata.slices[s]] ** 2) / fit.dof[s], steps[axis[s]] ** 2 / 12)
+        for s in inner
+    ]
 
     def score(errors: FloatArray) -> Scores:
         return scores(np.where(seen[..., None], errors, np.nan), table.axes, variance)
@@ -137,28 +141,11 @@ def _result(
         in_sample_before=score(table.errors),
         in_sample_after=score(after),
         held_out_by=by,
-        floor=floor,
+        floor=design.scale * float(np.sqrt(np.mean(own))) if own else None,
         crossings=crossings(effects, sizes.covariance, table),
         covariance=sizes.covariance,
         stopped=found.models.stopped,
     )
-
-
-def _variances(found: Diagnosis, sizes: Estimates) -> tuple[FloatArray, float | None]:
-    """The variance (A,) of a single entry by those of its strata, mm^2; and the standard deviation
-    of single entries about the means of parts and of features, at least that of rounding (None
-    where there are no such), mm.
-    """
-    design, fit = found.design, sizes.fit
-    strata, axis = design.strata, np.array(design.strata.axis)
-    P, H, A = strata.shape
-    known = fit.weights > 0
-    total = np.bincount(axis[known], strata.sizes[known] / fit.weights[known], minlength=A)
-    inner, steps = np.array(strata.of(INTERACTION), int), steps_of(design.table) / design.scale
-    squares = np.array([np.sum(fit.residual[part] ** 2) for part in strata.slices])
-    own = np.maximum(squares[inner] / fit.dof[inner], steps[axis[inner]] ** 2 / 12)
-    floor = design.scale * float(np.sqrt(own.mean())) if len(own) else None
-    return np.asarray(total / (P * H) * design.scale**2), floor
 
 
 def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Scores:
@@ -183,16 +170,16 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
         shares = np.exp(total - total.max(initial=0.0))
     shares = shares / max(float(shares.sum()), 1e-300)
     judged = []
-    for i, candidate in enumerate(models.design.candidates):
-        name, finite = candidate.name, bool(np.isfinite(total[i]))
+    for candidate, gain, share in zip(models.design.candidates, total, shares, strict=False):
+        name, finite = candidate.name, bool(np.isfinite(gain))
         tested = finite or name in p
         judged.append(
             Judged(
                 name=name,
                 family=candidate.family,
                 p_familywise=min(1.0, p[name] * tables) if name in p else None,
-                log_bayes_factor=float(total[i]) if finite else None,
-                posterior=float(shares[i]) if finite else None,
+                log_bayes_factor=float(gain) if finite else None,
+                posterior=float(share) if finite else None,
                 unavailable=None if tested else candidate.unavailable or NOTHING_LEFT,
                 notes=candidate.notes,
                 minimum_detectable=smallest.get(name) if tested else None,
@@ -209,43 +196,33 @@ def judged_tables(tables: Sequence[ResidualTable]) -> tuple[list[ResidualTable],
 
     Raises InputError where none has.
     """
-    lacking = [_lacking(table) for table in tables]
-    if None not in lacking:
-        what, expected = lacking[0] or ("no readings", "readings")
+    kept, lacking = list[ResidualTable](), list[tuple[str, str]]()
+    for table in tables:
+        P, H = table.there.shape
+        of = "" if table.component is None else f" of {table.component}"
+        part, feature = ("passes", "positions") if of else ("parts", "features")
+        alone = int((table.there.sum(axis=1) == 1).sum())
+        if max(P, H) < FEWEST_ENTRIES:
+            expected = f"{FEWEST_ENTRIES} or more of one or the other"
+            lacking.append((f"{P} by {H} {part} and {feature}{of}", expected))
+        elif min(P, H) > 1 and alone > P / 2:
+            what = f"{alone} of {P} {part}{of} have one of the {feature}"
+            expected = f"one value in column {part[:4]!r} for all {feature} measured in one go"
+            lacking.append((what, expected))
+        else:
+            kept.append(table)
+    if not kept:
+        what, expected = lacking[0] if lacking else ("no readings", "readings")
         raise error("too-little-data", what=what, expected=expected)
-    kept = [table for table, lack in zip(tables, lacking, strict=True) if lack is None]
-    return kept, [finding("too-few", what=lack[0]) for lack in lacking if lack is not None]
-
-
-def _lacking(table: ResidualTable) -> tuple[str, str] | None:
-    """What there is too little of to judge by, and what there should be."""
-    P, H = table.there.shape
-    of = "" if table.component is None else f" of {table.component}"
-    part, feature = ("passes", "positions") if of else ("parts", "features")
-    if max(P, H) < FEWEST_ENTRIES:
-        expected = f"{FEWEST_ENTRIES} or more of one or the other"
-        return f"{P} by {H} {part} and {feature}{of}", expected
-    alone = int((table.there.sum(axis=1) == 1).sum())
-    if min(P, H) > 1 and alone > P / 2:
-        what = f"{alone} of {P} {part}{of} have one of the {feature}"
-        return what, f"one value in column {part[:4]!r} for all {feature} measured in one go"
-    return None
+    return kept, [finding("too-few", what=what) for what, _ in lacking]
 
 
 def loop_warnings(result: CloseLoopResult, most: int) -> Iterator[Finding]:
     """Warnings of a search for `most` effects in each table."""
     for item in result.tables:
-        table, row = item.table, item.nouns[0]
-        of = "" if table.component is None else f" of {table.component}"
-        if len(table.parts) < FEW_PARTS:
-            number = counted(len(table.parts), row, "passes" if row == "pass" else "")
-            hard = f"what changes from {row} to {row} can hardly be separated from its scatter"
-            name = table.component or "all features"
-            yield finding("few-parts", parts=number, items=name, consequence=hard)
+        of = "" if item.table.component is None else f" of {item.table.component}"
         if item.excluded:
             entries = [f"{feature} of {part}" for feature, part, *_ in item.excluded]
             yield finding("outliers-set-aside", entries=entries, of=of)
         if item.stopped:
             yield finding("max-effects", most=counted(most, "effect"), of=of)
-    if result.datum in FREES:
-        yield finding("datum-freed", datum=result.datum, unseen=FREES[result.datum])

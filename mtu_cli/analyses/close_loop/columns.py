@@ -20,8 +20,6 @@ AT_ONCE = 1_000_000
 """Numbers of columns whose products are calculated at once."""
 FACTOR = 2**31
 """More than there are columns."""
-PADDING = 0
-"""Index of the column of zeros that fills models of unequal size up."""
 
 
 class Columns:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mtu_cli.analyses.close_loop.estimate import Parameter
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
 from mtu_cli.language import Node, evaluate, linear_form, names, parse
 from mtu_cli.model.effect_library import TableData
@@ -27,13 +28,10 @@ SAME = 1e-9
 
 
 class Term(NamedTuple):
-    """A size along one axis: its effect, value, degrees of freedom, row in the covariance and
-    lever.
-    """
+    """A size along one axis: its effect, row in the covariance and lever."""
 
     effect: FoundEffect
-    value: float
-    dof: float
+    size: Parameter
     row: int
     lever: Node
 
@@ -47,16 +45,22 @@ def crossings(
     result: dict[tuple[str, str, frozenset[int]], Crossing] = {}
     for axis in table.axes:
         own = [effect for effect in effects if f"E{axis}" in effect.equations]
-        terms = [term for effect in own for term in _terms(effect, f"E{axis}")]
+        terms = list[Term]()
+        for effect in own:
+            if effect.candidate.over is None and effect.table is None and effect.rows:
+                pairs = zip(effect.parameters, effect.rows, strict=True)
+                sizes = {p.name: (p, row) for p, row in pairs}
+                form = linear_form(parse(effect.equations[f"E{axis}"]), sizes)
+                terms += [Term(effect, *sizes[x], lever) for x, lever in form.coefficients.items()]
         smooth = any(effect.table is not None for effect in own)
         for name in dict.fromkeys(name for term in terms for name in names(term.lever)):
             for group, centre, half, s, r in _groups(terms, name, table, smooth):
                 if any(len(term.effect.classes) > 1 for term in group):
                     continue
                 J, rows = np.array([-s, r]), [term.row for term in group]
-                above, below = J @ [term.value for term in group]
+                above, below = J @ [term.size.value for term in group]
                 C = J @ covariance[np.ix_(rows, rows)] @ J.T
-                dof = min(term.dof for term in group)
+                dof = min(term.size.dof for term in group)
                 value, u, ends = fieller(above, below, C, dof)
                 if ends is None or ends[1] - ends[0] > 2 or abs(value) > 2:
                     continue
@@ -73,16 +77,6 @@ def crossings(
     return tuple(result.values())
 
 
-def _terms(effect: FoundEffect, key: str) -> Iterator[Term]:
-    if effect.candidate.over is not None or effect.table is not None or not effect.rows:
-        return
-    sizes = {p.name: (p, row) for p, row in zip(effect.parameters, effect.rows, strict=True)}
-    form = linear_form(parse(effect.equations[key]), sizes)
-    for name, lever in form.coefficients.items():
-        size, row = sizes[name]
-        yield Term(effect, size.value, size.dof, row, lever)
-
-
 def _groups(
     terms: Sequence[Term], name: str, table: ResidualTable, smooth: bool
 ) -> Iterator[tuple[list[Term], float, float, FloatArray, FloatArray]]:
@@ -90,7 +84,12 @@ def _groups(
     them rises with t, another does not in proportion to it. What is the same at all other places
     and times (K = 1) is so by itself alone where all terms are of the group.
     """
-    columns = _columns(table)
+    # Coordinates and covariates at some of the measured cells, and their ends.
+    cells = np.linspace(0, int(table.there.sum()) - 1, CELLS).astype(int)
+    columns = {
+        name: np.broadcast_to(v, table.there.shape)[table.there][cells]
+        for name, v in TableData.of(table).values.items()
+    }
     if name.startswith("dir_") or name not in columns:
         return
     low, high = columns[name].min(), columns[name].max()
@@ -102,11 +101,13 @@ def _groups(
     middle, rise, bend = ends[1], (ends[2] - ends[0]) / 2, ends[2] - 2 * ends[1] + ends[0]
     for first in range(len(terms)):
         K = rise[first]
-        if np.abs(K).min() <= SAME * np.abs(K).max():
+        there = np.abs(K) > SAME * np.abs(K).max(initial=0.0)
+        if not there.any():
             continue
-        s, r = middle / K, rise / K
+        K = K[there]
+        s, r = middle[:, there] / K, rise[:, there] / K
         size = np.abs(s).max(axis=1) + np.abs(r).max(axis=1)
-        alike = np.ptp(s, axis=1) + np.ptp(r, axis=1) + np.abs(bend / K).max(axis=1)
+        alike = np.ptp(s, axis=1) + np.ptp(r, axis=1) + np.abs(bend[:, there] / K).max(axis=1)
         chosen = np.flatnonzero(alike <= SAME * size).tolist()
         alone = np.ptp(K) <= SAME * np.abs(K).max()
         if first not in chosen or (alone and (smooth or len(chosen) < len(terms))):
@@ -114,11 +115,3 @@ def _groups(
         s, r = s[chosen].mean(axis=1), r[chosen].mean(axis=1)
         if np.linalg.matrix_rank(np.array([s, r]), tol=SAME) == 2:
             yield [terms[i] for i in chosen], centre, half, s, r
-
-
-def _columns(table: ResidualTable) -> dict[str, FloatArray]:
-    """Values (n,) of coordinates and covariates at some of the measured cells, and their ends."""
-    there = table.there
-    chosen = np.linspace(0, int(there.sum()) - 1, CELLS).astype(int)
-    values = TableData.of(table).values
-    return {name: np.broadcast_to(v, there.shape)[there][chosen] for name, v in values.items()}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, Member
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, Offset
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.estimate import (
     Estimate,
     Estimates,
@@ -40,54 +40,108 @@ def described(
     """All effects of a diagnosis, the strongest first; `compare`: with the share of squares that
     each explains, its aliases and the experiment that separates it from its rivals.
     """
+    design, table = found.design, found.design.table
+    candidates = {candidate.name: candidate for candidate in design.candidates}
     estimates = dict(zip(found.models.members(found.model), sizes.effects, strict=True))
-    offsets = [_offset(found, sizes, offset) for offset in found.offsets]
-    # The level of an axis is written once: as its offset, or with the first effect along it.
-    levels = {key for effect in offsets for key in effect.equations}
-    effects = []
+    effects, offsets = list[FoundEffect](), list[FoundEffect]()
     for entry in found.entries:
-        estimate = estimates.get(entry.item)
-        effect = _smooth(found, entry) if estimate is None else _mean(found, sizes, entry, estimate)
-        effect = _with_levels(found, sizes, effect, levels)
-        if compare and estimate is not None:
-            member, weights = estimate.member, sizes.fit.weights
+        judged: dict[str, Any] = {
+            "p_familywise": entry.p,
+            "log_bayes_factor": entry.gain,
+            "posterior": entry.posterior,
+            "classes": tuple((name, p) for name, _, p in entry.credible),
+        }
+        if (estimate := estimates.get(entry.item)) is None:
+            effects.append(_smooth(found, entry, judged))
+            continue
+        member, rows, form = estimate.member, estimate.rows, estimate.member.form
+        effect = FoundEffect(
+            candidate=candidates[entry.name],
+            covariate=form.covariate,
+            parameters=estimate.sizes,
+            covariance=sizes.covariance[np.ix_(rows, rows)],
+            rows=rows,
+            equations=_equations(estimate),
+            chosen=None if form.chosen is None else form.chosen[member.chosen or 0],
+            searched=estimate.searched,
+            **judged,
+        )
+        if compare:
             effect = replace(
                 effect,
                 explained_share=_explained(found.likelihood, sizes, member),
-                aliases=aliases(found.design, weights, member),
-                experiment=experiment(found, entry, weights),
+                aliases=aliases(design, sizes.fit.weights, member),
+                experiment=experiment(found, entry, sizes.fit.weights),
             )
-        effects.append(effect)
-    effects += [_scatter(found, *one) for one in found.scatter]
-    return tuple(effects + offsets)
+        effects.append(_as_table(effect, table))
+    for offset in found.offsets:
+        a = design.axis(candidates[offset.name])
+        level = replace(sizes.levels[a], name="shift", role="own")
+        offsets.append(
+            FoundEffect(
+                candidate=candidates[offset.name],
+                parameters=(level,),
+                covariance=np.array([[level.u**2]]),
+                rows=(len(sizes.covariance) - len(table.axes) + a,),
+                equations={f"E{table.axes[a]}": level.name},
+                p_familywise=offset.p,
+                posterior=offset.credible[0][1],
+                classes=offset.credible,
+            )
+        )
+    effects = _with_levels(found, sizes, effects, {key for x in offsets for key in x.equations})
+    for name, p, ratio in found.scatter:
+        # Of operations that which scatters more.
+        chosen = table.operations[1 if ratio > 1 else 0] if name == "operation-scatter" else None
+        effects.append(
+            FoundEffect(
+                candidate=candidates[name], covariance=np.zeros((0, 0)), equations={},
+                chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
+            )
+        )  # fmt: skip
+    return (*effects, *offsets)
 
 
 def _with_levels(
-    found: Diagnosis, sizes: Estimates, effect: FoundEffect, levels: set[str]
-) -> FoundEffect:
-    """An effect with the level of each axis that is not yet in `levels`."""
-    table = found.design.table
-    if table.fitted_degree >= 0 or table.datum != "none" or effect.candidate.over in OUTLYING:
-        return effect
-    for key in [key for key in effect.equations if key not in levels]:
-        levels.add(key)
-        a, text = table.axes.index(key[1:]), effect.equations[key]
+    found: Diagnosis, sizes: Estimates, effects: list[FoundEffect], offsets: set[str]
+) -> list[FoundEffect]:
+    """The effects with the level of each axis that is no offset by itself: with the effect that it
+    goes with most, as in the file of a machine effects have no covariance with others.
+    """
+    table, C, effects = found.design.table, sizes.covariance, list(effects)
+    if table.fitted_degree >= 0 or table.datum != "none":
+        return effects
+    u = np.sqrt(np.maximum(np.diag(C), 1e-300))
+    for level, axis, row in zip(
+        sizes.levels, table.axes, range(len(C))[-len(table.axes) :], strict=True
+    ):
+        key = f"E{axis}"
+        having = [
+            i
+            for i, effect in enumerate(effects)
+            if key in effect.equations and effect.candidate.over not in OUTLYING
+        ]
+        if key in offsets or not having:
+            continue
+        # Of effects that it goes with as little the strongest, which stands first.
+        r = [np.abs(C[row] / u / u[row])[list(effects[i].rows)].max(initial=0.0) for i in having]
+        i = having[int(np.argmax(np.round(r, 1)))]
+        effect, text = effects[i], effects[i].equations[key]
         taken = {p.name for p in effect.parameters} | names(parse(text)).keys()
-        level = replace(sizes.levels[a], name=free_name(sizes.levels[a].name, taken, "_"))
-        rows = (*effect.rows, len(sizes.covariance) - len(table.axes) + a)
-        covariance = np.pad(effect.covariance, (0, 1))
+        level = replace(level, name=free_name(level.name, taken, "_"))
+        rows, covariance = (*effect.rows, row), np.pad(effect.covariance, (0, 1))
         if len(rows) == len(covariance):
-            covariance = sizes.covariance[np.ix_(rows, rows)]
+            covariance = C[np.ix_(rows, rows)]
         else:  # A smooth effect has no size among those; it is independent of its mean.
             covariance[-1, -1] = level.u**2
-        effect = replace(
+        effects[i] = replace(
             effect,
             parameters=(*effect.parameters, level),
             rows=rows,
             covariance=covariance,
             equations={**effect.equations, key: f"{text} + {level.name}"},
         )
-    return effect
+    return effects
 
 
 def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
@@ -117,36 +171,6 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
             between=sum(p.value**2 for p in effect.of_role("own")),
         ),
     )
-
-
-def _candidate(found: Diagnosis, name: str) -> Candidate:
-    return next(c for c in found.design.candidates if c.name == name)
-
-
-def _judged(entry: Entry) -> dict[str, Any]:
-    """What the models say of an effect."""
-    return {
-        "p_familywise": entry.p,
-        "log_bayes_factor": entry.gain,
-        "posterior": entry.posterior,
-        "classes": tuple((name, p) for name, _, p in entry.credible),
-    }
-
-
-def _mean(found: Diagnosis, sizes: Estimates, entry: Entry, estimate: Estimate) -> FoundEffect:
-    form, rows = estimate.member.form, estimate.rows
-    effect = FoundEffect(
-        candidate=_candidate(found, entry.name),
-        covariate=form.covariate,
-        parameters=estimate.sizes,
-        covariance=sizes.covariance[np.ix_(rows, rows)],
-        rows=rows,
-        equations=_equations(estimate),
-        chosen=None if form.chosen is None else form.chosen[estimate.member.chosen or 0],
-        searched=estimate.searched,
-        **_judged(entry),
-    )
-    return _as_table(effect, found.design.table)
 
 
 def _equations(estimate: Estimate) -> dict[str, str]:
@@ -204,14 +228,14 @@ def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, .
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in alike))
 
 
-def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
+def _smooth(found: Diagnosis, entry: Entry, judged: dict[str, Any]) -> FoundEffect:
     design, like = found.design, found.likelihood
     kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in found.model if item != entry.item)
     table = smooth_effect(like, like.fit(found.models.columns(rest)), kernel)
     J = table.values / max(table.rms, 1e-300) / len(table.values)
     u2 = max(float(J @ table.covariance @ J), 0.0)
-    rms = {"name": "rms", "unit": design.table.unit, "value": table.rms, "u": u2**0.5}
+    rms = Parameter(name="rms", unit=design.table.unit, value=table.rms, u=u2**0.5, dof=table.dof)
     candidate = Candidate(
         name=entry.name,
         family=kernel.family,
@@ -223,36 +247,9 @@ def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
     axis = design.table.axes[design.strata.axis[kernel.strata[0]]]
     return FoundEffect(
         candidate=candidate,
-        parameters=(Parameter(**rms, dof=table.dof),),
+        parameters=(rms,),
         covariance=np.array([[u2]]),
         equations={f"E{axis}": component_of(entry.name)},
         table=table,
-        **_judged(entry),
-    )
-
-
-def _scatter(found: Diagnosis, name: str, p: float, ratio: float) -> FoundEffect:
-    """A scatter effect; of operations that which scatters more."""
-    chosen = None
-    if name == "operation-scatter":
-        chosen = found.design.table.operations[1 if ratio > 1 else 0]
-    return FoundEffect(
-        candidate=_candidate(found, name), covariance=np.zeros((0, 0)), equations={},
-        chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
-    )  # fmt: skip
-
-
-def _offset(found: Diagnosis, sizes: Estimates, offset: Offset) -> FoundEffect:
-    axes, candidate = found.design.table.axes, _candidate(found, offset.name)
-    a = axes.index(candidate.axis or axes[0])
-    level = sizes.levels[a]
-    return FoundEffect(
-        candidate=candidate,
-        parameters=(replace(level, name="shift", role="own"),),
-        covariance=np.array([[level.u**2]]),
-        rows=(len(sizes.covariance) - len(axes) + a,),
-        equations={f"E{axes[a]}": "shift"},
-        p_familywise=offset.p,
-        posterior=offset.credible[0][1],
-        classes=offset.credible,
+        **judged,
     )

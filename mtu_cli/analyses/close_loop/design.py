@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,8 +20,11 @@ from mtu_cli.analyses.close_loop.strata import (
 )
 from mtu_cli.model.effect_library import BoundTemplate, Candidate
 from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.kernels import line, wiener
 from mtu_cli.stats.least_squares import FloatArray
 
+PADDING = 0
+"""Index of the column of zeros that fills models of unequal size up."""
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""
 FINE = 8
@@ -47,9 +50,6 @@ FEWEST_PLACES = 6
 """Different places along an axis from which on a smooth profile is a candidate."""
 RANK = 1e-4
 """Share of a kernel's largest eigenvalue below which its directions are left out."""
-
-
-Group = tuple[tuple[tuple[int, ...], int], list[int]]
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -99,28 +99,63 @@ class Kernel:
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
 
 
-@dataclass(kw_only=True)
 class Design:
-    """Candidates, members and kernels of a table."""
+    """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
 
-    table: ResidualTable
-    strata: Strata
-    scale: float
-    """Errors count in units of it, mm."""
-    candidates: tuple[Candidate, ...]
-    columns: Columns
-    gaps: Missing
-    members: list[Member] = field(default_factory=list)
-    tested: int = 0
-    """Members of the grid; finer ones follow them."""
-    kernels: tuple[Kernel, ...] = ()
-    common: tuple[int, ...] = ()
-    """Columns in every model: the polynomial that the readings have lost, and the coefficients."""
-    deviations: dict[int, float] = field(default_factory=dict)
-    """Prior standard deviations of columns: of the coefficients, and of random functions."""
-    mean_variance: FloatArray
-    """Of the mean along each axis (A,), by the coefficients."""
-    _around: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    The first members, which are `tested`, are those of the grid; finer ones follow them. `common`
+    columns are in every model: the polynomial that the readings have lost, and the coefficients.
+    `deviations` are prior standard deviations of columns: of the coefficients, and of random
+    functions; `mean_variance` (A,) is that of the mean by the coefficients.
+    """
+
+    def __init__(
+        self,
+        table: ResidualTable,
+        strata: Strata,
+        candidates: Sequence[Candidate],
+        scale: float,
+        gaps: Missing,
+    ) -> None:
+        self.table, self.strata, self.scale, self.gaps = table, strata, scale, gaps
+        self.candidates, self.columns = tuple(candidates), Columns(strata)
+        self.members = list[Member]()
+        self.deviations: dict[int, float] = {}
+        self._around: dict[int, tuple[int, ...]] = {}
+        common = list[int]()
+        for power in fitted_powers(table).T:
+            at, X = strata.of_levers([{0: power[None, None]}], 1)
+            indices, _ = self.columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
+            common += [int(i) for i in indices if i != NONE]
+        factors = [
+            {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
+            for k in range(table.common.shape[3])
+        ]
+        if factors:
+            at, X = strata.of_levers(factors, 1)
+            U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
+            kept = sizes > LEAST_KNOWN * scale
+            means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
+            indices = self.columns.add_alone(at, units[kept], means)
+            common += indices.tolist()
+            deviations = (sizes[kept] / scale).tolist()
+            self.deviations = dict(zip(indices.tolist(), deviations, strict=True))
+        self.common = tuple(common)
+        self.mean_variance = (table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2
+        for c, candidate in enumerate(candidates):
+            if candidate.kind in ("scatter", "offset"):
+                continue
+            distinct = _distinct(
+                [
+                    item
+                    for form in candidate.forms
+                    for item in _spaced(evaluated(self, form, grid_values(form)))
+                ]
+            )
+            total = sum(item.prior for item in distinct)
+            for item in distinct:
+                add(self, c, item, item.prior / total)
+        self.tested = len(self.members)
+        self.kernels = tuple(_kernels(table, strata))
 
     @property
     def of(self) -> IntArray:
@@ -136,7 +171,9 @@ class Design:
         """The axis of a candidate of one; the first of errors that have none."""
         return self.table.axes.index(candidate.axis or self.table.axes[0])
 
-    def groups(self, held: Collection[int] = ()) -> Iterable[Group]:
+    def groups(
+        self, held: Collection[int] = ()
+    ) -> Iterable[tuple[tuple[tuple[int, ...], int], list[int]]]:
         """The tested members with a column of their own beside those that are `held`, by their
         other margins and the number of their columns.
         """
@@ -168,47 +205,22 @@ def fitted_powers(table: ResidualTable) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
 
 
-def _freed(lever: Levers, table: ResidualTable) -> Levers:
-    if not table.motions:
-        return lever
-    _P, H, A = table.errors.shape
-    G = max(values.shape[0] for values in lever.values())
-    p = max(values.shape[1] for values in lever.values())
-    full = np.zeros((p, H, A, G))
-    for a, values in lever.items():
-        full[:, :, a] = np.moveaxis(np.broadcast_to(values, (G, p, H)), 0, -1)
-    left = table.freed(full)
-    return {a: np.moveaxis(left[:, :, a], -1, 0) for a in range(A)}
-
-
-def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[FloatArray, FloatArray]:
-    """The means (G, k, A) of columns over the table, and their norms (G, k)."""
-    P, H, A = table.errors.shape
-    mean, square = np.zeros((G, len(levers), A)), np.zeros((G, len(levers)))
-    for k, lever in enumerate(levers):
-        for a, values in lever.items():
-            mean[:, k, a] = values.mean(axis=(1, 2))
-            square[:, k] += np.mean(values**2, axis=(1, 2)) * P * H
-    return mean, np.sqrt(square)
-
-
 def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Member]:
     """The members of a form at some values; those of which the data see nothing are left out."""
     own = form.columns(values)
-    lower = [lever for item in form.margins for lever in item.columns(values)]
+    levers: list[Levers] = [*own, *(lever for x in form.margins for lever in x.columns(values))]
     G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
     if G == 0:
         return []
-    table, gaps = design.table, design.gaps
-    levers: list[Levers] = [*own, *lower]
-    means, norms = _means(levers, G, table)
-    levers = [_freed(lever, table) for lever in levers]
-    if gaps.count:
-        whole = gaps.there.shape
-        levers = [
-            {a: gaps.filled(v) if v.shape[-2:] == whole else v for a, v in lever.items()}
-            for lever in levers
-        ]
+    gaps = design.gaps
+    means, norms = _means(levers, G, design.table)
+    if design.table.motions:
+        levers = [_freed(lever, design.table) for lever in levers]
+    whole = gaps.there.shape
+    levers = [
+        {a: gaps.filled(v) if v.shape[-2:] == whole else v for a, v in lever.items()}
+        for lever in levers
+    ]
     at, X = design.strata.of_levers(levers, G)
     # What no column has is no direction: most columns are of one stratum.
     there = X.any(axis=(0, 1))
@@ -233,6 +245,27 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
     ]
 
 
+def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[FloatArray, FloatArray]:
+    """The means (G, k, A) of columns over the table, and their norms (G, k)."""
+    P, H, A = table.errors.shape
+    mean, square = np.zeros((G, len(levers), A)), np.zeros((G, len(levers)))
+    for k, lever in enumerate(levers):
+        for a, values in lever.items():
+            mean[:, k, a] = values.mean(axis=(1, 2))
+            square[:, k] += np.mean(values**2, axis=(1, 2)) * P * H
+    return mean, np.sqrt(square)
+
+
+def _freed(lever: Levers, table: ResidualTable) -> Levers:
+    """What a table's datum leaves of a column."""
+    _, H, A = table.errors.shape
+    G, p = (max(values.shape[d] for values in lever.values()) for d in (0, 1))
+    full = np.zeros((p, H, A, G))
+    for a, values in lever.items():
+        full[:, :, a] = np.moveaxis(np.broadcast_to(values, (G, p, H)), 0, -1)
+    return dict(enumerate(np.moveaxis(table.freed(full), (2, 3), (0, 1))))
+
+
 def add(design: Design, c: int, member: Member, prior: float = 0.0) -> int:
     """The index of a member of candidate c among those of the design, its columns among theirs."""
     indices, factors = design.columns.add(member.at, member.columns, member.means, member.norms)
@@ -251,7 +284,8 @@ def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
     """Of columns X (G, k, n) beside margins Z (G, m, n) orthonormal bases (G, k, n), zero where a
     column is; and whether (G,) they are independent and something of each is left.
     """
-    X, Z = _unit(X), _unit(Z)
+    sizes = (np.linalg.norm(columns, axis=2)[..., None] for columns in (X, Z))
+    X, Z = (x / np.where(size > 0, size, 1.0) for x, size in zip((X, Z), sizes, strict=True))
     there: BoolArray = np.any(X, axis=2)
     if Z.shape[1]:
         turned = Z.transpose(0, 2, 1)
@@ -267,18 +301,9 @@ def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
     return sound, (vectors * scale[:, None, :]).transpose(0, 2, 1) @ X
 
 
-def _unit(X: FloatArray) -> FloatArray:
-    """Columns (G, k, n) of size 1, or 0."""
-    size = np.sqrt(np.einsum("gkn,gkn->gk", X, X))[..., None]
-    return np.asarray(np.divide(X, size, out=np.zeros_like(X), where=size > 0))
-
-
 def _angles(products: FloatArray) -> FloatArray:
     """The largest principal angles of pairs of subspaces, by the products (g, k, k) of bases."""
-    if products.shape[1] == 1:
-        s = np.abs(products[:, 0])
-    else:
-        s = np.linalg.svd(products, compute_uv=False)
+    s = np.linalg.svd(products, compute_uv=False)
     return np.asarray(np.arccos(np.clip(s[:, -1], -1.0, 1.0)))
 
 
@@ -348,80 +373,37 @@ def _distinct(placed: list[Member]) -> list[Member]:
     return [item for item, alone in zip(placed, single, strict=True) if alone]
 
 
-def design_of(
-    table: ResidualTable,
-    strata: Strata,
-    candidates: Sequence[Candidate],
-    scale: float,
-    gaps: Missing,
-    step: Callable[[], None],
-) -> Design:
-    """The columns of all candidates that a table can test; errors are in units of `scale` (mm).
-    `step` is called for each.
-    """
-    columns = Columns(strata)
-    common, deviations = list[int](), dict[int, float]()
-    for power in fitted_powers(table).T:
-        at, X = strata.of_levers([{0: power[None, None]}], 1)
-        indices, _ = columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
-        common += [int(i) for i in indices if i != NONE]
-    factors = [
-        {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
-        for k in range(table.common.shape[3])
-    ]
-    if factors:
-        at, X = strata.of_levers(factors, 1)
-        U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
-        kept = sizes > LEAST_KNOWN * scale
-        means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
-        indices = columns.add_alone(at, units[kept], means)
-        common += indices.tolist()
-        deviations = dict(zip(indices.tolist(), (sizes[kept] / scale).tolist(), strict=True))
-    design = Design(
-        table=table,
-        strata=strata,
-        scale=scale,
-        candidates=tuple(candidates),
-        columns=columns,
-        gaps=gaps,
-        common=tuple(common),
-        deviations=deviations,
-        mean_variance=(table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2,
-    )
-    for c, candidate in enumerate(candidates):
-        step()
-        if candidate.kind in ("scatter", "offset"):
-            continue
-        distinct = _distinct(
-            [
-                item
-                for form in candidate.forms
-                for item in _spaced(evaluated(design, form, grid_values(form)))
-            ]
-        )
-        total = sum(item.prior for item in distinct)
-        for item in distinct:
-            add(design, c, item, item.prior / total)
-    design.tested = len(design.members)
-    design.kernels = tuple(_kernels(table, strata))
-    return design
-
-
 # Kernels.
 
 
 def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
+    """Without a name a walk of the parts and a field over the features, of each axis and of all of
+    them at once; and smooth profiles along each coordinate.
+    """
     P, _, _ = strata.shape
     parts, features = strata.of(PART), strata.of(FEATURE)
     places = table.mean_places
     known = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
+    nameless = list[tuple[str, list[int], FloatArray]]()
     if P > 3:
         walk = np.minimum.outer(np.arange(P), np.arange(P)) + 1.0
-        yield from _nameless("walk", walk, parts, table, strata)
+        nameless.append(("walk", parts, walk))
     if features and len(known) > 1 and len(places) > FEWEST_PLACES:
         apart = np.linalg.norm(places[:, None, known] - places[None, :, known], axis=-1)
-        near = np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)
-        yield from _nameless("field", near, features, table, strata)
+        nameless.append(("field", features, np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)))
+    for name, own, K in nameless:
+        made = {s: _directions(strata, s, K) for s in own}
+        for group in [(s,) for s in own] + [tuple(own)] * (len(own) > 1):
+            axis = table.axes[strata.axis[group[0]]] if len(group) == 1 else None
+            yield Kernel(
+                name=name if axis is None else f"{name}-{axis}",
+                family=name,
+                axis=axis,
+                named=False,
+                strata=group,
+                vectors=tuple(made[s][0] for s in group),
+                values=tuple(made[s][1] for s in group),
+            )
     for a, name in enumerate(table.axes):
         own = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
         for i in known if own else ():
@@ -443,33 +425,12 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
             )
 
 
-def _nameless(
-    name: str, K: FloatArray, own: Sequence[int], table: ResidualTable, strata: Strata
-) -> Iterator[Kernel]:
-    """A random function of each axis, and of all of them at once."""
-    made = {s: _directions(strata, s, K) for s in own}
-    for group in [(s,) for s in own] + [tuple(own)] * (len(own) > 1):
-        axis = table.axes[strata.axis[group[0]]] if len(group) == 1 else None
-        yield Kernel(
-            name=name if axis is None else f"{name}-{axis}",
-            family=name,
-            axis=axis,
-            named=False,
-            strata=group,
-            vectors=tuple(made[s][0] for s in group),
-            values=tuple(made[s][1] for s in group),
-        )
-
-
 def smooth_covariance(places: FloatArray) -> FloatArray:
     """Covariance (H, H) of an integrated Wiener process about its line, at places (H,)."""
-    span = np.ptp(places)
-    u = (places - places.mean()) / span
-    distance = np.abs(u[:, None] - u[None, :])
-    Q = np.linalg.qr(np.column_stack([np.ones(len(u)), u]))[0]
+    u = (places - places.mean()) / np.ptp(places)
+    Q = np.linalg.qr(line(u, 0.0))[0]
     M = np.eye(len(u)) - Q @ Q.T
-    result: FloatArray = M @ (distance**3 / 12) @ M
-    return result
+    return np.asarray(M @ wiener(u, u) @ M)
 
 
 def _directions(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, FloatArray]:

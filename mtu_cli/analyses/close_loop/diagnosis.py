@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import stdtrit
 
 from mtu_cli.analyses.close_loop.design import Design
-from mtu_cli.analyses.close_loop.estimate import without_aliases
+from mtu_cli.analyses.close_loop.estimate import estimated, levers_on, without_aliases
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
 from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of
-from mtu_cli.analyses.close_loop.strata import FEATURE
-from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.effect_library import Candidate, TableData
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
-LEAST_MEAN = 1e-9
-"""Of a unit column, from which on an effect moves the mean."""
+DIRECTION = "dir_"
+"""Names of directions begin so: their middle is no direction, and where they are counted from."""
 OF_PARTS = {"rotation-scatter", "scale-scatter"}
 """Scatter effects that make a pattern of part x feature."""
 
@@ -72,21 +73,17 @@ def diagnosed(
     alpha: float,
     most: int,
     seed: int,
-    step: Callable[[], None] = lambda: None,
 ) -> Diagnosis:
-    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most; `step`
-    is called now and then.
-    """
+    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
     there = np.isfinite(table.errors).all(axis=2) & table.there
     hit = outliers(table.errors, there, free_lines(table), steps_of(table))
     if hit.any():
         errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
         table = replace(table, errors=errors)
     moving: list[tuple[str, float, float]] = []
-    of_features: FloatArray | None = None
     while True:
-        likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features, step)
-        gate = Gate(likelihood, np.random.default_rng(seed), step)
+        likelihood = posed(table, candidates, [name for name, _, _ in moving])
+        gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
         scatter = moving + models.scatter(model, [name for name, _, _ in moving])
@@ -95,15 +92,12 @@ def diagnosed(
         if len(of_parts) == len(moving):
             break
         moving = of_parts
-        strata, weights = likelihood.design.strata, likelihood.fit(models.columns(model)).weights
-        of_features = np.zeros(len(table.axes))
-        for s in strata.of(FEATURE):
-            of_features[strata.axis[s]] = likelihood.design.scale**2 / weights[s]
     p = gate(models.columns(model), tuple(name for name, _, _ in scatter))
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
         for c in candidates
         if c.kind == "offset" and p.get(c.name, 1.0) <= alpha
+        if not _counted_from_elsewhere(models, model, models.design.axis(c))
     ]
     checks = tuple((name, p[name]) for name in CHECKS if name in p)
     # Whole parts that move at random make a pattern, too.
@@ -134,6 +128,38 @@ def diagnosed(
     )
 
 
+def _counted_from_elsewhere(models: ModelSet, model: Model, a: int) -> bool:
+    """Whether the errors of effects that are linear in columns of the data are zero along axis `a`
+    at some place and time within twice their range, about its middle and that of the directions:
+    counted from there these have no offset beside them, which is a margin of theirs.
+    """
+    members = [models.design.members[m] for m in models.members(model)]
+    linear = [
+        member.value is None and not (member.form.covariate or DIRECTION).startswith(DIRECTION)
+        for member in members
+    ]
+    if not any(linear):
+        return False
+    data = TableData.of(models.design.table)
+    wide = dict[str, FloatArray]()
+    for name, values in data.values.items():
+        middle = (values.min() + values.max()) / 2
+        wide[name] = middle + (0 if name.startswith(DIRECTION) else 2) * (values - middle)
+    sizes = estimated(models, model, sets=False)
+    shape = models.design.strata.shape[:2]
+    J, level = np.zeros((len(sizes.covariance), *shape)), sizes.levels[a]
+    J[a - len(sizes.levels)] = 1
+    errors = np.full(shape, level.value)
+    for effect in itertools.compress(sizes.effects, linear):
+        levers = levers_on(effect.member, replace(data, values=wide))
+        for row, size, lever in zip(effect.rows, effect.sizes, levers, strict=False):
+            J[row] = lever.get(a, 0.0)
+            errors += size.value * J[row]
+    u = np.sqrt(np.einsum("rph,rs,sph->ph", J, sizes.covariance, J, optimize=True))
+    nearest = (np.abs(errors) / u).min()
+    return bool(errors.min() < 0 < errors.max() or nearest < stdtrit(max(level.dof, 1.0), 0.975))
+
+
 def _offset_class(
     models: ModelSet, model: Model, offset: Candidate
 ) -> tuple[tuple[str, float], ...]:
@@ -146,7 +172,7 @@ def _offset_class(
         if item < 0 or i in {design.members[m].candidate for m in models.members(model)}:
             continue
         means = design.columns.means[list(design.members[item].own), a]
-        if not np.any(np.abs(means) > LEAST_MEAN):
+        if not np.any(np.abs(means) > 1e-9):
             continue
         level, u, _ = level_of(like, like.fit(models.columns((*model, item))), a)
         # Of the offset its own column is paid for, as of the effect its.

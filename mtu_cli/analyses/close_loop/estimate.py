@@ -23,20 +23,16 @@ from mtu_cli.analyses.close_loop.design import (
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
 from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
-from mtu_cli.analyses.close_loop.model_set import Model, ModelSet
+from mtu_cli.analyses.close_loop.model_set import WINDOW, Model, ModelSet
 from mtu_cli.analyses.close_loop.strata import NONE
 from mtu_cli.model.effect_library import TableData
 from mtu_cli.stats.kernels import smooth_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.smooth_profile import averaged
 
-SAME_LINE = 1e-9
-"""Of a line; less is rounding."""
-NEWTON = 4
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""
 COVERED = 0.95
-Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +43,7 @@ class Searched:
 
     name: str
     value: float
-    intervals: tuple[Interval, ...]
+    intervals: tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,10 +143,14 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     near = gains.max() - gains <= chdtri(1, 1 - COVERED)
     ranked = np.argsort(-shares, kind="stable")
     near[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
+    # Runs of values; a gap of one value is bridged, as the grid may miss a peak.
+    inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
+    edges = (ends[1:] + ends[:-1]) / 2
+    runs = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
     return Searched(
         name=member.form.searched,
         value=float(values[int(np.argmax(gains))]),
-        intervals=_intervals(values, near),
+        intervals=tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in runs),
     )
 
 
@@ -165,8 +165,9 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
             continue
         axis = models.design.candidates[models.design.members[item].candidate].axis
         own = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
-        credible = models.credible(tuple(x for x in model if x != item))
-        model = tuple(next((k for k in own if k in credible), x) if x == item else x for x in model)
+        total, best = models.additions(tuple(x for x in model if x != item))
+        near = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
+        model = tuple(next((k for k in own if k in near), x) if x == item else x for x in model)
     return model
 
 
@@ -186,15 +187,13 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
         across = M @ Q[at]
         K = M @ M.transpose(0, 2, 1) - across @ across.transpose(0, 2, 1)
         c = (M @ target[at])[..., None]
+        sizes = _inverse(K) @ c
         # What the margins explain is not the effect's.
-        beside = K[:, :k, k:] @ _inverse(K[:, k:, k:])
-        own = _inverse(K[:, :k, :k] - beside @ K[:, k:, :k])
-        free = c[:, :k] - beside @ c[:, k:]
-        result = (free.transpose(0, 2, 1) @ own @ free)[:, 0, 0]
+        of_margins = np.sum(c[:, k:] * (_inverse(K[:, k:, k:]) @ c[:, k:]), axis=(1, 2))
+        result = np.sum(c * sizes, axis=(1, 2)) - of_margins
         best = int(np.argmax(result))
-        sizes = (_inverse(K[best : best + 1]) @ c[best : best + 1])[0, :, 0]
-        left = target + Q @ (sizes @ across[best])
-        left[at] -= sizes @ M[best]
+        left = target + Q @ (sizes[best, :, 0] @ across[best])
+        left[at] -= sizes[best, :, 0] @ M[best]
         squares = np.bincount(labels, left**2, minlength=len(weights))
         R = np.divide(squares, weights, out=np.zeros(len(weights)), where=weights > 0) + like.extra
         weights = like.weights(np.maximum(R, 1e-12), base.dof)
@@ -204,14 +203,6 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
 def _inverse(K: FloatArray) -> FloatArray:
     """Inverses (G, k, k) of cross products, without the directions in which nothing is left."""
     return np.asarray(np.linalg.pinv(K, rcond=DEPENDENT**2, hermitian=True)) if K.size else K
-
-
-def _intervals(values: FloatArray, near: FloatArray) -> tuple[Interval, ...]:
-    """Runs of values in a set; a gap of one value is bridged, as the grid may miss a peak."""
-    inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
-    edges = (ends[1:] + ends[:-1]) / 2
-    groups = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
-    return tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in groups)
 
 
 def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:
@@ -227,12 +218,12 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
     low, high = float(grid.min()), float(grid.max())
     value, best = float(member.value), item
     top = like.log_likelihood(like.closure((*rest, item)))
-    for _ in range(NEWTON):
+    for _ in range(4):
         tangent = _tangent(design, like, rest, best)
         if tangent is None:
             return best, None
-        fit = like.fit((*like.closure((*rest, best)), tangent.index))
-        change = fit.beta[len(like.closure((*rest, best)))] / tangent.norm
+        closure = like.closure((*rest, best))
+        change = like.fit((*closure, tangent.index)).beta[len(closure)] / tangent.norm
         new = float(np.clip(value * np.exp(np.clip(change, -0.3, 0.3)), low, high))
         items = evaluated(design, member.form, np.array([new]))
         if not items:
@@ -249,24 +240,19 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     """The derivative of an effect by the logarithm of what is searched, at its estimated sizes."""
     member = design.members[m]
     assert member.value is not None
-    columns = like.closure((*rest, m))
-    fit = like.fit(columns)
-    sizes = []
-    for index, factor in zip(member.indices, member.factors, strict=True):
-        at = columns.index(index) if index in columns else -1
-        sizes.append(fit.beta[at] / factor if at >= 0 and factor else 0.0)
+    sizes = like.fit(like.closure((*rest, m))).sizes(member)
     near = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
     items = evaluated(design, member.form, near)
     if len(items) != 2:
         return None
-    own = np.array(sizes[: len(member.form.parameters)]) / (2 * STEP)
+    own = sizes[: len(member.form.parameters)] / (2 * STEP)
     slope = own @ (items[0].columns - items[1].columns)[: len(own)]
     mean = own @ (items[0].means - items[1].means)[: len(own)]
     norms = np.linalg.norm(slope[None], axis=1)
     (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None], norms)
     if index == NONE:
         return None
-    return Tangent(index=int(index), norm=float(norm), sizes=np.array(sizes))
+    return Tangent(index=int(index), norm=float(norm), sizes=sizes)
 
 
 def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates:
@@ -370,7 +356,7 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     N = np.sqrt(P) * basis.T @ np.eye(len(knots))[at]
     y = fit.residual[part][shared]
     # Of readings the lines of the passes hold it: what is left of it is rounding.
-    if np.linalg.norm(line) > SAME_LINE * np.linalg.norm(centred):
+    if np.linalg.norm(line) > 1e-9 * np.linalg.norm(centred):
         unit = line / np.linalg.norm(line)
         N, y = N - np.outer(unit, unit @ N), y - unit * (unit @ y)
     B = smooth_root(knots)

@@ -13,7 +13,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri
+from scipy.special import chdtri, ndtri
 
 from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
@@ -36,10 +36,6 @@ ENOUGH = 1.25
 """Times the separation that more of the same gives, from which another experiment is worth it."""
 COUNTING = ("sequence", "tool_parts", "time_min")
 """Columns that go on from part to part."""
-POWER_DEVIATE = 0.8416212335729143
-"""Normal deviate of a power of 80 %."""
-LEAST = 1e-9
-"""Share of a column that its margins and the coefficients must leave."""
 
 Change = Callable[[FloatArray], FloatArray]
 
@@ -52,57 +48,43 @@ class Experiment(NamedTuple):
 
 
 def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
-    """The best follow-up for the class of an entry; None for an effect that is alone in it. Of
+    """The follow-up that separates the first of the class of an entry, as it was estimated, best
+    from its rivals, weighted by their posteriors; None for an effect that is alone in it. Of
     follow-ups that do as well, the one that is less work stands first; `weights` (S,) of strata.
     """
     design, like = found.design, found.likelihood
-    rivals = [(design.members[m], p) for _, m, p in entry.credible if m >= 0]
+    posteriors = {m: max(p, 1e-300) for _, m, p in entry.credible if m >= 0}
+    items, rivals = [*posteriors], [design.members[m] for m in posteriors]
     if len(rivals) < 2:
         return None
-    member, _ = rivals[0]
-    fit = like.fit(like.closure([next(m for _, m, _ in entry.credible if m >= 0)]))
-    sizes = np.array([
-        fit.beta[fit.columns.index(i)] / f if i >= 0 else 0.0
-        for i, f in zip(member.indices, member.factors, strict=True)
-    ][: len(member.form.parameters)])  # fmt: skip
+    own = like.fit(like.closure(items[:1])).sizes(rivals[0])[: len(rivals[0].form.parameters)]
     strata, by_kind = design.strata, dict[tuple[str, int], list[float]]()
     for s in np.flatnonzero(weights > 0).tolist():
         by_kind.setdefault((strata.kinds[s], strata.axis[s]), []).append(1 / weights[s])
     variance = {key: float(np.mean(values)) for key, values in by_kind.items()}
     best = Experiment("", 0.0)
-    for do, further in follow_ups(design.table, [rival for rival, _ in rivals]):
-        d = separation(further, rivals, sizes, variance)
+    for do, table in follow_ups(design.table, rivals):
+        P, H, A = table.errors.shape
+        strata = strata_of(P, [np.zeros((H, 0))] * A, features_scatter=(FEATURE, 0) in variance)
+        keys = zip(strata.kinds, strata.axis, strict=True)
+        of_strata = [variance.get((k, a), variance.get((INTERACTION, a), 1.0)) for k, a in keys]
+        root = 1 / np.sqrt(of_strata)[strata.labels()]
+        data, signal, distances = TableData.of(table), np.zeros(len(root)), list[float]()
+        for m in items:
+            levers = levers_on(design.members[m], data)
+            at, X = strata.of_levers([{a: v[None] for a, v in x.items()} for x in levers], 1)
+            columns = np.zeros((len(levers), len(root)))
+            columns[:, at] = X[0] * root[at]
+            if m == items[0]:
+                signal = own @ columns[: len(own)]
+                continue
+            Q, R = np.linalg.qr(columns.T)
+            Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(), 1e-300)]
+            distances.append(float(np.linalg.norm(signal - Q @ (Q.T @ signal))))
+        d = float(np.average(distances, weights=[posteriors[m] for m in items[1:]]))
         if not best.do or d > ENOUGH * best.predicted_d:
             best = Experiment(do, d)
     return best
-
-
-def separation(
-    table: ResidualTable,
-    rivals: Sequence[tuple[Member, float]],
-    sizes: FloatArray,
-    variance: Mapping[tuple[str, int], float],
-) -> float:
-    """The separation of the first of the rivals, of these sizes, from the others, weighted by their
-    posteriors, on a table with the `variance` of each kind of stratum and axis.
-    """
-    P, H, A = table.errors.shape
-    strata = strata_of(P, [np.zeros((H, 0))] * A, features_scatter=(FEATURE, 0) in variance)
-    keys = zip(strata.kinds, strata.axis, strict=True)
-    of_strata = [variance.get((k, a), variance.get((INTERACTION, a), 1.0)) for k, a in keys]
-    root = 1 / np.sqrt(of_strata)[strata.labels()]
-    columns, data = [], TableData.of(table)
-    for member, _ in rivals:
-        levers = [{a: v[None] for a, v in own.items()} for own in levers_on(member, data)]
-        at, X = strata.of_levers(levers, 1)
-        columns.append(np.zeros((len(levers), len(root))))
-        columns[-1][:, at] = X[0] * root[at]
-    signal, distances = sizes @ columns[0][: len(sizes)], []
-    for X in columns[1:]:
-        Q, R = np.linalg.qr(X.T)
-        Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(), 1e-300)]
-        distances.append(float(np.linalg.norm(signal - Q @ (Q.T @ signal))))
-    return float(np.average(distances, weights=[max(p, 1e-300) for _, p in rivals[1:]]))
 
 
 def follow_ups(
@@ -120,7 +102,7 @@ def follow_ups(
     if reverse and not readings:
         yield "run the program in the reverse direction", extended(table, reverse)
     counts = [name for name in COUNTING if name in table.covariates]
-    again: dict[str, Change] = {n: partial(_first, table.covariates[n]) for n in counts}
+    again: dict[str, Change | None] = dict.fromkeys(counts)
     if again.keys() & used and again.keys() - {"sequence"}:
         again.pop("sequence", None)
         rest = "after a cold start" if "time_min" in used else "with a new tool"
@@ -139,18 +121,13 @@ def follow_ups(
             yield f"shift {what} by {shift:.3g} mm along {axis}", extended(table, shift={i: shift})
 
 
-def _first(values: FloatArray, further: FloatArray) -> FloatArray:
-    """As the first parts were."""
-    return np.resize(values, (MORE, further.shape[1]))
-
-
 def extended(
     table: ResidualTable,
-    changes: Mapping[str, Change] | None = None,
+    changes: Mapping[str, Change | None] | None = None,
     shift: Mapping[int, float] | None = None,
 ) -> ResidualTable:
-    """The table with further parts, which repeat the last ones but for `changes` of columns and a
-    `shift` (mm) of places; those that count parts or time go on.
+    """The table with further parts, which repeat the last ones but for `changes` of columns (None:
+    as the first parts were) and a `shift` (mm) of places; those that count parts or time go on.
     """
     P, changes = len(table.parts), changes or {}
     again = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
@@ -163,7 +140,9 @@ def extended(
                 step = np.diff(known, axis=0)
                 rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
                 further = known[-1:] + rise * np.arange(1, MORE + 1)[:, None]
-            covariates[name] = np.concatenate([known, changes.get(name, np.asarray)(further)])
+            change = changes.get(name, np.asarray)
+            further = np.resize(values, further.shape) if change is None else change(further)
+            covariates[name] = np.concatenate([known, further])
     places = np.concatenate([table.places, table.places[again]])
     for i, by in (shift or {}).items():
         places[P:, :, i] += by
@@ -196,19 +175,19 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
     for (low, k), group in design.groups():
-        left = partial_out(found.likelihood, group, (), low, fit.weights)
+        left = partial_out(found.likelihood, group, low, fit.weights)
         # The coefficients are uncertain as far as is known beforehand.
-        prior = np.sum(left.own_base**2 * found.likelihood.ridge(left.base), axis=(1, 2))
+        prior = np.sum(left.by**2 * found.likelihood.ridge(left.beside), axis=(1, 2))
         signal = (np.einsum("smkk->m", left.information) + prior) / k
         crossed = design.columns.cross(left.own, left.own).sum(axis=-1)
         shares = fit.weights[:, None] * crossed
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
         p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
-        z = np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v))
+        z = np.sqrt(c2) * (1 - 0.25 / v) + ndtri(0.8) * np.sqrt(1 + c2 / (2 * v))
         axes = [np.bincount(strata.axis, own) > 0 for own in shares.T]
         cells = P * H * np.sum(axes, axis=1)
-        seen = signal * k > LEAST * left.alone.sum(axis=1)
+        seen = signal * k > 1e-9 * left.alone.sum(axis=1)
         sizes[group] = np.where(seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan)
     known = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {

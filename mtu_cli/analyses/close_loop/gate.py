@@ -6,8 +6,7 @@ checks, on null tables made from the model's own residual.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from functools import cached_property
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,22 +29,15 @@ LEAST_LEFT = 2e-3
 LEAST_SHARE = 1e-4
 """Of a column's information that a stratum has, to be asked."""
 ALMOST_ONE = 1 - 1e-9
-MEMBERS = 400
-"""Members that are tested at once."""
 AT_HAND = 100_000
 """Numbers of null tables that are made at once."""
 
 
 class Gate:
-    """Tests of one table; `rng` draws the null tables, `step` is called for each model."""
+    """Tests of one table; `rng` draws the null tables."""
 
-    def __init__(
-        self,
-        likelihood: Likelihood,
-        rng: np.random.Generator,
-        step: Callable[[], None] = lambda: None,
-    ) -> None:
-        self.likelihood, self.rng, self.step = likelihood, rng, step
+    def __init__(self, likelihood: Likelihood, rng: np.random.Generator) -> None:
+        self.likelihood, self.rng = likelihood, rng
         self.design: Design = likelihood.design
         self.strata = self.design.strata
         self.ratios: dict[Columns, dict[str, float]] = {}
@@ -65,7 +57,6 @@ class Gate:
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
-        self.step()
         design, fit = self.design, self.likelihood.fit(columns)
         Y, cells = self._null(fit)
         at, lp = self._members(columns, fit, Y)
@@ -122,24 +113,26 @@ class Gate:
             yield slice(first, min(first + step, PERMUTATIONS + 1))
 
     def _rotated(self, null: FloatArray, group: list[int], fit: Fit, up: FloatArray) -> None:
+        """Fills strata of null tables, those of one size alike: a random rotation takes an
+        orthonormal basis of g vectors to a random g-frame.
+        """
         strata, like, rng = self.strata, self.likelihood, self.rng
-        sizes = {int(strata.sizes[s]) for s in group}
-        together = [group] if len(sizes) == 1 else [[s] for s in group]
-        for own in together:
-            if not own:
-                continue
-            n = int(strata.sizes[own[0]])
-            more = round(like.extra_dof[own].max())
+        alike = len({int(strata.sizes[s]) for s in group}) == 1
+        for own in [group] if alike else [[s] for s in group]:
             Z = np.stack([fit.residual[strata.slices[s]] * up[s] for s in own])
-            if more:
+            if more := round(like.extra_dof[own].max()):
                 beside = rng.normal(size=(len(own), more))
-                beside /= np.linalg.norm(beside, axis=1)[:, None]
-                Z = np.concatenate(
-                    [Z, beside * np.sqrt(like.extra[own] * up[own] ** 2)[:, None]], 1
-                )
-            turned = _turned(Z, len(null), n, rng)
+                beside *= (np.sqrt(like.extra[own]) * up[own] / np.linalg.norm(beside, axis=1))[
+                    :, None
+                ]
+                Z = np.concatenate([Z, beside], axis=1)
+            g, whole = Z.shape
+            R = np.linalg.qr(Z.T)[1]
+            frame = np.linalg.qr(rng.normal(size=(len(null), whole, min(g, whole))))[0]
+            signs = rng.choice([-1.0, 1.0], size=(len(null), 1, frame.shape[2]))
+            turned = np.swapaxes((frame * signs) @ R, 1, 2)
             for i, s in enumerate(own):
-                null[:, strata.slices[s]] = turned[:, i]
+                null[:, strata.slices[s]] = turned[:, i, : int(strata.sizes[s])]
 
     # Tests.
 
@@ -149,12 +142,6 @@ class Gate:
         the margins explain; together by the strata's information (Liptak 1958).
         """
         design, w = self.design, fit.weights
-        # As many at once as a processor keeps at hand.
-        chunks = [
-            (low, k, members[i : i + MEMBERS])
-            for (low, k), members in design.groups(base)
-            for i in range(0, len(members), MEMBERS)
-        ]
         # Of the null tables, which are random, single precision is enough.
         U = design.columns.products(Y.astype(np.float32))
         U[:, :, :1] = design.columns.products(Y[:1])
@@ -164,8 +151,8 @@ class Gate:
         # Where more is known of a stratum than its coordinates, all of it turns on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
-        for low, k, members in chunks:
-            tested = partial_out(self.likelihood, members, low, base, w)
+        for (low, k), members in design.groups(base):
+            tested = partial_out(self.likelihood, members, (*base, *low), w)
             whole = tested.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
             each = size[:, :, None] * size[:, None, :]
@@ -176,20 +163,19 @@ class Gate:
             information = tested.information / each
             inverse = np.linalg.inv(information.sum(axis=0) + ~good[:, None, None] * np.eye(k))
             known, vectors = np.linalg.eigh(information)
-            y = w[:, None, None] * (U[:, low] - tested.low_base @ U[:, tested.base])
+            y = w[:, None, None] * U[:, tested.beside]
             sizes = tested.inverse @ y.sum(axis=0)
-            explained = np.einsum("zn,szn->sn", sizes, 2 * y - tested.low @ sizes)
-            used = np.einsum("zy,syz->s", tested.inverse, tested.low)
+            explained = np.einsum("zn,szn->sn", sizes, 2 * y - tested.inner @ sizes)
+            used = np.einsum("zy,syz->s", tested.inverse, tested.inner)
             total = np.zeros((*size.shape, len(Y)))
             for s in np.flatnonzero((known > LEAST_SHARE).any(axis=(1, 2))).tolist():
-                score = w[s] * (U[s][tested.own] - tested.own_base @ U[s][tested.base])
-                score -= tested.own_low @ y[s] + tested.rest[s] @ sizes
+                score = w[s] * U[s][tested.own] - tested.by @ y[s] - tested.rest[s] @ sizes
                 score = score / size[:, :, None]
                 among = np.where(known[s] > LEAST_SHARE, known[s], np.inf)[:, :, None]
                 stat = np.sum((_t(vectors[s]) @ score) ** 2 / among, axis=1)
                 left = np.maximum(squares[:, s] - explained[s], least[s])
                 ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
-                power = max(float(fit.dof[s] - used[s]) - 1 - k / 2, 0.5)
+                power = max(float(self.likelihood.n[s] - used[s]) - 1 - k / 2, 0.5)
                 deviance = -power * np.log1p(-ratio)
                 total += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
             D = np.sum(total * (inverse @ total), axis=1).T[:, good]
@@ -223,7 +209,16 @@ class Gate:
         table, strata = self.design.table, self.strata
         P, H, A = strata.shape
         inner = strata.of(INTERACTION)
-        levers = self._scatter_levers() if P >= 5 and len(inner) >= A else {}
+        levers = dict[str, FloatArray | None]()
+        """Patterns (H A,) of what scatters from part to part; None: one operation."""
+        for c in self.design.candidates if P >= 5 and len(inner) >= A else ():
+            if c.kind != "scatter" or c.unavailable or FREED_SCATTER.get(table.datum) == c.name:
+                continue
+            lever = lever_of(c.name, table.axes, table.mean_places)
+            if c.name == "operation-scatter" and len(table.operations) > 1:
+                levers[c.name] = None
+            elif c.name != "operation-scatter" and lever is not None:
+                levers[c.name] = lever.ravel()
         chosen = np.broadcast_to(table.operation == 1, (P, H)).ravel()
         flat = cells.reshape(P * H, A)
         squares = (flat * flat).sum(axis=1)
@@ -252,19 +247,6 @@ class Gate:
             tests[name] = one_sided(L)
         return tests, ratios
 
-    def _scatter_levers(self) -> dict[str, FloatArray | None]:
-        """Patterns (H A,) of what scatters from part to part; None: one operation."""
-        table, levers = self.design.table, dict[str, FloatArray | None]()
-        for c in self.design.candidates:
-            if c.kind != "scatter" or c.unavailable or FREED_SCATTER.get(table.datum) == c.name:
-                continue
-            lever = lever_of(c.name, table.axes, table.mean_places)
-            if c.name != "operation-scatter" and lever is not None:
-                levers[c.name] = lever.ravel()
-            elif c.name == "operation-scatter" and len(table.operations) > 1:
-                levers[c.name] = None
-        return levers
-
     def _checks(self, fit: Fit, Y: FloatArray) -> dict[str, FloatArray]:
         """Remainder checks: one pattern part x feature, a walk of the parts, a smooth
         field, both; where more is left than rounding.
@@ -288,89 +270,63 @@ class Gate:
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
             checks["pattern"] = calibrated(share)
-        for name, near in self._near.items():
-            group = [s for s in near if rough[s]]
+        places = self.design.table.mean_places
+        places = places[:, np.isfinite(places).all(axis=0)]
+        lag = np.abs(np.subtract.outer(np.arange(P), np.arange(P)))
+        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        near = {
+            "walk": (PART, np.exp(-lag / 2)),
+            "field": (FEATURE, np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))),
+        }
+        for name, (kind, K) in near.items():
+            group = [s for s in strata.of(kind) if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
                 continue
             total = np.zeros(len(Y))
             for s in group:
-                own = Y[:, strata.slices[s]]
-                form = np.einsum("bn,bn->b", own @ near[s], own)
+                own, a = Y[:, strata.slices[s]], strata.axis[s]
+                _, i, j = np.unravel_index(strata.place[strata.slices[s]], (A, P, H))
+                basis = strata.of_parts[:, i] if kind == PART else strata.of_features[a][:, j]
+                form = np.einsum("bn,bn->b", own @ (basis.T @ K @ basis), own)
                 total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
             checks[name] = calibrated(total)
         return checks
 
-    @cached_property
-    def _near(self) -> dict[str, dict[int, FloatArray]]:
-        """By stratum the covariances (n, n) of its coordinates: of a walk of the parts, and of a
-        smooth field over the features.
-        """
-        strata, places = self.strata, self.design.table.mean_places
-        places = places[:, np.isfinite(places).all(axis=0)]
-        number = np.arange(strata.shape[0])
-        lag = np.abs(np.subtract.outer(number, number))
-        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
-        kernels = {
-            PART: ("walk", np.exp(-lag / 2)),
-            FEATURE: ("field", np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))),
-        }
-        result: dict[str, dict[int, FloatArray]] = {name: {} for name, _ in kernels.values()}
-        for kind, (name, K) in kernels.items():
-            for s in strata.of(kind):
-                basis = strata.of_parts if kind == PART else strata.of_features[strata.axis[s]]
-                own = basis[:, -int(strata.sizes[s]) :]
-                result[name][s] = own.T @ K @ own
-        return result
-
 
 class Partial(NamedTuple):
-    """Members' columns x (M, k) less what of them the columns `base` (b,) and their margins (z,)
-    explain in all strata at once, by coefficients `own_base` (M, k, b) and `own_low` (M, k, z).
-
-    They have the `information` (S, M, k, k) in the strata, `alone` (M, k) without the others, and
-    `rest` (S, M, k, z) are their products with the margins there. The margins less the base, by
-    `low_base` (z, b), have the cross products `low` (S, z, z), their sum the `inverse`.
+    """Members' columns x (M, k) less what columns z `beside` them explain in all strata at once, by
+    coefficients `by` (M, k, z): their `information` (S, M, k, k) in the strata, `alone` (M, k)
+    without the others, and the products `rest` (S, M, k, z) with these there. These have the
+    products `inner` (S, z, z), by the weights of the strata, and the covariance `inverse`.
     """
 
     own: IntArray
-    base: IntArray
-    own_base: FloatArray
-    own_low: FloatArray
+    beside: IntArray
+    by: FloatArray
     information: FloatArray
     alone: FloatArray
     rest: FloatArray
-    low_base: FloatArray
-    low: FloatArray
+    inner: FloatArray
     inverse: FloatArray
 
 
 def partial_out(
-    likelihood: Likelihood, members: Sequence[int], low: Columns, base: Columns, w: FloatArray
+    likelihood: Likelihood, members: Sequence[int], beside: Columns, w: FloatArray
 ) -> Partial:
-    """The columns of members beside their margins `low` and the columns `base`, with the weights w
-    (S,) of the strata.
-    """
-    design, inner = likelihood.design, likelihood.design.columns.cross
-    own, z = np.array([design.members[m].own for m in members]), np.array(low, int)
-    b = np.array([*base, *design.common], int)
-    bb, xb, zb = (inner(i[..., None], b) for i in (b, own, z))
-    A = np.tensordot(w, bb, 1)
-    A = A + np.diag(1e-10 * np.diag(A) + likelihood.ridge(b))
-    T, L = (np.tensordot(w, item, 1) @ np.linalg.inv(A) for item in (xb, zb))
-    W, X = w[:, None, None], w[:, None, None, None]
-    shared = zb @ L.T
-    zz = W * (inner(z[:, None], z) - shared - _t(shared) + L @ bb @ L.T)
-    xz = inner(own[:, :, None], z)
-    xz = X * (xz - xb @ L.T - T @ _t(zb)[:, None] + T @ bb[:, None] @ L.T)
-    xx = inner(own[:, :, None], own[:, None, :])
-    alone = np.einsum("s,smkk->mk", w, xx)
-    shared = xb @ _t(T)
-    xx = X * (xx - shared - _t(shared) + T @ bb[:, None] @ _t(T))
-    inverse = np.linalg.pinv(zz.sum(axis=0), rcond=1e-8, hermitian=True)
-    C = xz.sum(axis=0) @ inverse
-    rest = xz - C @ zz[:, None]
-    information = xx - xz @ _t(C) - _t(rest @ _t(C))
-    return Partial(own, b, T, C, information, alone, rest, L, zz, inverse)
+    """The columns of members beside others, with the weights w (S,) of the strata."""
+    design, cross = likelihood.design, likelihood.design.columns.cross
+    own = np.array([design.members[m].own for m in members])
+    z = np.array([*beside, *design.common], int)
+    W = w[:, None, None, None]
+    xx, xz = W * cross(own[:, :, None], own[:, None]), W * cross(own[:, :, None], z)
+    zz = w[:, None, None] * cross(z[:, None], z)
+    A = zz.sum(axis=0)
+    inverse = np.linalg.inv(A + np.diag(1e-10 * np.diag(A) + likelihood.ridge(z)))
+    by = xz.sum(axis=0) @ inverse
+    rest = xz - by @ zz[:, None]
+    information = xx - rest @ _t(by) - _t(xz @ _t(by))
+    alone = np.einsum("smkk->mk", xx)
+    return Partial(own, z, by, information, alone, rest, zz, inverse)
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
@@ -405,18 +361,6 @@ def mean_of(
     terms = own + ([inner] if len(own) > 1 else [])
     nu = v**2 / sum(x**2 / d for x, d in terms)
     return mean, float(v / (P * H) + likelihood.design.mean_variance[a]), float(nu)
-
-
-def _turned(Z: FloatArray, rows: int, n: int, rng: np.random.Generator) -> FloatArray:
-    """Vectors Z (g, n + more) turned at random, all alike: the first n coordinates (rows, g, n)."""
-    g, whole = Z.shape
-    if n == 0:
-        return np.zeros((rows, g, 0))
-    # A random rotation takes an orthonormal basis of the g vectors to a random g-frame.
-    _Q, R = np.linalg.qr(Z.T)
-    frame = np.linalg.qr(rng.normal(size=(rows, whole, min(g, whole))))[0]
-    signs = rng.choice([-1.0, 1.0], size=(rows, 1, frame.shape[2]))
-    return np.asarray(np.swapaxes((frame * signs) @ R, 1, 2)[:, :, :n])
 
 
 def one_sided(ratio: FloatArray) -> FloatArray:

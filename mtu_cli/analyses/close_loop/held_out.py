@@ -8,12 +8,12 @@ from itertools import compress
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.estimate import estimated
+from mtu_cli.analyses.close_loop.missing import BoolArray
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.files.effects import CHOSEN
 from mtu_cli.language import evaluate, parse
@@ -27,12 +27,12 @@ from mtu_cli.stats.threads import available_threads, workers
 FOLDS = 5
 FEWEST = 4
 """Parts from which on parts are held out, else columns of the table."""
-BoolArray = NDArray[np.bool_]
-Diagnose = Callable[[ResidualTable], Diagnosis]
 
 
 def held_out(
-    table: ResidualTable, diagnose: Diagnose, done: Callable[[int, int], None]
+    table: ResidualTable,
+    diagnose: Callable[[ResidualTable], Diagnosis],
+    done: Callable[[int, int], None],
 ) -> tuple[str, FloatArray] | None:
     """What was held out, ``parts`` in blocks that follow each other or, of few parts, every n-th of
     the ``columns``, and its errors (3, P, H, A), mm: before, after the correction by the machine as

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
-from mtu_cli.analyses.close_loop.columns import PADDING
-from mtu_cli.analyses.close_loop.design import Design, Kernel
+from mtu_cli.analyses.close_loop.design import PADDING, Design, Kernel, Member
 from mtu_cli.analyses.close_loop.strata import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -18,7 +17,6 @@ ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
 """Quantiles of g/n where g ~ inverse gamma(1/2, n/2): a Cauchy law of sizes in units of the
 information of one observation (Zellner & Siow 1980)."""
 TINY = 1e-9
-ITERATIONS = 5
 
 Columns = tuple[int, ...]
 
@@ -42,6 +40,12 @@ class Fit:
         """Satterthwaite's degrees of freedom of size i."""
         share = self.shares[:, i]
         return float(1 / np.sum(share**2 / self.dof)) if share.any() else np.inf
+
+    def sizes(self, member: Member) -> FloatArray:
+        """Of a member's parameters and then its margins'; 0 where nothing is left of one."""
+        sizes = dict(zip(self.columns, self.beta.tolist(), strict=True))
+        pairs = zip(member.indices, member.factors, strict=True)
+        return np.array([sizes[i] / factor if i in sizes else 0.0 for i, factor in pairs])
 
 
 class Likelihood:
@@ -120,36 +124,21 @@ class Likelihood:
         strata's variances at the maximum of each, and the effective number of entries (M, k) that
         inform each column. What a prior takes of a size counts as residual.
         """
-        M, k = models.shape
-        shared = np.array([*beside, *self.design.common], int)
-        cross = self.design.columns.cross
-        G, Gb, Gz = (
-            cross(models[:, :, None], models[:, None, :]),
-            cross(models[:, :, None], shared),
-            cross(shared[:, None], shared),
-        )
-        own, of_shared = np.einsum("smii->smi", G), np.einsum("szz->sz", Gz)
-        b, bz = self.b[:, models], self.b[:, shared]
-        ridge, prior = np.eye(k) * self.ridge(models)[:, :, None], self.ridge(shared)
+        k, shared = models.shape[1], np.array([*beside, *self.design.common], int)
+        models = np.hstack([models, np.tile(shared, (len(models), 1))])
+        G = self.design.columns.cross(models[:, :, None], models[:, None, :])
+        b, own, ridge = self.b[:, models], np.einsum("smii->smi", G), self.ridge(models)
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
-        w = np.broadcast_to(self.weights(self.R0, self.n)[:, None], (len(n), M))
-        R = np.broadcast_to(self.R0[:, None], w.shape)
-        A = np.zeros((M, k + len(shared), k + len(shared)))
-        for _ in range(ITERATIONS):
-            A[:, :k, :k] = np.einsum("sm,smij->mij", w, G) + ridge
-            A[:, :k, k:] = np.einsum("sm,smiz->miz", w, Gb)
-            A[:, k:, :k] = np.swapaxes(A[:, :k, k:], 1, 2)
-            A[:, k:, k:] = np.tensordot(w, Gz, (0, 0)) + np.diag(prior)
-            found = np.concatenate([np.einsum("sm,smi->mi", w, b), w.T @ bz], axis=1)
-            beta, z = np.split(np.linalg.solve(A, found[..., None])[..., 0], [k], axis=1)
-            left = 2 * b - np.einsum("smij,mj->smi", G, beta)
-            left -= 2 * np.einsum("smiz,mz->smi", Gb, z)
-            R = self.R0[:, None] - np.einsum("mi,smi->sm", beta, left)
-            R = R - np.einsum("mz,smz->sm", z, 2 * bz[:, None] - z @ Gz)
-            R = R + of_shared @ (z**2 * prior / np.maximum(w.T @ of_shared, 1e-300)).T
-            R = np.maximum(R, floor)
+        R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))
+        for _ in range(5):
             w = self.weights(R, np.broadcast_to(n, R.shape))
-        info = w[..., None] * own
+            A = np.einsum("sm,smij->mij", w, G) + ridge[:, None] * np.eye(models.shape[1])
+            beta = np.linalg.solve(A, np.einsum("sm,smi->mi", w, b)[..., None])[..., 0]
+            left = 2 * b - np.einsum("smij,mj->smi", G, beta)
+            taken = beta**2 * ridge / np.maximum(np.einsum("sm,smi->mi", w, own), 1e-300)
+            R = self.R0[:, None] - np.einsum("mi,smi->sm", beta, left)
+            R = np.maximum(R + np.einsum("mi,smi->sm", taken, own), floor)
+        info = self.weights(R, np.broadcast_to(n, R.shape))[..., None] * own[:, :, :k]
         counted = np.einsum("smi,s->mi", info, self.n) / np.maximum(info.sum(0), 1e-300)
         return R, counted
 

@@ -14,8 +14,7 @@ from itertools import combinations
 import numpy as np
 from scipy.special import logsumexp
 
-from mtu_cli.analyses.close_loop.columns import PADDING
-from mtu_cli.analyses.close_loop.design import Design
+from mtu_cli.analyses.close_loop.design import PADDING, Design
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Columns, Likelihood
 from mtu_cli.files.effects import SCATTERS
@@ -117,13 +116,10 @@ class ModelSet:
         candidate's members, and the likeliest item of each. Where a grid is coarse against the
         data, finer members share the prior of its best one.
         """
-        key = tuple(sorted(model))
-        if key not in self._added:
-            self._added[key] = self._additions(key)
-        total, best = self._added[key]
-        return total.copy(), list(best)
-
-    def _additions(self, model: Model) -> tuple[FloatArray, list[Item]]:
+        model = tuple(sorted(model))
+        if model in self._added:
+            total, best = self._added[model]
+            return total.copy(), list(best)
         design, like = self.design, self.likelihood
         members, tested = self.members(model), range(design.tested)
         smooth = self.columns(model)[len(like.closure(members)) :]
@@ -133,7 +129,7 @@ class ModelSet:
         weighed = like.evidence(models, smooth) + base + np.log(design.prior[: design.tested])
         of = design.of[: design.tested]
         total = np.full(len(self.names), -np.inf)
-        best: list[Item] = [0] * len(self.names)
+        best = [0] * len(self.names)
         for c in np.unique(of):
             own = np.flatnonzero(of == c)
             total[c], best[c] = logsumexp(weighed[own]), int(own[np.argmax(weighed[own])])
@@ -151,7 +147,8 @@ class ModelSet:
         first = len(design.candidates)
         total[first:] = value + np.array(self._gains(like.closure(members), self.named))
         best[first:] = [-1 - k for k in self.named]
-        return total, best
+        self._added[model] = total, best
+        return total.copy(), list(best)
 
     def without_name(self, model: Model) -> FloatArray:
         """Log marginal likelihood, with their odds, of nameless random functions beside a model."""
@@ -205,35 +202,25 @@ class ModelSet:
         return max(sorted(closed), key=self.evidence, default=())
 
     def _refined(self, model: Model) -> Model:
-        """Drops what no longer passes the gate and swaps single effects, until nothing improves."""
+        """Drops what no longer passes the gate and swaps single effects for the likeliest that
+        passes in their place, until nothing improves.
+        """
         for _ in range(ROUNDS):
-            before = model
-            for item in tuple(model):
-                model = self._revised(model, item)
-                if model != before:
+            for item in model:
+                rest = tuple(x for x in model if x != item)
+                p = self.gate(self.columns(rest))
+                total, best = self._others(rest)
+                total[[p.get(name, 1.0) > self.alpha for name in self.names]] = -np.inf
+                c = int(np.argmax(total))
+                if not np.isfinite(total[c]):
+                    model = rest
                     break
-            if model == before:
+                if total[c] > total[self.place(item)] + 1e-9 or best[c] != item:
+                    model = tuple(best[c] if x == item else x for x in model)
+                    break
+            else:
                 break
         return model
-
-    def _revised(self, model: Model, item: Item) -> Model:
-        """The model with the likeliest that passes in the place of one item, or nothing."""
-        rest = tuple(x for x in model if x != item)
-        p = self.gate(self.columns(rest))
-        total, best = self._others(rest)
-        total[[p.get(name, 1.0) > self.alpha for name in self.names]] = -np.inf
-        c = int(np.argmax(total))
-        if not np.isfinite(total[c]):
-            return rest
-        if total[c] > total[self.place(item)] + 1e-9 or best[c] != item:
-            return tuple(best[c] if x == item else x for x in model)
-        return model
-
-    def credible(self, model: Model) -> list[Item]:
-        """The likeliest items of the candidates in the window beside a model."""
-        total, best = self.additions(model)
-        near = np.flatnonzero(total > total.max(initial=-np.inf) - np.log(WINDOW))
-        return [best[i] for i in near]
 
     # What a model says.
 
@@ -243,40 +230,41 @@ class ModelSet:
         model = tuple(
             item for item in model if item < 0 or not set(self.design.members[item].own) <= low
         )
-        result = [self._entry(model, item) for item in model]
+        result = []
+        for item in model:
+            rest = tuple(x for x in model if x != item)
+            total, best = self._others(rest)
+            smooth = self.without_name(rest) if self.nameless else np.zeros(0)
+            without, c = self.value(rest), self.place(item)
+            # What is less likely than nothing explains nothing.
+            total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
+            # One that holds the effect as a margin says more than it: it has to pass by itself.
+            p = self.gate(self.columns(rest))
+            own = set(self.design.members[item].own) if item >= 0 else {PADDING}
+            for i in np.flatnonzero(np.isfinite(total)):
+                low = set(self.design.members[best[i]].low if best[i] >= 0 else ())
+                if own <= low and p.get(self.names[i], 1.0) > self.alpha:
+                    total[i] = -np.inf
+            both = np.concatenate([total, smooth])
+            posterior = np.exp(both - logsumexp(both))
+            order = np.argsort(-posterior, kind="stable").tolist()
+            count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
+            best[c], others = item, [i for i in order[:count] if i < len(self.names) and i != c]
+            result.append(
+                Entry(
+                    item=item,
+                    name=self.names[c],
+                    p=p.get(self.names[c], 1.0),
+                    gain=float(total[c] - without),
+                    posterior=float(posterior[c]),
+                    credible=tuple(
+                        (self.names[i], best[i], float(posterior[i])) for i in (c, *others)
+                    ),
+                    nameless=float(posterior[len(self.names) :].sum()),
+                    overtaken=bool(len(smooth) and smooth.max() > total[c]),
+                )
+            )
         return model, tuple(sorted(result, key=lambda entry: -entry.gain))
-
-    def _entry(self, model: Model, item: Item) -> Entry:
-        rest = tuple(x for x in model if x != item)
-        total, best = self._others(rest)
-        smooth = self.without_name(rest) if self.nameless else np.zeros(0)
-        without = self.value(rest)
-        # What is less likely than nothing explains nothing.
-        c = self.place(item)
-        total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
-        # One that holds the effect as a margin says more than it: it has to pass by itself.
-        passing = self.gate(self.columns(rest))
-        own = set(self.design.members[item].own) if item >= 0 else {PADDING}
-        for i in np.flatnonzero(np.isfinite(total)):
-            low = self.design.members[best[i]].low if best[i] >= 0 else ()
-            if own <= set(low) and passing.get(self.names[i], 1.0) > self.alpha:
-                total[i] = -np.inf
-        both = np.concatenate([total, smooth])
-        posterior = np.exp(both - logsumexp(both))
-        order = np.argsort(-posterior, kind="stable")
-        count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
-        credible = [int(i) for i in order[:count]]
-        best[c], others = item, [i for i in credible if i < len(self.names) and i != c]
-        return Entry(
-            item=item,
-            name=self.names[c],
-            p=passing.get(self.names[c], 1.0),
-            gain=float(total[c] - without),
-            posterior=float(posterior[c]),
-            credible=tuple((self.names[i], best[i], float(posterior[i])) for i in (c, *others)),
-            nameless=float(posterior[len(self.names) :].sum()),
-            overtaken=bool(len(smooth) and smooth.max() > total[c]),
-        )
 
     def nameless_wins(self, model: Model) -> bool:
         """Whether a nameless effect in the place of several of a model's is likelier than it."""

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.design import Design, design_of, smooth_covariance
+from mtu_cli.analyses.close_loop.design import Design, smooth_covariance
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.missing import interaction, missing
+from mtu_cli.analyses.close_loop.missing import Missing, interaction
 from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
@@ -18,37 +17,46 @@ from mtu_cli.stats.least_squares import FloatArray
 
 NOTABLE = 0.05
 """Share of the level's predicted variance from which a line's scatter is a stratum of its own."""
-FEWEST_FOR_BENDS = 3
 SAME = 1e-6
 """Of a direction; less is left of none but rounding."""
-VOID = 1e-6
-"""Share of a stratum's coordinates below which nothing of it is left."""
 
 
 def posed(
     table: ResidualTable,
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
-    of_features: FloatArray | None = None,
-    step: Callable[[], None] = lambda: None,
 ) -> Likelihood:
     """The likelihood of a table's errors in its strata with the columns of its candidates, beside
-    motions of whole parts that `scatter`, which are lines of their own, the last of each axis;
-    `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
+    motions of whole parts that `scatter`, which are lines of their own, the last of each axis.
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
-    gaps = missing(there, free_lines(table))
-    errors = gaps.of_axes(table.errors)
-    scale = _scale(errors, steps_of(table), gaps.lines)
-    errors, steps = errors / scale, steps_of(table) / scale
+    gaps = Missing(there, free_lines(table))
+    errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
+    steps = steps_of(table)
+    inner = max(float(np.std(interaction(own, gaps.lines))) for own in np.moveaxis(errors, 2, 0))
+    largest = float(np.abs(errors).max())
+    sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
+    scale = next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
+    errors, steps = errors / scale, steps / scale
     strata = _strata(table, errors, scatter)
-    if of_features is not None:
-        strata = _with_moved_means(strata, errors, len(scatter), of_features / scale**2)
-    design = design_of(table, strata, candidates, scale, gaps, step)
-    n = _dof(design)
+    design = Design(table, strata, candidates, scale, gaps)
+    # Degrees of freedom: less the missing cells and what a datum freed.
+    P, H, A = strata.shape
+    n, axis = strata.sizes.copy(), np.array(strata.axis)
+    n[strata.of(INTERACTION)] -= gaps.count
+    of_axis, _, j = np.unravel_index(strata.place, (A, P, H))
+    taken = np.zeros(len(n))
+    for motion in table.motions:
+        for direction in motion.Q.T:
+            one = np.zeros((H, A))
+            one[motion.columns] = direction.reshape(len(motion.columns), A)
+            share = np.einsum("ha,ahj->aj", one, strata.of_features)[of_axis, j] ** 2
+            taken += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
+    # A datum that takes a stratum leaves nothing of it but rounding.
+    n = np.where(n - taken > 1e-6 * n, np.maximum(n - taken, 1.0), 0.0)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
     y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
-    variance, axis = np.zeros(len(steps)), np.array(strata.axis)
+    variance = np.zeros(len(steps))
     for s in strata.of(INTERACTION):
         part = y[strata.slices[s]]
         variance[axis[s]] = part @ part / max(n[s], 1.0)
@@ -57,30 +65,9 @@ def posed(
     first = strata.at[:, 0]
     means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
     shared = means & (variance[axis] < steps[axis] ** 2 / 4)
-    least = np.where(shared, strata.shape[0] * least, least)
+    least = np.where(shared, P * least, least)
     known = _known(design, len(scatter), variance, n)
     return Likelihood(design, y, errors.mean(axis=(0, 1)), n, known, least)
-
-
-def _dof(design: Design) -> FloatArray:
-    """Degrees of freedom (S,): less the missing cells and what a datum freed."""
-    strata = design.strata
-    P, H, A = strata.shape
-    n = strata.sizes.copy()
-    for s in strata.of(INTERACTION):
-        n[s] -= design.gaps.count
-    axis, _, j = np.unravel_index(strata.place, (A, P, H))
-    taken = np.zeros(len(n))
-    for motion in design.table.motions:
-        for k in range(motion.Q.shape[1]):
-            one = np.zeros((H, A))
-            one[motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
-            share = np.einsum("ha,ahj->aj", one, strata.of_features) ** 2
-            of_strata = np.bincount(strata.labels(), share[axis, j], minlength=len(n))
-            taken += of_strata * len(motion.rows) / P
-    left = n - taken
-    # A datum that takes a stratum leaves nothing of it but rounding.
-    return np.where(left > VOID * n, np.maximum(left, 1.0), 0.0)
 
 
 def _known(
@@ -124,45 +111,35 @@ def free_lines(table: ResidualTable) -> FloatArray:
     return np.column_stack([level, _reading_lines(table)]) if table.component else level
 
 
-def _scale(errors: FloatArray, steps: FloatArray, lines: FloatArray) -> float:
-    """A size of the errors: their interaction's standard deviation, else their own."""
-    inner = [float(np.std(interaction(own, lines))) for own in np.moveaxis(errors, 2, 0)]
-    largest = float(np.abs(errors).max())
-    sizes = (max(inner), float(np.std(errors)), float(steps.max()), largest)
-    return next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
-
-
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
-    P, readings = len(errors), table.component is not None
-    lines = _lines(table)
-    for lever in (lever_of(name, table.axes, table.mean_places) for name in moving):
-        if lever is not None:
-            lines = [_with_line(own, lever[:, a]) for a, own in enumerate(lines)]
-    along = _along(table) if readings and P >= FEWEST_FOR_BENDS else None
-    rough = None if along is None else smooth_covariance(along)
-    result = strata_of(P, lines, features_scatter=not readings, roughness=rough)
-    bends = 0.0 if rough is None else own_bends(result, errors)
-    if not bends:
-        return result
-    return strata_of(P, lines, features_scatter=not readings, roughness=rough, bends=bends)
-
-
-def _with_moved_means(
-    strata: Strata, errors: FloatArray, moving: int, of_features: FloatArray
-) -> Strata:
-    """Strata in which the mean of the parts along their last lines, which are `moving`, scatters as
-    it must: by v_features + v_line - v_inner.
+    """With a line for each motion of whole parts in `moving`, and of readings the bends that passes
+    have of their own: the REML estimate of their variance, from differences between passes.
     """
-    y, spread = strata.coordinates(errors), strata.spread.copy()
-    P, H, A = strata.shape
-    _, _, j = np.unravel_index(strata.place, (A, P, H))
-    variance = [float(np.mean(y[part] ** 2)) for part in strata.slices]
-    for s in strata.of(INTERACTION):
-        a = strata.axis[s]
-        for line in [own for own in strata.of(LINE) if strata.axis[own] == a][-moving:]:
-            more = max(variance[line] - variance[s], 0.0) / of_features[a]
-            spread[strata.at[a, 0, j[strata.slices[line].start]]] *= np.sqrt(1 + more)
-    return replace(strata, spread=spread)
+    P, H, A = errors.shape
+    readings = table.component is not None
+    lines = _lines(table)
+    levers = (lever_of(name, table.axes, table.mean_places) for name in moving)
+    for lever in (x for x in levers if x is not None):
+        for a in range(A):
+            rest = lever[:, a] - lever[:, a].mean()
+            rest = rest - lines[a] @ (lines[a].T @ rest)
+            if (size := float(np.linalg.norm(rest))) > SAME:
+                lines[a] = np.column_stack([lines[a], rest / size])
+    along = _along(table) if readings and P >= 3 else None
+    if along is None:
+        return strata_of(P, lines, features_scatter=not readings, moving=len(moving))
+    rough = smooth_covariance(along)
+    strata = strata_of(P, lines, features_scatter=False, roughness=rough)
+    y = strata.coordinates(errors)
+    _, i, j = np.unravel_index(strata.place, (A, P, H))
+    inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
+    squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
+    grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
+    spread = 1 + grid[:, None] * strata.bends
+    left = np.maximum((squares / spread).sum(axis=1), 1e-300)
+    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
+    bends = float(grid[int(np.argmin(deviance))])
+    return strata_of(P, lines, features_scatter=False, roughness=rough, bends=bends)
 
 
 def _along(table: ResidualTable) -> FloatArray | None:
@@ -184,14 +161,6 @@ def _lines(table: ResidualTable) -> list[FloatArray]:
         U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)
         result.append(U[:, s**2 > NOTABLE * whole][:, :2])
     return result
-
-
-def _with_line(lines: FloatArray, direction: FloatArray) -> FloatArray:
-    """Orthonormal lines (H, k) with one more of features, beside their level."""
-    rest = direction - direction.mean()
-    rest = rest - lines @ (lines.T @ rest)
-    size = float(np.linalg.norm(rest))
-    return np.column_stack([lines, rest / size]) if size > SAME else lines
 
 
 def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
@@ -220,19 +189,3 @@ def _reading_lines(table: ResidualTable) -> FloatArray:
     left = np.abs(np.diag(np.linalg.qr(X, mode="r")))
     Q, R = np.linalg.qr(X[:, left > 1e-8 * np.linalg.norm(X, axis=0)])
     return np.asarray((Q * np.sign(np.diag(R)))[:, 1:])
-
-
-def own_bends(strata: Strata, errors: FloatArray) -> float:
-    """The REML estimate of the variance of the parts' own bends over the interaction's, from
-    differences between parts.
-    """
-    P, H, A = strata.shape
-    y = strata.coordinates(errors)
-    _axis, i, j = np.unravel_index(strata.place, (A, P, H))
-    inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
-    squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
-    grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
-    spread = 1 + grid[:, None] * strata.bends
-    left = np.maximum((squares / spread).sum(axis=1), 1e-300)
-    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
-    return float(grid[int(np.argmin(deviance))])

@@ -8,7 +8,6 @@ from typing import Literal
 
 from mtu_cli.analyses.close_loop.estimate import Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.experiment import Experiment
-from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
@@ -199,7 +198,6 @@ class CloseLoopResult:
     tables: tuple[TableResult, ...]
     alpha: float
     datum: str
-    warnings: tuple[Finding, ...] = ()
 
     @property
     def effects(self) -> tuple[FoundEffect, ...]:

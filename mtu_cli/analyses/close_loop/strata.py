@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,17 +43,15 @@ def to_contrasts(tables: FloatArray) -> FloatArray:
 class Strata:
     """Coordinates of tables (P, H, A), ordered by stratum.
 
-    `of_parts` (P, P), `of_features` (A, H, H) are orthonormal; these are, by axis, diag(s) - L R if
-    they are k `reflections` (s, L, R), which turn rows (n, H) in a time that grows as k n H.
-    `place` (N,) are the flat indices of the coordinates in (A, P, H), and `at` (A, P, H) the
-    coordinate of each; stratum s is the slice `slices[s]`, along the axis `axis[s]`, and its kind
-    is `kinds[s]`. `spread` (N,) are standard deviations relative to the stratum's; `bends` (H,) the
-    variance of bends that parts have of their own, by direction of the features (mean 1).
+    `of_parts` (P, P), `of_features` (A, H, H) are orthonormal. `place` (N,) are the flat indices of
+    the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
+    `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
+    deviations relative to the stratum's; `bends` (H,) the variance of bends that parts have of
+    their own, by direction of the features (mean 1).
     """
 
     of_parts: FloatArray
     of_features: FloatArray
-    reflections: tuple[tuple[FloatArray, FloatArray, FloatArray] | None, ...]
     place: IntArray
     at: IntArray
     slices: tuple[slice, ...]
@@ -93,13 +90,7 @@ class Strata:
         """
         P, H, _ = self.shape
         p, h = values.shape[-2:]
-        if h < H:
-            turned = values * np.sqrt(H)
-        elif (reflections := self.reflections[a]) is None:
-            turned = values @ self.of_features[a]
-        else:
-            signs, left, right = reflections
-            turned = values * signs - (values @ left) @ right
+        turned = values @ self.of_features[a] if h == H else values * np.sqrt(H)
         return to_contrasts(turned) if p == P else turned * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
@@ -137,13 +128,15 @@ def strata_of(
     lines: Sequence[FloatArray],
     *,
     features_scatter: bool,
+    moving: int = 0,
     roughness: FloatArray | None = None,
     bends: float = 0.0,
 ) -> Strata:
     """The strata of P parts with H features.
 
     `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with a variance of its
-    own over the parts. `features_scatter`: the features' means have one; where not, they belong to
+    own over the parts; along the last, which are `moving`, so has their mean, which scatters more
+    than the features. `features_scatter`: the features' means have one; where not, they belong to
     the strata of the parts (V = I_P x S). The mean of all is in none: every effect has an offset
     beside it. `roughness` (H, H) is the covariance of the bends that every part has of its own,
     `bends` their variance over the interaction's.
@@ -151,29 +144,22 @@ def strata_of(
     A, H = len(lines), len(lines[0])
     bases, spreads, shape = np.zeros((A, H, H)), np.ones((A, 1, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
-    first, reflections = 1 if features_scatter else 0, list[Any]()
+    first = 1 if features_scatter else 0
     for a, own in enumerate(lines):
         begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), own])
         k = begin.shape[1]
-        # As reflections I - V T V' (Schreiber & Van Loan 1989); the signs of columns are free.
-        raw, scales = np.linalg.qr(begin, mode="raw")
-        V, T, signs = np.tril(raw.T, -1) + np.eye(H, k), np.zeros((k, k)), np.ones(H)
-        for j, scale in enumerate(scales):
-            T[:j, j] = -scale * T[:j, :j] @ (V[:, :j].T @ V[:, j])
-            T[j, j] = scale
-        signs[:k] = np.sign(np.diag(raw.T))
-        W = T @ V.T * signs
-        basis = np.diag(signs) - V @ W
-        reflections.append(None if roughness is not None else (signs, V, W))
+        basis, R = np.linalg.qr(begin, mode="complete")
+        basis[:, :k] *= np.sign(np.diag(R))
         if roughness is not None and k < H:
             values, turn = np.linalg.eigh(basis[:, k:].T @ roughness @ basis[:, k:])
             basis[:, k:] = basis[:, k:] @ turn[:, ::-1]
             shape[k:] = np.maximum(values[::-1], 0.0) / values.mean()
             spreads[a, 0, k:] = np.sqrt(1 + bends * shape[k:])
         bases[a] = basis
-        groups: list[tuple[str, tuple[slice, slice]]] = [(PART, (slice(1, None), slice(0, 1)))]
-        groups += [(LINE, (slice(first, None), slice(j, j + 1))) for j in range(1, k)]
-        groups += [(FEATURE, (slice(0, 1), slice(1, None)))] if features_scatter else []
+        rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
+        groups = [(PART, (rest, slice(0, 1)))]
+        groups += [(FEATURE, (slice(0, 1), rest))] if features_scatter else []
+        groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in range(1, k)]
         groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
         for kind, where in groups:
             if label[a][where].size:
@@ -188,7 +174,6 @@ def strata_of(
     return Strata(
         of_parts=to_contrasts(np.eye(P)).T,
         of_features=bases,
-        reflections=tuple(reflections),
         place=place,
         at=at.reshape(label.shape),
         slices=tuple(map(slice, ends[:-1], ends[1:])),

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 
 import numpy as np
 
-from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import (
     FEWEST,
     FormLeft,
@@ -18,6 +17,7 @@ from mtu_cli.analyses.correct.scatter import (
     point_scatter,
 )
 from mtu_cli.analyses.correct.sizes import (
+    RowErrors,
     Sides,
     Size,
     mean_sizes,
@@ -29,8 +29,7 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
-from mtu_cli.model.effect_ranges import guess_warnings
-from mtu_cli.model.features import dof_warnings, outside_warnings
+from mtu_cli.model.features import dof_warnings, guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import no_shared_axis, roundings
 from mtu_cli.model.settings import Settings
@@ -80,12 +79,11 @@ class CorrectResult:
         """The circles, spheres or lengths."""
         return tuple(item for item in self.sizes if item.kind == kind)
 
-    def rms(self, kinds: Collection[Kind]) -> Sides | None:
-        """Root mean square of the errors of all sizes of some kinds before and after; None where
-        none has a reference.
+    def rms(self, kind: Kind) -> Sides | None:
+        """Root mean square of the errors of all sizes of a kind before and after; None where none
+        has a reference.
         """
-        sizes = (item for item in self.sizes if item.kind in kinds)
-        errors = [item.error for item in sizes if isfinite(item.reference)]
+        errors = [item.error for item in self.of_kind(kind) if isfinite(item.reference)]
         if not errors:
             return None
         before, after = np.sqrt(np.mean(np.square(errors), axis=0)).tolist()
@@ -116,15 +114,15 @@ def correct(
     if {AXES[k] for k in measured}.isdisjoint(model.axes):
         raise no_shared_axis(model, points, measured)
     columns, places = point_columns(points), points.measured
-    needed = needed_covariates(model, points, columns, at)
+    values, idle = needed_covariates(model, points, columns, at)
     rows = RowErrors(
         model=model,
         points=points,
         places=np.where(np.isnan(places), points.nominal, places),
-        covariates=needed.values,
+        covariates=values,
         independent=settings.independent,
     )
-    warnings = [*needed.warnings, *guess_warnings(model, rows.places, needed.values)]
+    warnings = [*idle, *guess_warnings(model, rows.places, values)]
     warnings += _axis_warnings(model, points)
     error, u = rows.errors()
     corrected = places - np.nan_to_num(error)
@@ -149,6 +147,17 @@ def correct(
     if exact := [name for name, size in zip(names, sizes, strict=True) if size.error[0] == 0]:
         given = {"names": exact, "reason": "no error before the correction"}
         warnings.append(finding("not-estimable", quantity="reduction_percent", **given))
+    # A ring of no calibration may have the form that it was made with; 95 % of all together
+    # (Bonferroni).
+    calibrated = [form for form in forms if form.calibrated]
+    left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
+    if left:
+        most = max(left, key=lambda form: form.F)
+        called = {form: f"{form.operation} {form.id}".strip() for form in left}
+        warnings.append(finding(
+            "form-left", names=[*dict.fromkeys(called.values())], worst=called[most],
+            rms_um=most.rms / UM, explained_um=most.explained / UM,
+        ))  # fmt: skip
     return CorrectResult(
         points=points,
         part=[points.parts[i] for i in points.part],
@@ -164,28 +173,8 @@ def correct(
         sizes=tuple(sizes),
         forms=forms,
         independent=settings.independent,
-        warnings=(*warnings, *form_warnings(forms)),
+        warnings=tuple(warnings),
     )
-
-
-def form_warnings(forms: Collection[FormLeft]) -> list[Finding]:
-    """Of calibrated rings whose form is more than is explained, at 95 % of all together
-    (Bonferroni): a ring of no calibration may have the form that it was made with.
-    """
-    calibrated = [form for form in forms if form.calibrated]
-    left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
-    if not left:
-        return []
-    most = max(left, key=lambda form: form.F)
-    return [
-        finding(
-            "form-left",
-            names=list(dict.fromkeys(f"{form.operation} {form.id}".strip() for form in left)),
-            worst=f"{most.operation} {most.id}".strip(),
-            rms_um=most.rms / UM,
-            explained_um=most.explained / UM,
-        )
-    ]
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> Iterator[Finding]:

@@ -1,4 +1,6 @@
-"""Diameters and lengths of the part file, in each part before and after the correction."""
+"""Modelled errors of measured points, a few at a time, with the history that lags need; diameters
+and lengths of the part file, in each part before and after the correction.
+"""
 
 from __future__ import annotations
 
@@ -9,21 +11,111 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Kind, PointScatter, Ring, ring_space
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest
-from mtu_cli.model.covariates import numbers_of, point_columns
+from mtu_cli.model.covariates import numbers_of, point_columns, rows_of
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
+from mtu_cli.model.machine_model import AXES, TIME, MachineModel
+from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.visits import IntArray, only_features, operations_of, visits_of
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
+PIECE = 64
+"""Points whose own variances are predicted at once."""
+REACH = 12.0
+"""Time constants after which a temperature is forgotten: exp(-12) is 6e-6."""
+MOMENTS = 512
+"""Earlier moments that a lag is given at most."""
+SLACK = 0.005
+"""Share of a measured range by which points, which carry the errors, may leave it."""
 SLACK_DEGC = 1e-9
 Sides = tuple[float, float]
 """(before, after) the correction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowErrors:
+    """The machine at the measured points: `places` (n, 3) mm, covariates by name.
+
+    `outside` gathers what lies beyond the measured ranges, once a feature and component.
+    """
+
+    model: MachineModel
+    points: Points
+    places: FloatArray
+    covariates: Mapping[str, FloatArray | float]
+    independent: bool
+    outside: dict[tuple[str, str], tuple[str, str, float, float, float]] = field(
+        default_factory=dict
+    )
+
+    @property
+    def columns(self) -> list[int]:
+        """The axes (0, 1, 2) of the model's equations."""
+        return [AXES.index(axis) for axis in self.model.axes]
+
+    def predicted(self, rows: IntArray) -> Prediction:
+        """The prediction at `rows` (m,), under the earlier temperatures where a drift lags."""
+        every = np.concatenate([rows, self._history(rows)])
+        names = [self.points.features[code] for code in self.points.feature[every]]
+        places = self.places[every]
+        # Of other moments only the temperatures matter.
+        places[len(rows) :] = places[0]
+        prediction = predict(self.model, names, places, rows_of(self.covariates, every))
+        prediction = prediction.first(len(rows))
+        for entry in prediction.outside:
+            _, _, position, low, high = entry
+            if max(low - position, position - high) > SLACK * (high - low):
+                self.outside.setdefault(entry[:2], entry)
+        return prediction
+
+    def _history(self, rows: IntArray) -> IntArray:
+        """Rows (m,) of earlier and intermediate moments, one a moment, thinned evenly."""
+        longest = max((d.time_constants.max() for d in self.model.drifts()), default=0.0)
+        times = np.asarray(self.covariates.get(TIME, 0.0))
+        if longest == 0 or times.ndim == 0:
+            return np.zeros(0, np.int64)
+        now = times[rows]
+        near = (times >= now.min() - REACH * longest) & (times <= now.max())
+        result = np.flatnonzero(near & ~np.isin(times, now))
+        result = result[np.unique(times[result], return_index=True)[1]]
+        if len(result) > MOMENTS:
+            result = result[np.linspace(0, len(result) - 1, MOMENTS).round().astype(int)]
+        return result
+
+    def variances(self, prediction: Prediction, A: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Variances (m,) of the measurands A E and their effective degrees of freedom (m,)."""
+        if self.independent:
+            total: FloatArray = A**2 @ prediction.independent_variance
+            return total, np.full(len(A), np.inf)
+        result = prediction.variance(A)
+        # A difference of mean squares may leave a little less than nothing.
+        return np.maximum(result.total, 0.0), result.dof
+
+    def covariance(self, prediction: Prediction, A: FloatArray) -> FloatArray:
+        """Covariance (m, m) of the measurands A E, mm^2."""
+        if self.independent:
+            return np.diag(A**2 @ prediction.independent_variance)
+        return np.asarray(A @ prediction.covariance @ A.T)
+
+    def errors(self) -> tuple[FloatArray, FloatArray]:
+        """Error and standard uncertainty (n, 3), mm: nan along axes that have no equation or were
+        not measured.
+        """
+        n, a = len(self.points), len(self.model.axes)
+        error, u = np.full((2, n, 3), np.nan)
+        for start in range(0, n, PIECE):
+            rows = np.arange(start, min(start + PIECE, n))
+            prediction, place = self.predicted(rows), np.ix_(rows, np.array(self.columns))
+            variance, _ = self.variances(prediction, np.eye(len(rows) * a))
+            error[place] = prediction.mean.reshape(-1, a)
+            u[place] = np.sqrt(variance).reshape(-1, a)
+        lost = np.isnan(self.points.measured)
+        return np.where(lost, np.nan, error), np.where(lost, np.nan, u)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,17 +219,11 @@ def _temperature(
             raise InputError(problems)
         return result
     if name and name not in at and item.calibrated_mm:
-        near = nearest(name, [*columns, *at])
-        there = f" (there is {' or '.join(map(repr, near))})" if near else ""
-        raise error(
-            "unknown-name",
-            what="temperature",
-            file=part.source.shown,
-            line=part.line_of(*path, "temperature"),
-            path=f"{path[0]}[{path[1]}].temperature",
-            value=name,
-            expected=f"a column of this name{there}, or --at {name}=VALUE",
-        )
+        place = {"file": part.source.shown, "line": part.line_of(*path, "temperature")}
+        near = " or ".join(map(repr, nearest(name, [*columns, *at])))
+        expected = f"a column of this name{near and f' (there is {near})'}, or --at {name}=VALUE"
+        place |= {"path": f"{path[0]}[{path[1]}].temperature", "value": name}
+        raise error("unknown-name", what="temperature", expected=expected, **place)
     return np.full(len(points), at.get(name, nan))
 
 
@@ -147,9 +233,13 @@ class Size:
 
     `reference` is the calibrated diameter or nominal length (nan: none) with expanded
     uncertainty `U_reference` (k = 2, nan: not given), `form` the range of the radial residuals
-    (nan for lengths). `u`, `dof` are those of the corrected size. Of a part that was measured
-    `n_repeats` times all are means, of which `s_repeats` (after, nan for one) is the scatter; `k`
-    is the coverage factor of `U`.
+    (nan for lengths). `u`, `dof` are those of the corrected size, `U` = k u (JCGM 100, eq. (18)),
+    `interval95` its interval. Of a part that was measured `n_repeats` times all are means, of which
+    `s_repeats` (after, nan for one) is the scatter.
+
+    `error` is measured minus reference, before and after, nan without one; `u_error` that of the
+    error after, the correction's and the calibration's, with `error_interval95`;
+    `reduction_percent` 100 (1 - |after|/|before|) (Valdes et al., Tables 1 and 2).
     """
 
     kind: Kind
@@ -161,50 +251,16 @@ class Size:
     U_reference: float
     u: float
     dof: float
+    U: float
+    interval95: Sides
     temperature: float
     form: Sides
     n_repeats: int
     s_repeats: float
-    k: float
-
-    @property
-    def error(self) -> Sides:
-        """Measured minus reference, before and after; nan without a reference."""
-        return self.size[0] - self.reference, self.size[1] - self.reference
-
-    @property
-    def u_error(self) -> float:
-        """Standard uncertainty of the error after: the correction's and the calibration's."""
-        return hypot(self.u, float(np.nan_to_num(self.U_reference)) / 2)
-
-    @property
-    def dof_error(self) -> float:
-        """Effective degrees of freedom of `u_error` (JCGM 100, eq. (G.2b))."""
-        parts = np.array([self.u**2, float(np.nan_to_num(self.U_reference)) ** 2 / 4])
-        return welch_satterthwaite(parts, np.array([self.dof, inf]))
-
-    @property
-    def interval95(self) -> Sides:
-        """The 95 % interval of the corrected size."""
-        half = coverage_factor(PROBABILITY, self.dof) * self.u
-        return self.size[1] - half, self.size[1] + half
-
-    @property
-    def error_interval95(self) -> Sides:
-        """The 95 % interval of the error after, the calibration's uncertainty included."""
-        half = coverage_factor(PROBABILITY, self.dof_error) * self.u_error
-        return self.error[1] - half, self.error[1] + half
-
-    @property
-    def U(self) -> float:
-        """Expanded uncertainty k u of the corrected size, mm (JCGM 100, eq. (18))."""
-        return self.k * self.u
-
-    @property
-    def reduction_percent(self) -> float:
-        """100 (1 - |after|/|before|) (Valdes et al., Tables 1 and 2); nan without an error."""
-        before, after = self.error
-        return 100 * (1 - abs(after) / abs(before)) if before else nan
+    error: Sides
+    u_error: float
+    error_interval95: Sides
+    reduction_percent: float
 
 
 class Measure(NamedTuple):
@@ -391,6 +447,15 @@ def mean_sizes(
         if scatter is not None:
             averaged = n if scatter.origin == "repeats" else 1
             u, dof = scatter.added(u, dof, sensitivity, averaged)
+        error_before, error_after = before - reference, last - reference
+        u_calibration = float(np.nan_to_num(item.U_reference)) / 2
+        u_error = hypot(u, u_calibration)
+        # Effective degrees of freedom: JCGM 100, eq. (G.2b).
+        variances = np.array([u**2, u_calibration**2])
+        dof_error = welch_satterthwaite(variances, np.array([dof, inf]))
+        half, half_error = (
+            coverage_factor(PROBABILITY, nu) * own for nu, own in ((dof, u), (dof_error, u_error))
+        )
         size = Size(
             kind=item.kind,
             id=item.id,
@@ -405,7 +470,12 @@ def mean_sizes(
             form=(was, left),
             n_repeats=n,
             s_repeats=float(after.std(ddof=1)) if n > 1 else nan,
-            k=k,
+            U=k * u,
+            interval95=(last - half, last + half),
+            error=(error_before, error_after),
+            u_error=u_error,
+            error_interval95=(error_after - half_error, error_after + half_error),
+            reduction_percent=100 * (1 - abs(error_after / error_before)) if error_before else nan,
         )
         result.append(size)
     return result

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, choose, held_out
 from mtu_cli.analyses.thermal_fit.design import Design, about_means, sensors_of
-from mtu_cli.analyses.thermal_fit.models import Fitted
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, Curve, ThermalFit
+from mtu_cli.analyses.thermal_fit.models import FEWEST_NESTED, Fitted, HeldOut, choose, held_out
 from mtu_cli.analyses.thermal_fit.uncertainty import (
+    Gradient,
     estimate,
     gradients,
     noise_share,
@@ -19,15 +19,93 @@ from mtu_cli.analyses.thermal_fit.uncertainty import (
 )
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import Finding, InputError, counted, error, finding
+from mtu_cli.findings import Finding, counted, error, finding
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.compressed import effective_number
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
-from mtu_cli.units import LENGTH, UNITS
+from mtu_cli.units import ARCSEC, LENGTH, UM, UNITS, Unit
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
 _ROUNDING_OF_COUNT = 1e-6
 MOST_POINTS = 400
 """Points of one curve of a picture."""
+
+
+class Curve(NamedTuple):
+    """One position and cycle for pictures: arrays (n,), at most some hundred of them.
+
+    `time` in min (counted readings where no time is given), `measured` and `modelled` drift.
+    """
+
+    position: float | None
+    cycle: str
+    time: FloatArray
+    measured: FloatArray
+    modelled: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComponentDrift:
+    """The thermal model of one component and the evidence for it.
+
+    `groups` are sensors that move alike (|r| >= 0.999), the first of each standing for all;
+    `gradients` of every sensor of the model at every position, `inseparable` ones of several;
+    `condition` and `vif` (by sensor, None: infinite) of the standardised sensors of the model;
+    `shares` (by sensor) the root mean square of its part of the modelled drift. Cycles have
+    `offsets` of their own where the probe was zeroed in each (`by`: setting, first readings or
+    test). `normality_p` (D'Agostino & Pearson's K^2 on the effective number) and `lag1`
+    autocorrelation are of the residuals.
+    """
+
+    name: str
+    unit: Unit
+    model: str
+    estimate: ThermalEstimate
+    positions: tuple[float, ...]
+    n: int
+    cycles: tuple[str, ...]
+    groups: tuple[tuple[str, ...], ...]
+    r2_fit: float
+    rms_before: float
+    rms_after: float
+    held_out: HeldOut | None
+    condition: float
+    vif: dict[str, float | None]
+    normality_p: float | None
+    lag1: float
+    shares: dict[str, float]
+    gradients: tuple[Gradient, ...]
+    inseparable: tuple[Gradient, ...]
+    curves: tuple[Curve, ...]
+    offsets: bool
+    by: str
+
+    @property
+    def size2(self) -> float:
+        """Its unit's square."""
+        return self.unit.to_internal**2
+
+    @property
+    def rms_unit(self) -> str:
+        """Of reported root mean squares: um of a length, arcsec of an angle."""
+        return "um" if self.unit.dimension == LENGTH else "arcsec"
+
+    @property
+    def rms_size(self) -> float:
+        """mm or rad in one of it."""
+        return UM if self.unit.dimension == LENGTH else ARCSEC
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThermalFit:
+    """All components whose drift was read; `reference` in degC."""
+
+    components: dict[str, ComponentDrift]
+    sensors: tuple[str, ...]
+    reference: float
+    method: str
+    warnings: tuple[Finding, ...]
 
 
 def thermal_fit(
@@ -62,7 +140,18 @@ def thermal_fit(
             of, unit = components[design.name]
         fitted = Fitted(design, design.every_cycle, choose(design, design.blocks, method))
         if len(design.y) - fitted.parameters < 1 - _ROUNDING_OF_COUNT:
-            raise _too_few(fitted)
+            rows_of_all = design.rows(design.every_cycle).values()
+            levels, count = sum(x.levels for x in rows_of_all), fitted.coefficients.size
+            of = f"{counted(levels, 'level')} and {counted(count, 'gradient')}"
+            raise error(
+                "too-little-data",
+                what=f"{counted(len(design.y), 'reading')} of {design.name} for the "
+                f"{fitted.spec.kind} model of {of}",
+                file=design.file,
+                # Sensors that depend on each other need fewer.
+                expected=f"{levels + count + 1} (always enough): one more than is fitted gives the "
+                "uncertainty",
+            )
         own = noise_share(fitted, sensor_noise(design))
         result[design.name] = drift = _component(fitted, method, own, of, unit)
         share = min(share, own)
@@ -81,20 +170,6 @@ def thermal_fit(
         reference=reference,
         method=method,
         warnings=tuple(dict.fromkeys(warnings)),
-    )
-
-
-def _too_few(found: Fitted) -> InputError:
-    design, kind, count = found.design, found.spec.kind, found.coefficients.size
-    levels = sum(item.levels for item in design.rows(design.every_cycle).values())
-    of = f"{counted(levels, 'level')} and {counted(count, 'gradient')}"
-    return error(
-        "too-little-data",
-        what=f"{counted(len(design.y), 'reading')} of {design.name} for the {kind} model of {of}",
-        file=design.file,
-        # Sensors that depend on each other need fewer.
-        expected=f"{levels + count + 1} (always enough): one more than is fitted gives the "
-        "uncertainty",
     )
 
 

@@ -101,19 +101,47 @@ class Design:
         self.still = left <= ROUNDING * float(np.linalg.norm(self.y))
         # Sensors that never move hold no information, and of readings that do not none has any.
         moving = np.flatnonzero((np.ptp(self.span, axis=1) > 0) & (not self.still)).tolist()
-        groups = _alike(about_means(self.T, self.places), moving)
+        groups = list[dict[int, float]]()
+        centred = about_means(self.T, self.places)
+        length = np.linalg.norm(centred, axis=0)
+        # A sensor may differ between positions alone.
+        centred = centred / np.where(length > 0, length, 1.0)
+        for sensor in moving:
+            # Those that go together with the first of a group, with their sign.
+            r = [float(centred[:, sensor] @ centred[:, next(iter(group))]) for group in groups]
+            own = next((i for i, each in enumerate(r) if abs(each) >= ALIKE), None)
+            if own is None:
+                groups.append({sensor: 1.0})
+            else:
+                groups[own][sensor] = float(np.sign(r[own]))
         self.groups = tuple(tuple(sensors[s] for s in group) for group in groups)
         self.average = np.zeros((len(sensors), len(groups)))
         for j, group in enumerate(groups):
             self.average[[*group], j] = np.array([*group.values()]) / len(group)
         self.step, self.time_constants = 0.0, np.zeros(1)
-        if lagged and not np.isnan(self.time).any():
-            self._lags()
-        self.Z = self._columns()
+        times = [self.time[part] for part in self.runs.values()]
+        steps = np.concatenate([np.diff(time) for time in times])
+        if lagged and not np.isnan(self.time).any() and (steps > 0).any():
+            # Time constants from twice the usual step on, in powers of two.
+            self.step = float(np.median(steps[steps > 0]))
+            longest = max(float(time[-1] - time[0]) for time in times)
+            many = int(np.clip(np.floor(np.log2(longest / (2 * self.step))) + 1, 0, MOST_LAGS))
+            self.time_constants = np.append(0.0, 2 * self.step * 2.0 ** np.arange(many))
+        rise, n = (self.T - reference) @ self.average, len(self.y)
+        lags = [first_order_lag(rise[p], self.time[p], self.time_constants) for p in self.places]
+        lagged_rise = np.moveaxis(np.concatenate(lags, axis=1), 0, 1).reshape(n, -1)
+        self.Z = np.column_stack([np.ones(n), lagged_rise, self.y])
         self.pieces = {key: compress(self.Z[part]) for key, part in self.runs.items()}
-        self.offsets, self.by = False, "test" if zeroed == "auto" else "setting"
-        if zeroed != "never" and len(self.cycles) > 1:
-            self._free_of_offsets(zeroed)
+        self.offsets, self.by = zeroed == "cycle", "test" if zeroed == "auto" else "setting"
+        several = len(self.cycles) > 1 and len(self.runs) > len(self.positions)
+        if zeroed == "auto" and groups and several:
+            if not self.y[[part.start for part in self.runs.values()]].any():
+                self.offsets, self.by = True, "first readings"
+            else:
+                self.offsets = _offsets_explain(self.pieces, len(groups))
+        self.offsets &= len(self.cycles) > 1
+        if self.offsets:
+            self.pieces = {key: piece.about_mean() for key, piece in self.pieces.items()}
         self.known: dict[frozenset[int], Rows] = {}
         self.selected: dict[tuple[frozenset[int], int], tuple[IntArray, LeastSquares]] = {}
 
@@ -139,51 +167,23 @@ class Design:
         self.places = [slice(low, high) for low, high in pairwise(ends)]
         return rows[order]
 
-    def _lags(self) -> None:
-        """The usual step between readings; time constants 0, and from twice that powers of two."""
-        times = [self.time[part] for part in self.runs.values()]
-        steps = np.concatenate([np.diff(time) for time in times])
-        if (steps > 0).any():
-            self.step = float(np.median(steps[steps > 0]))
-            longest = max(float(time[-1] - time[0]) for time in times)
-            count = int(np.clip(np.floor(np.log2(longest / (2 * self.step))) + 1, 0, MOST_LAGS))
-            self.time_constants = np.append(0.0, 2 * self.step * 2.0 ** np.arange(count))
-
-    def _columns(self) -> FloatArray:
-        rise, n = (self.T - self.reference) @ self.average, len(self.y)
-        lags = [first_order_lag(rise[p], self.time[p], self.time_constants) for p in self.places]
-        columns = np.moveaxis(np.concatenate(lags, axis=1), 0, 1).reshape(n, -1)
-        return np.column_stack([np.ones(n), columns, self.y])
-
-    def _free_of_offsets(self, zeroed: str) -> None:
-        starts = [part.start for part in self.runs.values()]
-        if zeroed == "cycle":
-            self.offsets = True
-        elif self.groups and len(starts) > len(self.positions):
-            if not self.y[starts].any():
-                self.offsets, self.by = True, "first readings"
-            else:
-                self.offsets = _offsets_explain(self.pieces, len(self.groups))
-        if self.offsets:
-            self.pieces = {key: piece.about_mean() for key, piece in self.pieces.items()}
-
     @property
     def most_degree(self) -> int:
         """The highest degree in position that the observed positions determine."""
         return len(self.positions) - 1
 
     @cached_property
-    def frame(self) -> tuple[float, float, FloatArray]:
+    def scaled(self) -> tuple[float, float, FloatArray]:
         """The middle c of the observed positions (mm; 0 without an axis), their half range h, and
-        all powers (positions, positions) of (p - c)/h, which conditions well.
+        (p - c)/h (positions,), whose powers condition well.
         """
         places = np.array([position or 0.0 for position in self.positions])
         middle, half = float(places.max() + places.min()) / 2, float(np.ptp(places)) / 2 or 1.0
-        return middle, half, polynomial((places - middle) / half, self.most_degree)
+        return middle, half, (places - middle) / half
 
     def powers(self, degree: int) -> FloatArray:
         """Powers (positions, degree + 1) of the position scaled to -1 ... 1."""
-        return self.frame[2][:, : degree + 1]
+        return polynomial(self.scaled[2], degree)
 
     @property
     def every_cycle(self) -> range:
@@ -251,25 +251,6 @@ def sensors_of(readings: Readings) -> tuple[str, ...]:
     if problems:
         raise InputError(problems)
     return sensors
-
-
-def _alike(T: FloatArray, moving: Iterable[int]) -> list[dict[int, float]]:
-    """Sensors that go together at |r| >= 0.999 with the first of their group, with their sign;
-    temperatures (n, s) about their means.
-    """
-    length = np.linalg.norm(T, axis=0)
-    # A sensor may differ between positions alone.
-    T = T / np.where(length > 0, length, 1.0)
-    groups: list[dict[int, float]] = []
-    for sensor in moving:
-        for group in groups:
-            r = float(T[:, sensor] @ T[:, next(iter(group))])
-            if abs(r) >= ALIKE:
-                group[sensor] = float(np.sign(r))
-                break
-        else:
-            groups.append({sensor: 1.0})
-    return groups
 
 
 def _offsets_explain(pieces: Pieces, g: int) -> bool:

@@ -20,14 +20,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import comb, fdtri
 
-from mtu_cli.analyses.thermal_fit.choice import folds
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.analyses.thermal_fit.models import Fitted
-from mtu_cli.analyses.thermal_fit.result import Gradient
+from mtu_cli.analyses.thermal_fit.models import Fitted, folds
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.covariance import covariance_root, positive_part
@@ -52,6 +51,21 @@ TOLD_APART = 0.5
 """... and are not separable where the interval of one reaches this share of the common gradient."""
 
 
+class Gradient(NamedTuple):
+    """What sensors do at a position: the model's `value`, mm or rad per degC of the first, with its
+    `u` and 95 % `interval` (None where the readings do not determine it), u `by` "cycles" (their
+    scatter) or "model" (of the errors). Several `sensors` are not separable: they only have one
+    together, the others moving with the first as they did in the readings.
+    """
+
+    position: float | None
+    sensors: tuple[str, ...]
+    value: float
+    u: float | None
+    interval: tuple[float, float] | None
+    by: str
+
+
 def estimate(
     found: Fitted, residual: FloatArray, of: str | None, unit: Unit, sensor_u: FloatArray
 ) -> ThermalEstimate:
@@ -62,11 +76,23 @@ def estimate(
     members = np.flatnonzero((design.average[:, used] != 0).any(axis=1))
     spread = design.average[np.ix_(members, used)]
     # From powers of (p - c)/h to powers of p.
-    (c, h, _), m = design.frame, found.spec.degree + 1
+    (c, h, _), m = design.scaled, found.spec.degree + 1
     T = np.array([[comb(k, j) * (-c) ** max(k - j, 0) / h**k for k in range(m)] for j in range(m)])
     kept = np.concatenate([used + k * len(design.groups) for k in range(m)])
     held = _held_out_products(found)
-    scale, coefficient_dof = _coefficient_scale(found, held)
+    n, cycles = len(design.y), design.every_cycle
+    square, lag = found.mean_products(cycles)
+    square *= n / max(n - found.parameters, 1.0)
+    number = effective_number(n, lag / square if square > 0 else 0.0)
+    # Residuals that follow each other tell less than their number: s^2 (1 + r)/(1 - r).
+    scale, coefficient_dof = square * n / number, max(number - found.parameters, 1.0)
+    if held is not None and held[1] > 0:
+        # Where held-out cycles show significantly more (5 %, F), the difference over their mean
+        # x'C x is taken.
+        beyond = (max(held[0], 0.0) - max(lag, 0.0)) / held[1]
+        between = max(len(cycles) - 1.0, 1.0)
+        if beyond > scale * float(fdtri(between, coefficient_dof, PROBABILITY)):
+            scale, coefficient_dof = beyond, between
     root = np.kron(T, spread) @ covariance_root(found.unit_covariance[np.ix_(kept, kept)])
     slow, leftover_dof = _slow(found, residual, held)
     places = [position for position in design.positions if position is not None]
@@ -108,25 +134,6 @@ def _held_out_products(found: Fitted) -> tuple[float, float] | None:
             total[1] += float(np.einsum("ri,ij,rj->", x, fitted.unit_covariance, x))
     lag, leverage = (total / len(design.y)).tolist()
     return lag, leverage
-
-
-def _coefficient_scale(found: Fitted, held: tuple[float, float] | None) -> tuple[float, float]:
-    """What the unit covariance is multiplied by, and its degrees of freedom.
-
-    Residuals that follow each other tell less than their number: s^2 (1 + r)/(1 - r). Where
-    held-out cycles show significantly more (5 %, F), the difference over their mean x'C x is taken.
-    """
-    n, cycles = len(found.design.y), found.design.every_cycle
-    square, lag = found.mean_products(cycles)
-    square *= n / max(n - found.parameters, 1.0)
-    number = effective_number(n, lag / square if square > 0 else 0.0)
-    within = square * n / number, max(number - found.parameters, 1.0)
-    if held is None or held[1] <= 0:
-        return within
-    beyond = (max(held[0], 0.0) - max(lag, 0.0)) / held[1]
-    between = max(len(cycles) - 1.0, 1.0)
-    limit = within[0] * float(fdtri(between, within[1], PROBABILITY))
-    return within if beyond <= limit else (beyond, between)
 
 
 def _slow(

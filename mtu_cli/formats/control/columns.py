@@ -25,11 +25,9 @@ from mtu_cli.formats.control.errors import (
     Controller,
     ErrorTable,
     Parameters,
-    always,
     choice,
     decimals,
     lines_of,
-    never,
     number_parameter,
     numeric,
     parameter,
@@ -138,9 +136,10 @@ def _error_name(parameters: Parameters, table: ErrorTable) -> str:
     return choice({"error": name}, "error", known)
 
 
-def _model_rows(table: ErrorTable) -> list[str]:
+def _model_file(table: ErrorTable, head: list[str], tail: list[str]) -> str:
     places = 9 if table.angle else 6
-    return [f"{real(at)} {real(e, places)}" for at, e in zip(table.at, table.forward, strict=True)]
+    pairs = zip(table.at, table.errors[0], strict=True)
+    return "\n".join([*head, *(f"{real(at)} {real(e, places)}" for at, e in pairs), *tail, ""])
 
 
 def _model_table(lines: list[tuple[int, str]], name: str) -> ErrorTable:
@@ -149,8 +148,7 @@ def _model_table(lines: list[tuple[int, str]], name: str) -> ErrorTable:
 
 
 def _write_csv(table: ErrorTable, parameters: Parameters) -> str:
-    heading = f"{parameters['axis']} {_error_name(parameters, table)}"
-    return "\n".join([heading, *_model_rows(table), ""])
+    return _model_file(table, [f"{parameters['axis']} {_error_name(parameters, table)}"], [])
 
 
 def _read_csv(text: str, parameters: Parameters) -> ErrorTable:
@@ -162,8 +160,7 @@ def _read_csv(text: str, parameters: Parameters) -> ErrorTable:
 
 
 def _write_etalon(table: ErrorTable, parameters: Parameters) -> str:
-    name = _error_name(parameters, table)
-    return "\n".join([f"[{name}]", "Gridpoints = {", *_model_rows(table), "}", ""])
+    return _model_file(table, [f"[{_error_name(parameters, table)}]", "Gridpoints = {"], ["}"])
 
 
 def _read_etalon(text: str, parameters: Parameters) -> ErrorTable:
@@ -245,8 +242,8 @@ LINUXCNC = Controller(
     says="LinuxCNC COMP_FILE: nominal, forward, reverse; type 0 holds the positions that the axis "
     "reaches, type 1 corrections (nominal minus actual). No comment may stand in the file itself. "
     "BACKLASH is ignored where it is loaded; STEPGEN_MAXACCEL needs 1.5 to 2 times headroom.",
-    quantum=lambda parameters: 1e-6 if _inch(parameters) == 1 else 1e-7 * INCH, two=always,
-    equidistant=never, most=MOST_ROWS, newline="\n",
+    quantum=lambda parameters: 1e-6 if _inch(parameters) == 1 else 1e-7 * INCH, two=lambda _: True,
+    equidistant=lambda _: False, most=MOST_ROWS, newline="\n",
 )  # fmt: skip
 HEIDENHAIN = Controller(
     "heidenhain", "error", _write_heidenhain, _read_heidenhain, {"variant": "new", "axis": "X"},
@@ -260,25 +257,25 @@ ISG_CSV = Controller(
     "isg-csv", "error", _write_csv, _read_csv, MODEL,
     says="Values of the error model (actual minus nominal), mm and rad; `negate` in the list file "
     "turns the sign.",
-    equidistant=never, comment="//", angles=True,
+    equidistant=lambda _: False, comment="//", angles=True,
 )  # fmt: skip
 ETALON = Controller(
     "etalon", "error", _write_etalon, _read_etalon, MODEL,
     says="ETALON_EXCHANGE, Vendor variant: values of the error model (actual minus nominal), mm "
     "and rad; `negate` in the list file turns the sign.",
-    equidistant=never, angles=True,
+    equidistant=lambda _: False, angles=True,
 )  # fmt: skip
 MITSUBISHI = Controller(
     "mitsubishi", "correction", _write_mitsubishi, _read_mitsubishi, {"unit": "1"},
     says=f"{HAND} Increments (interval minus actual distance) times 2, in output units: plus_side "
     "of the move from from_mm to to_mm, minus_side of the move back. The backlash at the first "
     "point is not in it: enter it as the control's own.",
-    quantum=_output_unit, two=always, zeroed="each", comment="#", listing=True,
+    quantum=_output_unit, two=lambda _: True, zeroed="each", comment="#", listing=True,
 )  # fmt: skip
 TABLE = Controller(
     "table", "error", _write_table, _read_table, {"axis": "X"},
     says=f"{HAND} error: actual minus nominal; correction: the other sign; step: the change of the "
     "error from the point before. Which of them the control wants its manual says (of Fanuc: "
     "increments, sign not stated in public sources): prove it with a verification move.",
-    two=always, equidistant=never, comment="#", angles=True, listing=True,
+    two=lambda _: True, equidistant=lambda _: False, comment="#", angles=True, listing=True,
 )  # fmt: skip

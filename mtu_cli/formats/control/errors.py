@@ -30,7 +30,8 @@ EQUAL_STEP = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorTable:
-    """Errors (2, n) forward and reverse, mm or rad, at rising machine positions `at` (n,), mm.
+    """Errors (2, n) forward and reverse, mm or rad, at rising machine positions `at` (n,), mm; of a
+    table of one direction both are the same.
 
     `both`: the two directions differ by intention. `angle`: in rad; `rotary`: at positions in deg.
     """
@@ -47,11 +48,6 @@ class ErrorTable:
         columns = np.array([errors[0], errors[-1]], float)
         return cls(at=np.asarray(at, float), errors=columns, both=len(errors) > 1, angle=angle)
 
-    @property
-    def forward(self) -> FloatArray:
-        """Errors (n,) forward; of a table of one direction those of both."""
-        return np.asarray(self.errors[0])
-
     def at_places(self, places: FloatArray) -> FloatArray:
         """Errors (2, m) at other positions: linear between points, held beyond the ends."""
         return np.stack([np.interp(places, self.at, each) for each in self.errors])
@@ -63,16 +59,6 @@ class ErrorTable:
         if len(steps) == 0 or np.ptp(steps) > EQUAL_STEP:
             return None
         return float(round((self.at[-1] - self.at[0]) / len(steps), 6))
-
-
-def always(_: Parameters) -> bool:
-    """Whatever the parameters."""
-    return True
-
-
-def never(_: Parameters) -> bool:
-    """Under no parameters."""
-    return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +82,8 @@ class Controller:
     _: KW_ONLY
     says: str
     quantum: Callable[[Parameters], float] = lambda _: NANOMETRE
-    two: Callable[[Parameters], bool] = never
-    equidistant: Callable[[Parameters], bool] = always
+    two: Callable[[Parameters], bool] = lambda _: False
+    equidistant: Callable[[Parameters], bool] = lambda _: True
     zeroed: str = ""
     comment: str = ""
     most: int | None = None
@@ -162,14 +148,14 @@ def decimals(value: float, places: int = 6) -> str:
     >>> decimals(50.0050), decimals(-0.0000001)
     ('50.005', '0')
     """
-    text = f"{value:.{places}f}".rstrip("0").rstrip(".")
-    return "0" if text in ("-0", "") else text
+    return real(value, places).removesuffix(".0")
 
 
 def real(value: float, places: int = 6) -> str:
     """The same with a decimal point, as controls write real numbers."""
-    text = decimals(value, places)
-    return text if "." in text else f"{text}.0"
+    text = f"{value:.{places}f}".rstrip("0")
+    text += "0" * text.endswith(".")
+    return "0.0" if text == "-0.0" else text
 
 
 def parameter(parameters: Parameters, name: str, form: str = "VALUE") -> str:

@@ -23,12 +23,10 @@ from mtu_cli.formats.control.errors import (
     Controller,
     ErrorTable,
     Parameters,
-    always,
     choice,
     decimals,
     in_order,
     lines_of,
-    never,
     number_parameter,
     numeric,
     parameter,
@@ -128,7 +126,7 @@ def _siemens_table(text: str, at: FloatArray, *errors: FloatArray) -> ErrorTable
 
 def _write_enc(table: ErrorTable, parameters: Parameters) -> str:
     index = f"{parameter(parameters, 'encoder')},{{}},{parameter(parameters, 'axis')}"
-    lines = _siemens_points("AA_ENC_COMP", index, table, table.forward)
+    lines = _siemens_points("AA_ENC_COMP", index, table, table.errors[0])
     return _siemens_file("AX_EEC", table, lines)
 
 
@@ -205,7 +203,7 @@ def _write_cal(table: ErrorTable, parameters: Parameters) -> str:
         f":START {axis} SAMPLEDIST={decimals(table.step or 0.0)} POSUNIT=PRIMARY CORUNIT=PRIMARY",
         f":START OFFSET={decimals(-table.at[0])}",
         f":START HOMEDIRECTION={home} HOMEOFFSET={parameters['home_offset']}",
-        *(real(-e) for e in table.forward),
+        *(real(-e) for e in table.errors[0]),
     ]
     return "\n".join([*lines, ":END", ""])
 
@@ -235,7 +233,7 @@ def _write_acs(table: ErrorTable, parameters: Parameters) -> str:
     name = f"MTU_MAP_{axis}_{zone}"
     base, step = decimals(table.at[0]), decimals(table.step or 0.0)
     lines = [f"GLOBAL REAL {name}({len(table.at)})"]
-    lines += [f"{name}({k}) = {real(-e)}" for k, e in enumerate(table.forward)]
+    lines += [f"{name}({k}) = {real(-e)}" for k, e in enumerate(table.errors[0])]
     lines.append(f"ERRORMAP1D {axis}, {zone}, {base}, {step}, {name}")
     return "\n".join([*lines, f"ERRORMAPON {axis}, {zone}", "STOP", ""])
 
@@ -261,7 +259,7 @@ def _write_pmac(table: ErrorTable, parameters: Parameters) -> str:
         reason = f"a PMAC table begins at home, 0, which is no point of {low * step:g} to "
         reason += f"{high * step:g} mm by {step:g} mm"
         expected = "--from, --to and --step with a point at 0, or --machine-zero"
-    elif abs(table.forward[-low]) > 0.5 / (SIXTEENTHS * counts):
+    elif abs(table.errors[0][-low]) > 0.5 / (SIXTEENTHS * counts):
         reason = "the value at home is not 0"
     elif abs(length - round(length)) > 1e-6:
         reason = f"the table's length is {length:g} counts, no whole number"
@@ -269,7 +267,7 @@ def _write_pmac(table: ErrorTable, parameters: Parameters) -> str:
     if reason:
         raise error("not-applicable", reason=reason, expected=expected)
     # Positions wrap: beyond the last point the table goes on with its lowest one, and ends at home.
-    values = np.roll(np.rint(-table.forward * counts * SIXTEENTHS).astype(int), low - 1)
+    values = np.roll(np.rint(-table.errors[0] * counts * SIXTEENTHS).astype(int), low - 1)
     lines = [f"; points from {decimals(low * step)} to {decimals(high * step)} mm"]
     lines += [f"#{parameter(parameters, 'axis')}", f"DEFINE COMP {len(values)},{round(length)}"]
     return "\n".join([*lines, *map(str, values.tolist()), "I51=1", ""])
@@ -304,13 +302,13 @@ CEC = Controller(
     "siemens-cec", "error", _write_cec, _read_cec, {"axis": "AX1", "table": "0"},
     says="Values are errors (measured minus ideal); DIRECTION 1 forward, -1 reverse. Confirm the "
     "sign by a verification move. Enable with MD32710 and SD41300.",
-    two=always, zeroed="forward", comment=";", rotary=True,
+    two=lambda _: True, zeroed="forward", comment=";", rotary=True,
 )  # fmt: skip
 BECKHOFF = Controller(
     "beckhoff", "error", _write_ssfk, _read_ssfk, {"axis": "X", "unit": "1", "counts_per_mm": ""},
     says="kw.ssfk: values are errors (actual minus nominal), pos forward, neg reverse; unit 1 is "
     "0.1 um, 0 increments. Activate with lr_param.ssfk 1.",
-    quantum=_ssfk_unit, two=always, equidistant=never, most=MOST_SSFK,
+    quantum=_ssfk_unit, two=lambda _: True, equidistant=lambda _: False, most=MOST_SSFK,
 )  # fmt: skip
 AEROTECH = Controller(
     "aerotech", "correction", _write_cal, _read_cal,

@@ -8,7 +8,7 @@ inputs hold one.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain
@@ -175,19 +175,6 @@ def firing_order(steps: Iterable[Step], marked: Iterable[str]) -> Rounds:
     return tuple(rounds)
 
 
-def cycle_of(before: Mapping[str, Sequence[str]]) -> list[str]:
-    """A cycle of places, from the first back to it; `before`: the inputs of what makes each.
-
-    >>> cycle_of({"a": ["b"], "b": ["a"], "c": ["a"]}), cycle_of({"c": ["a"]})
-    (['a', 'b', 'a'], [])
-    """
-    try:
-        TopologicalSorter(before).prepare()
-    except CycleError as error:
-        return list(error.args[1])
-    return []
-
-
 class _Net:
     """The checks of one file, of the sound part of its contract; `known` are the names of all
     places, faulty ones included; of transitions that cannot be read nobody knows what they name.
@@ -222,7 +209,10 @@ class _Net:
         self.nominal.update({name: start_value(self.places[name]) for name in marked})
         for step in chain.from_iterable(self.rounds):
             self.check_value(step)
-            self.check_unit(step)
+            for name in step.outputs:
+                if self.units[name] is None or self.places[name].kind == "vector":
+                    with self.faults.collected(("transitions", step.index, "formula")):
+                        self.units[name] = step.unit(self.units)
 
     def step(self, index: int, item: Transition) -> Step | None:
         """A transition against its signature; None with its faults, and where it makes a place a
@@ -342,7 +332,12 @@ class _Net:
             for name in item.out:
                 before.setdefault(name, []).extend(item.in_)
         uncut: dict[str, list[str]] = before
-        while cycle := cycle_of(uncut):
+        while True:
+            try:
+                TopologicalSorter(uncut).prepare()
+                break
+            except CycleError as error:
+                cycle: list[str] = error.args[1]
             index = self.makers[cycle[1]][0]
             faults.add(("transitions", index), "graph-cycle", places=" -> ".join(cycle))
             uncut = {
@@ -384,19 +379,3 @@ class _Net:
                 what, where = f"{step.do} of {listed(step.outputs)}", f" at nominal: {error}"
                 path = ("transitions", step.index)
                 self.faults.add(path, "no-finite-value", what=what, where=where)
-
-    def check_unit(self, step: Step) -> None:
-        """Dimensions of formulas, and lengths where lengths are meant: an input of which nothing
-        tells the unit counts as one.
-        """
-        path = ("transitions", step.index)
-        for name in step.outputs:
-            if self.units[name] is None or self.places[name].kind == "vector":
-                with self.faults.collected((*path, "formula")):
-                    self.units[name] = step.unit(self.units)
-        unit = self.units[step.inputs[-1]] if step.use.length else None
-        if unit not in (None, "mm"):
-            kind = f"a length, as {step.do} takes here"
-            given = {"value": step.inputs[-1], "expected": f"a place in mm, not in {unit}"}
-            own = (*path, "in", len(step.inputs) - 1)
-            self.faults.add(own, "wrong-type", kind=kind, **given)

@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.files.graph_contract import Graph
-from mtu_cli.findings import InputError, finding, listed
 from mtu_cli.model.graph.constructions import rotation
 from mtu_cli.model.graph.net import MeasurementGraph, Output, start_value
 from mtu_cli.model.graph.transitions import Values
@@ -192,10 +191,7 @@ class GraphTrials:
         return z, X
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        """Values and first-order values (outputs, m).
-
-        Raises InputError for the first transition behind them that has no finite value.
-        """
+        """Values and first-order values (outputs, m)."""
         n = len(self.names)
         z, X = self.inputs(rng, m)
         linear = np.matmul(self._linear, z, out=self._work.array("linear", (n, m)))
@@ -204,26 +200,8 @@ class GraphTrials:
             values = self.run(X, self._work.array("values", (n, m)))
         # What is not a number compares as neither.
         if not (values.max() < LARGEST and values.min() > -LARGEST):
-            self._raise_not_finite(X)
+            values[~(np.abs(values) < LARGEST)] = np.nan
         for i in np.flatnonzero(self.u == 0.0):
             if np.all(np.abs(values[i] - self.nominal[i]) <= STILL * self.sizes[i]):
                 values[i] = self.nominal[i]
         return Draws(values=values, linear=linear)
-
-    def _raise_not_finite(self, X: FloatArray) -> None:
-        """Raises InputError for the first transition that has no finite value at all inputs X."""
-        values, m = self.start(X), X.shape[1]
-        for step in self.steps:
-            with np.errstate(all="ignore"):
-                step.run(values)
-            made = np.concatenate([values[name].reshape(-1, m) for name in step.outputs])
-            bad = np.any(~(np.abs(made) < LARGEST), axis=0)
-            if not np.any(bad):
-                continue
-            what = f"{step.do} of {listed(step.outputs)}"
-            where = f" below {LARGEST:g} in {np.count_nonzero(bad)} of {m} Monte Carlo trials"
-            where += step.why_not_finite(values, int(np.argmax(bad)))
-            expected = "a step that is defined for all values its inputs may take: bounded "
-            expected += "distributions or smaller uncertainties where it needs them"
-            fault = finding("no-finite-value", what=what, where=where, expected=expected)
-            raise InputError([fault.at(**self.graph.place_of(step.index))])

@@ -17,7 +17,6 @@ import numpy as np
 
 from mtu_cli.findings import InputError
 from mtu_cli.language import Node, evaluate, names
-from mtu_cli.language.derivative import derivatives
 from mtu_cli.language.tree import Call, Name
 from mtu_cli.language.unit_algebra import Algebra
 from mtu_cli.model.geometry import GeometryError
@@ -44,15 +43,14 @@ class Use:
     `takes`, `makes`: its places in their order, as people read it: ``2 coordinate x, optional
     constant``. `construct`: the arrays of its outputs from those of its inputs; of a `fit` from the
     nominal inputs, where it starts. `unit` of what it makes: "same" as its first input, a "product"
-    of both, or that of a "formula". `length`: whether its last input must be one. `guard`: a test
-    of nominal inputs (.., ), and what is wrong where they pass it: they determine nothing.
+    of both, or that of a "formula". `guard`: a test of nominal inputs (.., ), and what is wrong
+    where they pass it: they determine nothing.
     """
 
     takes: str
     makes: str
     construct: Callable[..., Any] | None = None
     unit: str = "mm"
-    length: bool = False
     guard: tuple[Callable[..., Any], str] | None = None
     fit: Callable[[Sequence[FloatArray]], fits.Construction] | None = None
 
@@ -110,8 +108,8 @@ NO_CORNER = (
 TRANSITIONS: dict[str, tuple[Use, ...]] = {
     "meas": (Use("", "coordinate"), Use("", "point")),
     "displace": (
-        *(Use(f"coordinate {a}, constant", f"coordinate {a}", np.add, length=True) for a in "xyz"),
-        Use("point, vector", "point", np.add, length=True),
+        *(Use(f"coordinate {a}, constant", f"coordinate {a}", np.add) for a in "xyz"),
+        Use("point, vector", "point", np.add),
     ),
     "middle": (Use("point, point", "point", lambda p, q: 0.5 * (p + q)),),
     "vector": (Use("point, point", "vector", lambda p, q: q - p),),
@@ -133,18 +131,13 @@ TRANSITIONS: dict[str, tuple[Use, ...]] = {
             "2 coordinate x, 2 coordinate y, coordinate z, constant",
             "point",
             lambda x1, x2, y1, y2, z1, r: make.hole(x1, x2, y1, y2, z1 - r),
-            length=True,
         ),
     ),
-    "hole": (
-        Use("2 coordinate x, 2 coordinate y, optional constant", "point", make.hole, length=True),
-    ),
+    "hole": (Use("2 coordinate x, 2 coordinate y, optional constant", "point", make.hole),),
     "circle": (Use("3 or more of point", "point, optional constant", fit=fits.circle_through),),
     "sphere": (
         Use("4 or more of point", "point, optional constant", fit=fits.sphere_through),
-        Use(
-            "4 or more of point, constant", "point", fit=fits.sphere_of_radius_through, length=True
-        ),
+        Use("4 or more of point, constant", "point", fit=fits.sphere_of_radius_through),
     ),
     "line": (
         Use("point, point", "line", lambda p, q: make.along(p, q - p), guard=ONE_POINT),
@@ -223,34 +216,19 @@ class Step:
         with np.errstate(all="ignore"):
             self.run(made)
         if not all(np.isfinite(made[name]).all() for name in self.outputs):
-            raise GeometryError(self.why_not_finite(made).removeprefix(": ") or "it is not finite")
+            raise GeometryError("it is infinite or undefined")
         nominal.update({name: made[name] for name in self.outputs})
 
     def run(self, values: Values) -> None:
         """Puts the outputs beside the inputs in `values`."""
         if self.formula is not None:
             m = values[self.inputs[0]].shape[-1]
-            value = evaluate(self.formula, {name: _read(values, name) for name in self._names})
+            value = evaluate(self.formula, {x: _read(values, x) for x in names(self.formula)})
             values[self.outputs[0]] = np.broadcast_to(np.asarray(value, dtype=np.float64), m)
         elif self.construct is not None:
             made = self.construct(*(values[name] for name in self.inputs))
             outputs = made if isinstance(made, tuple) else (made,)
             values.update(zip(self.outputs, outputs, strict=False))
-
-    def why_not_finite(self, values: Values, trial: int = 0) -> str:
-        """What in its formula has no finite value in a trial, and where in the formula."""
-        if self.formula is None:
-            return ""
-        at = {name: float(_read(values, name)[trial]) for name in self._names}
-        faults = derivatives(self.formula, at, ()).faults
-        if not faults:
-            return f": it is {float(evaluate(self.formula, at)):g}"
-        facts, column = faults[0].facts, faults[0].column
-        return f": no finite {facts['what']}{facts['where']}, column {column} of the formula"
-
-    @property
-    def _names(self) -> dict[str, int]:
-        return {} if self.formula is None else names(self.formula)
 
 
 def place_of(name: str) -> str:

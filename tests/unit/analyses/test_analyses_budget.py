@@ -7,27 +7,13 @@ standard errors (four of them).
 from __future__ import annotations
 
 import math
-import tracemalloc
 
 import numpy as np
 import pytest
 from budget_examples import CORRELATED, codes, evaluated, single
-from scipy.special import ndtri, stdtrit
 
 from mtu_cli.findings import InputError
 from mtu_cli.stats.coverage import coverage_factor
-
-
-def test_three_readings_beside_others() -> None:
-    """A t of 2 degrees of freedom among normals: no u, an interval by plain simulation."""
-    text = "equation: x + y\ninputs: {x: {readings: [1, 2, 3]}, y: {value: 0, u: 1}}\n"
-    result = evaluated(text)
-    assert math.isnan(result.run.u[0])
-    rng = np.random.default_rng(5)
-    plain = 2 + rng.standard_t(2, 2_000_000) / math.sqrt(3) + rng.standard_normal(2_000_000)
-    low, high = np.quantile(plain, [0.025, 0.975])
-    assert result.run.low[0] == pytest.approx(low, abs=4 * result.run.se_low[0] + 0.01)
-    assert result.run.high[0] == pytest.approx(high, abs=4 * result.run.se_high[0] + 0.01)
 
 
 @pytest.mark.parametrize(
@@ -78,34 +64,6 @@ def test_correlated_inputs_of_several_kinds_are_refused() -> None:
     with pytest.raises(InputError) as raised:
         evaluated(text)
     assert str(raised.value).startswith("b.yaml:8: correlations: a cannot be correlated")
-
-
-def test_correlated_inputs_of_different_degrees_of_freedom() -> None:
-    """The smallest for the joint term, told; alone each input keeps its own."""
-    text = """
-        equation: a + b + c
-        inputs: {a: {value: 0, u: 1, dof: 8}, b: {value: 0, u: 1, dof: 20}, c: {value: 0, u: 1}}
-        correlations: [[a, b, 0.5]]
-    """
-    result = evaluated(text)
-    assert "correlated-inputs" in codes(result)
-    # v = 3 of the pair with 8, 1 of c: nu_eff = 4^2 / (3^2/8).
-    assert single(result).dof == pytest.approx(16 * 8 / 9)
-
-
-def test_coverage() -> None:
-    """k given in the file, by the call, or from the probability (JCGM 100:2008, table G.2)."""
-    text, stated = "equation: x\ninputs: {x: {value: 0, u: 1, dof: 10}}\n", "coverage: "
-    for more, called, k, probability in (
-        ("", None, 2.228, 0.95),
-        (stated + "{probability: 0.99}\n", None, 3.169, 0.99),
-        (stated + "{k: 2}\n", None, 2.0, 0.9545),
-        (stated + "{probability: 0.99}\n", 3.0, 3.0, 0.9973),
-        ("", 5.0, 5.0, 0.999),
-    ):
-        result = evaluated(text + more, k=called, trials=20_000)
-        assert single(result).expanded == single(result).k == pytest.approx(k, abs=0.0005)
-        assert result.run.probability == pytest.approx(probability, abs=5e-5)
 
 
 def test_linear_budgets_need_few_trials() -> None:
@@ -295,21 +253,6 @@ def test_a_coefficient_that_cannot_be_had_is_refused() -> None:
     assert result.run.u[0] == pytest.approx(u, abs=4 * result.run.se_u[0])
 
 
-def test_inputs_that_no_equation_has_take_little_memory() -> None:
-    """800 inputs of which two are used: 3.7 GB when all their pairs were differentiated."""
-    many = "".join(f"  x{i}: {{value: 1, u: 0.1}}\n" for i in range(800))
-    tracemalloc.start()
-    result = evaluated("equation: x0*x1\ninputs:\n" + many, trials=20_000, threads=1)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    # A block's draws of all inputs are 800 x 2048 numbers, twice: what matters is no cube.
-    assert peak < 300e6
-    first = single(result)
-    assert first.u == pytest.approx(0.1 * math.sqrt(2))
-    # u^2(x0 x1) = 0.02 + 0.1^4 exactly, which is its second order.
-    assert first.second_u == pytest.approx(math.sqrt(0.02 + 1e-4))
-
-
 def test_first_order_of_a_step_is_not_valid() -> None:
     """P(N(10, 0.001) <= 10.0035) = 1 - 2.3e-4: both intervals are [1, 1], u is not 0."""
     text = "equation: step(10.0035 - x)\ninputs:\n  x: {value: 10, u: 0.001}\n"
@@ -327,48 +270,3 @@ def test_first_order_of_a_step_is_not_valid() -> None:
     # Where no trial differs there is nothing that first order misses.
     sure = evaluated(text.replace("10.0035", "11"), trials=10_000)
     assert sure.outputs[0].validation.passed is True
-
-
-# The Monte Carlo's own standard errors, distribution by distribution, against closed forms.
-
-
-STATISTICS = ("mean", "u", "low", "high")
-
-
-# Entry of the file, standard deviation, upper end of the 95 % interval.
-SHAPES = {
-    "normal": ("u: 1", 1.0, float(ndtri(0.975))),
-    "t9": ("u: 1, dof: 9", math.sqrt(9 / 7), float(stdtrit(9, 0.975))),
-    "rectangular": ("half_width: 1, distribution: rectangular", math.sqrt(1 / 3), 0.95),
-    "triangular": (
-        "half_width: 1, distribution: triangular",
-        math.sqrt(1 / 6),
-        1 - math.sqrt(0.05),
-    ),
-    "trapezoidal": (
-        "half_width: 1, top: 0.5, distribution: trapezoidal",
-        math.sqrt(1.25 / 6),
-        1 - math.sqrt(0.05 * 0.75),
-    ),
-    "arcsine": (
-        "half_width: 1, distribution: arcsine",
-        math.sqrt(1 / 2),
-        math.sin(0.475 * math.pi),
-    ),
-}
-
-
-@pytest.mark.parametrize("name", SHAPES)
-def test_every_shape_in_a_long_run(name: str) -> None:
-    """2e6 trials: mean, u and ends within four of the standard errors that are stated for them.
-
-    A bias of 1e-4 u at an end, a hundredth of the tolerance of two digits, is found. What the
-    control variate gives exactly (a normal or t as it is) is so to 1e-6.
-    """
-    entry, u, end = SHAPES[name]
-    text = f"equation: x\ninputs: {{x: {{value: 0, {entry}}}}}\n"
-    found = evaluated(text, seed=11, trials=2_000_000, threads=2).run
-    for statistic, exact in zip(STATISTICS, (0.0, u, -end, end), strict=True):
-        value, error = getattr(found, statistic)[0], getattr(found, f"se_{statistic}")[0]
-        assert value == pytest.approx(exact, abs=4.0 * error + 1e-6 * u), statistic
-        assert error <= 5e-4 * u

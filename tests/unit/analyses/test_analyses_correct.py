@@ -25,19 +25,9 @@ from correct_examples import (
 from made_tables import made_points
 from model_examples import part_of, stated
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
-from scipy.stats import binom
 
-from mtu_cli.analyses.correct import correct, form_warnings, unused_warmth
-from mtu_cli.analyses.correct.rows import REACH
-from mtu_cli.analyses.correct.scatter import (
-    FormLeft,
-    Kind,
-    PointScatter,
-    Ring,
-    estimate,
-    forms_left,
-)
+from mtu_cli.analyses.correct import correct, unused_warmth
+from mtu_cli.analyses.correct.sizes import REACH
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.geometry import fit_circle
@@ -71,19 +61,6 @@ def test_a_known_error_is_removed_to_rounding(tmp_path: Path) -> None:
         assert item.reduction_percent == pytest.approx(100.0, rel=ROUNDING)
 
 
-def test_many_points_are_corrected_as_one_by_one(tmp_path: Path) -> None:
-    """Pieces and rows: every point has the error and variance of its own prediction."""
-    _, measured, temperature = rings(8)
-    points = ring_points(measured, list("abcdefgh"), None, {"T_scale_degC": temperature})
-    model = machine(tmp_path)
-    result = correct(model, None, points, SETTINGS)
-    assert codes(result) == ["no-scatter-known"]
-    for i in (0, 10, 63, 64, 87):
-        alone = predict(model, ["p"], measured[i : i + 1], {"T_scale_degC": temperature[i]})
-        assert result.error[i, :2] == pytest.approx(alone.mean, rel=ROUNDING)
-        assert result.u[i, :2] ** 2 == pytest.approx(np.diag(alone.covariance), rel=ROUNDING)
-
-
 def test_u_of_a_diameter_is_that_of_its_points_with_their_covariance(tmp_path: Path) -> None:
     """Slowly: differences for the gradient, the covariance matrix of all errors of the part."""
     _, measured, temperature = rings(2)
@@ -111,19 +88,6 @@ def test_u_of_a_diameter_is_that_of_its_points_with_their_covariance(tmp_path: P
     alone = correct(model, ring_part(tmp_path), points, Settings(correlation="independent"))
     assert alone.sizes[1].u ** 2 == pytest.approx(g**2 @ prediction.independent_variance, rel=3e-9)
     assert np.isinf(alone.sizes[1].dof)
-
-
-def test_the_calibration_is_part_of_the_error_but_not_of_the_diameter(tmp_path: Path) -> None:
-    _, measured, temperature = rings(1)
-    points = ring_points(measured, ["a"], None, {"T_scale_degC": temperature})
-    bare, ring = (
-        correct(machine(tmp_path), ring_part(tmp_path, U_um=U), points, SETTINGS).sizes[0]
-        for U in ("", "1.0")
-    )
-    assert ring.u == bare.u == bare.u_error
-    assert ring.u_error**2 == pytest.approx(ring.u**2 + 0.0005**2)
-    half = coverage_factor(0.95, ring.dof * ring.u_error**4 / ring.u**4) * ring.u_error
-    assert ring.error_interval95 == pytest.approx((ring.error[1] - half, ring.error[1] + half))
 
 
 def test_repeats_are_averaged_and_share_what_the_machine_did(tmp_path: Path) -> None:
@@ -217,34 +181,6 @@ def test_lengths_and_a_sphere(tmp_path: Path) -> None:
 # The scatter of measured points against a plain likelihood, what it adds to u, and the form left
 
 
-NOISE = 1e-3
-RING: tuple[Kind, str, str] = "circle", "a", ""
-
-
-def ring(points: Floats, K: Floats | None = None, dof: float = np.inf) -> Ring:
-    """A calibrated circle through points (n, 2) with the modelled covariance K along its radii."""
-    fit, n = fit_circle(points), len(points)
-    away = np.column_stack([fit.away, np.zeros(n)])
-    covariance = np.zeros((n, n)) if K is None else K
-    return Ring(of=RING, calibrated=True, residuals=fit.residuals, away=away, K=covariance, dof=dof)
-
-
-def test_unlike_squares_give_the_largest_likelihood() -> None:
-    rng = np.random.default_rng(3)
-    modelled, dof = rng.uniform(0, 4, 40), rng.integers(1, 4, 40).astype(float)
-    sums = (modelled + 1.5) * rng.chisquare(dof)
-
-    def plain(variance: float) -> float:
-        each = modelled + variance
-        return float(np.sum(dof * np.log(each) + sums / each))
-
-    best = minimize_scalar(plain, bounds=(0, 20), method="bounded", options={"xatol": 1e-10})
-    found = estimate(np.array([sums * 1e-6, dof, modelled * 1e-6]), "form")
-    # A minimum is flat: its place is found to some roots of the rounding of its value.
-    place = 10 * np.sqrt(np.finfo(float).eps)
-    assert found.variance == pytest.approx(best.x * 1e-6, rel=place)
-
-
 @pytest.mark.parametrize("repeats", [1, 2])
 def test_the_scatter_of_rings_is_found(tmp_path: Path, repeats: int) -> None:
     """40 rings with 2 um on every coordinate, besides 0.4 and 0.5 um that the model knows."""
@@ -272,54 +208,6 @@ def test_the_scatter_of_rings_is_found(tmp_path: Path, repeats: int) -> None:
     more = result.u_corrected[:, :2] ** 2 - result.u[:, :2] ** 2
     assert more == pytest.approx(np.full((11 * n, 2), scatter.variance), rel=ROUNDING)
     assert codes(result) == []
-
-
-def noisy(rng: np.random.Generator, visits: int, K: Floats | None = None) -> list[Ring]:
-    """Visits of one round ring, on a machine that shifts its points by K in all of them."""
-    true = ring_places()[:, :2]
-    shift = np.zeros(11) if K is None else rng.multivariate_normal(np.zeros(11), K)
-    moved = true + shift[:, None] * (true - [200.0, 180.0]) / 90.0
-    return [ring(moved + NOISE * rng.standard_normal((11, 2)), K) for _ in range(visits)]
-
-
-@pytest.mark.parametrize(("dof", "oval"), [(None, 2.0), (8.0, 0.0)])
-def test_p_of_a_round_ring_is_uniform(dof: float | None, oval: float) -> None:
-    """By repeats and by visits; exact of noise alone, on the safe side beside a modelled oval."""
-    rng, runs = np.random.default_rng(6), 1500
-    angle = 2 * np.pi * np.arange(11) / 11
-    K = None if not oval else (oval * NOISE) ** 2 * np.outer(np.cos(2 * angle), np.cos(2 * angle))
-    p = []
-    for _ in range(runs):
-        scatter = None
-        if dof is not None:
-            variance = NOISE**2 * (rng.chisquare(dof) / dof)
-            scatter = PointScatter(variance=variance, spread=0.0, dof=dof, origin="repeats")
-        (form,) = forms_left(noisy(rng, 1 if dof else 3, K), scatter)
-        p.append(form.p)
-    for level in (0.05, 0.2):
-        below = np.sum(np.array(p) < level)
-        assert below <= binom.ppf(1 - 1e-4, runs, level)
-        assert oval or below >= binom.ppf(1e-4, runs, level)
-
-
-def test_a_form_is_tested_where_its_scatter_is_known_by_something_else() -> None:
-    one = noisy(np.random.default_rng(7), 1)
-    form = PointScatter(variance=1.0, spread=0, dof=8, origin="form")
-    assert forms_left(one, None) == forms_left(one, form) == ()
-    assert forms_left([ring(ring_places()[:3, :2])] * 2, None) == ()
-    # Without any scatter a form of rounding is none, and a true one certain.
-    for squashed in (0.0, 1e-5):
-        (left,) = forms_left([ring(ring_places()[:, :2] * [1.0, 1 - squashed])] * 2, None)
-        assert (left.p < 1e-6) is (squashed > 0)
-
-
-def test_rings_are_judged_together_where_they_are_calibrated() -> None:
-    known = [
-        FormLeft("circle", id, "", calibrated, 2, 1.0, 1.0, 1.0, p)
-        for id, p, calibrated in (("a", 0.02, True), ("b", 0.03, True), ("made", 1e-9, False))
-    ]
-    (warning,) = form_warnings(known)
-    assert warning.facts["names"] == ["a"]
 
 
 @pytest.mark.parametrize("angle", [0.0, 50e-6])
@@ -364,21 +252,6 @@ def test_covariates_come_from_the_rows_else_from_the_call(tmp_path: Path) -> Non
     both = correct(model, part, own, SETTINGS, {"T_scale_degC": 35.0})
     assert both.error[:, :2] == pytest.approx(error_at(measured, temperature)[:, :2])
     assert codes(both) == ["not-used"]
-
-
-def test_cells_without_a_number_are_told_with_their_rows(tmp_path: Path) -> None:
-    _, measured, temperature = rings(1)
-    model, part = machine(tmp_path), ring_part(tmp_path)
-    holes = temperature.copy()
-    holes[[3, 7]] = np.nan
-    found = refused(model, part, ring_points(measured, ["a"], None, {"T_scale_degC": holes}))
-    assert [text.split(":")[0] for text in found] == [
-        "cmm.csv, row 5, column 'T_scale_degC'",
-        "cmm.csv, row 9, column 'T_scale_degC'",
-    ]
-    texts = np.array([*(f"{value:.2f}" for value in temperature[:10]), "warm"], object)
-    (message,) = refused(model, part, ring_points(measured, ["a"], None, {"T_scale_degC": texts}))
-    assert "row 12, column 'T_scale_degC': not a number: 'warm'" in message
 
 
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:

@@ -21,8 +21,7 @@ from synthetic_drift import (
     sensor_names,
 )
 
-from mtu_cli.analyses.thermal_fit import design, thermal_fit
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit, design, thermal_fit
 from mtu_cli.findings import InputError
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -69,18 +68,6 @@ def test_coefficients_are_powers_of_the_position_in_mm() -> None:
     assert estimate.position_range == (900.0, 1300.0)
     warm = thermal_fit(found, {"p": ("x", "um")}, reference=23.0, method="ridge").components["p"]
     assert warm.estimate.coefficients / UM == pytest.approx(expected, abs=2 * ROUNDING)
-
-
-@pytest.mark.parametrize("degree", [0, 1, 2])
-@pytest.mark.parametrize("method", ["stepwise", "ridge"])
-def test_the_degree_in_position_is_found(method: str, degree: int) -> None:
-    """On cycles that are held out; of a single cycle all powers are taken."""
-    p = np.array([0.0, 75.0, 200.0, 300.0])
-    g = np.outer((p / 300.0) ** degree if degree else np.ones(4), [1.0, 0.2, -0.4, 0.3]) * 2
-    plan = Plan(gradients=g, positions=tuple(p.tolist()), n=40)
-    found = plan.read(np.random.default_rng(3))
-    assert one(found, method).estimate.degree == degree
-    assert one(reordered(found, np.flatnonzero(found.cycle == 0)), method).estimate.degree == 3
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -149,20 +136,6 @@ def test_a_probe_that_is_zeroed_in_every_cycle(positions: tuple[float, ...], how
     assert drift.held_out.after == pytest.approx(other.held_out.after, rel=0.1)
 
 
-@pytest.mark.parametrize("labelled", [True, False])
-@pytest.mark.parametrize("method", METHODS)
-def test_one_cycle(method: str, labelled: bool) -> None:
-    plan = Plan(gradients=LINE, positions=PLACES, cycles=1)
-    given = plan.read(np.random.default_rng(12))
-    if not labelled:
-        given = replace(given, cycles=(), cycle=np.full(len(given), -1))
-    found = fitted(given, method)
-    drift = found.components["p"]
-    assert (drift.held_out, drift.cycles) == (None, ("0" if labelled else "",))
-    assert "not-held-out" in codes(found)
-    assert drift.model == ("ridge" if method in ("ridge", "lagged") else "stepwise")
-
-
 @pytest.mark.parametrize("places", [(0.0,), (0.0, 100.0)])
 def test_fewest_readings(places: tuple[float, ...]) -> None:
     """A level and a gradient at each position, and one reading more."""
@@ -174,19 +147,6 @@ def test_fewest_readings(places: tuple[float, ...]) -> None:
     assert one(found).n == n
     with pytest.raises(InputError, match=f"expected {n} \\(always enough\\): one more"):
         fitted(reordered(found, np.arange(n - 1)))
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_positions_read_in_any_order(method: str) -> None:
-    """Position by position, or at every time all positions in an order of their own."""
-    found = Plan(gradients=LINE, positions=PLACES, n=40).read(np.random.default_rng(13))
-    order = np.lexsort((np.random.default_rng(14).uniform(size=len(found)), found.time_min))
-    first, second = one(found, method), one(reordered(found, order), method)
-    for name in ("coefficients", "covariance", "leftover"):
-        a, b = (getattr(item.estimate, name) for item in (first, second))
-        assert b == pytest.approx(a, rel=ROUNDING, abs=1e-20)
-    assert second.held_out == pytest.approx(first.held_out, rel=ROUNDING)
-    assert second.lag1 == pytest.approx(first.lag1, rel=ROUNDING)
 
 
 def test_more_rows_than_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,18 +176,3 @@ def test_columns_that_are_no_sensors_or_not_in_every_file() -> None:
     gap = {"T_09_degC": np.where(found.cycle == 1, np.nan, 20.0)}
     with pytest.raises(InputError, match=r"T_09_degC.*the column in every file, or in none"):
         fitted(replace(found, covariates=found.covariates | gap))
-
-
-@pytest.mark.parametrize("zeroed", ["auto", "cycle"])
-def test_a_single_reading_in_every_cycle(zeroed: str) -> None:
-    """Says what it can: with an offset each there is nothing to fit."""
-    rng = np.random.default_rng(21)
-    found = made_readings(
-        rng.normal(size=6) * UM, ("p",), position=np.resize(PLACES[:2], 6), cycle=np.arange(6),
-        role="drift", covariates={"T_01_degC": 20 + rng.normal(size=6)},
-    )  # fmt: skip
-    if zeroed == "auto":
-        assert one(found).n == 6
-    else:
-        with pytest.raises(InputError, match="too little data"):
-            one(found, zeroed=zeroed)

@@ -11,7 +11,6 @@ import pytest
 from plain_selection import by_full_refits
 from synthetic_drift import ROUNDING, UM, Plan, fitted, one, rises
 
-from mtu_cli.analyses.thermal_fit import design
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -145,17 +144,6 @@ def test_held_out_errors_are_those_of_plain_nested_fits(name: str, method: str) 
     assert np.array([held.before, held.ordinary]) / UM == pytest.approx(expected, rel=ROUNDING)
 
 
-def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(design, "MOST_BLOCKS", 4)
-    found = replace(PLANS["clear"], cycles=10, n=4).read(np.random.default_rng(34))
-    blocks = replace(table(found), cycle=np.repeat(np.arange(4), [2, 3, 2, 3])[found.cycle])
-    held = one(found, "ridge").held_out
-    assert held is not None
-    assert held.after / UM == pytest.approx(held_out_error(blocks, "ridge"), rel=ROUNDING)
-
-
 def test_noise_alone_is_no_better_held_out() -> None:
     plan = Plan(gradients=np.zeros((1, 4)), n=40, noise=1.0)
     found = [one(plan.read(np.random.default_rng(seed))).held_out for seed in range(30)]
@@ -181,15 +169,6 @@ def test_time_constants_on_the_grid_are_found(method: str, constants: tuple[floa
     assert drift.rms_after / UM == pytest.approx(0.1, rel=5 / np.sqrt(2 * 384))
     residual = np.concatenate([curve.measured - curve.modelled for curve in drift.curves])
     assert np.sqrt(np.mean(residual**2)) == pytest.approx(drift.rms_after, rel=ROUNDING)
-
-
-def test_the_degree_in_position_of_a_drift_that_lags() -> None:
-    """Without its lag a line in position is worth nothing: the lag must be found first."""
-    gradients = 2 * (1 + np.array([[0.0], [1.0], [2.0]]))
-    plan = Plan(gradients=gradients, positions=(0.0, 100.0, 200.0), n=60, noise=0.1, lags=(32.0,))
-    drift = one(plan.read(np.random.default_rng(29)), "lagged")
-    assert (drift.model, drift.estimate.degree) == ("lagged", 1)
-    assert drift.estimate.time_constants == pytest.approx([32.0], rel=ROUNDING)
 
 
 def test_no_lag_is_found_where_there_is_none_or_no_time() -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 import measured_examples
 import numpy as np
 import pytest
-from measured_examples import part_file, points, study, with_measured
+from measured_examples import points, study, with_measured
 from scipy.stats import ncx2
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
-from mtu_cli.analyses.anova.parts import radial_quantile
+from mtu_cli.analyses.anova.tables import radial_quantile
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
@@ -134,40 +134,6 @@ def test_a_shifted_part_and_a_shifted_feature_are_named() -> None:
     assert result.features.unusual[labels.index(("", "b", "y"))] == ("P3",)
 
 
-def test_unequal_repeats_are_scaled_before_they_are_compared(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The CMM alone scatters; of two parts in ten one repeat, of the others twenty-five: the
-    means of the two lie five times as far off, and are nothing unusual.
-    """
-    monkeypatch.setattr(rotation, "ROTATIONS", 199)
-    alarms = 0
-    for seed in range(60):
-        rng = np.random.default_rng(seed)
-        rows = [
-            (f"P{p}", name, r, *(0.01 * rng.standard_normal(2)))
-            for p in range(10)
-            for name in "abc"
-            for r in range(1 if p < 2 else 25)
-        ]
-        alarms += bool(analysed(points(rows)).unusual)
-    # Without the scaling nearly all of the 60.
-    assert alarms <= 10
-
-
-def test_tables_of_the_part_file(tmp_path: Path) -> None:
-    part = part_file(tmp_path)
-    # A length has the scatter of two holes: to four standard errors of a deviation of 2399 parts.
-    _, lengths, angles = analyse_variance(study(2400, 2, 4), part, "reml", SETTINGS).kinds
-    assert [label[1:] for label in lengths.labels] == [("a-b", "length"), ("c-a", "length")]
-    assert angles.labels == (("", "xy", "angle"),)
-    s = np.sqrt(lengths.components.part)
-    assert (np.abs(s / (0.01 * np.sqrt(2)) - 1) < 4 / np.sqrt(2 * 2399)).all()
-    few = points([("p", "a", 1, 0.0, 0.0), ("q", "a", 1, 0.001, 0.0)])
-    lost = analyse_variance(few, part, "reml", SETTINGS)
-    assert (len(lost.kinds), codes(lost).count("not-measured")) == (1, 2)
-
-
 def test_no_repeats_one_part_and_empty_cells() -> None:
     no_repeats = analysed(study(8, 1, 1))
     assert codes(no_repeats) == ["no-repeats"]
@@ -197,17 +163,13 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
 
 
 def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One offset and turn of all features: warned of, and taken out by a datum."""
+    """One offset and turn of all features is taken out by a datum."""
     places = {f"h{i}": (40.0 * (i % 4), 30.0 * (i // 4)) for i in range(12)}
     monkeypatch.setattr(measured_examples, "PLACES", places)
     found = study(1, 1, 3, 0.003, 0.0)
     turn = np.column_stack([-found.nominal[:, 1], found.nominal[:, 0], np.zeros(len(found))])
     moved = with_measured(found, found.measured + 5e-4 * turn + np.array([0.05, -0.03, 0.0]))
     loose = analyse_variance(moved, None, "reml", SETTINGS, "offset,rotation")
-    warned = [
-        "set-up-dominates" in codes(each) for each in (analysed(found), analysed(moved), loose)
-    ]
-    assert warned == [False, True, False]
     # 24 errors less three freedoms of 3 um each are left, to four standard errors.
     rms = np.sqrt((loose.features.one_way.mean**2).sum() / 21)
     assert rms == pytest.approx(0.003, rel=4 / np.sqrt(2 * 21))
@@ -275,28 +237,6 @@ def test_capability_of_a_length(tmp_path: Path) -> None:
     assert item.ppk_interval == pytest.approx((item.ppk - half, item.ppk + half), abs=0.03)
     moving = np.abs(np.diff(values)).mean() / 1.128
     assert (item.cp, item.cpk) == pytest.approx((20 / (3 * moving), 16 / (3 * moving)), rel=1e-4)
-
-
-def test_cp_follows_the_sequence_and_pp_does_not(tmp_path: Path) -> None:
-    """A drift over the parts is in pp, not in cp, whatever the order of the rows."""
-    rng = np.random.default_rng(2)
-    drifting = np.linspace(-9, 9, 24) + rng.standard_normal(24)
-    shuffled = rng.permutation(24)
-    results = [
-        lengths_of(tmp_path, drifting.tolist()),
-        lengths_of(tmp_path, drifting[shuffled].tolist(), (shuffled + 1).tolist()),
-    ]
-    ordered, other = (result.capabilities[0] for result in results)
-    assert ordered.cp > 3 * ordered.pp
-    assert other.cp == pytest.approx(ordered.cp, rel=1e-9)
-    for result in results:
-        (trend,) = [item for item in result.trends if item.where[2] == "length"]
-        assert trend.p < 1e-6
-        assert abs(trend.slope - 18e-3 / 23) < 4 * trend.u
-    still = lengths_of(tmp_path, rng.standard_normal(24).tolist())
-    assert all(item.p > 0.05 for item in still.trends)
-    (item,) = lengths_of(tmp_path, [0.0] * 8).capabilities
-    assert np.isnan([item.pp, item.ppk, item.cp, item.cpk]).all()
 
 
 def test_capability_of_a_position_and_an_angle(tmp_path: Path) -> None:

@@ -49,18 +49,6 @@ def test_every_cause_is_returned_within_3_u_of_correlated_noise() -> None:
     assert 0.7 < np.sqrt(np.mean(z**2)) < 1.25
 
 
-@pytest.mark.parametrize("name", ["lean", "lag", "backlash"])
-def test_a_single_cause_stands_alone(name: str) -> None:
-    none = Causes(centre=NONE, scale=NONE, lean=0, lag=NONE, backlash=NONE, bow=NONE, spike=NONE)
-    own = replace(none, **{name: getattr(Causes(), name)})
-    result = diagnose(made(own))
-    assert values(result) == pytest.approx(own.expected(), abs=1e-6)
-    top = max((x for x in result.causes if x.share == x.share), key=lambda x: x.share)
-    known = {"lean": "squareness", "lag": "servo-mismatch", "backlash": "backlash-a"}
-    assert top.name == known[name]
-    assert sum(x.share for x in result.causes if x.share == x.share) == pytest.approx(1.0)
-
-
 def test_one_direction_does_not_separate_squareness_from_servo_lag() -> None:
     result = diagnose(made(Causes(), ways="ccw ccw"))
     found = values(result)
@@ -127,9 +115,3 @@ def test_cyclic_errors_of_known_pitches_are_returned_with_all_other_causes() -> 
     z = misses(results, expected)
     assert (z <= 3).mean() >= 0.98
     assert 0.6 < np.sqrt(np.mean(z**2)) < 1.3
-
-
-def test_a_pitch_that_the_samples_do_not_resolve_is_not_estimable() -> None:
-    result = diagnose(with_waves(120), (10.0, 200.0))
-    assert all(math.isnan(result.cause(name).value) for name in WAVES)
-    assert set(WAVES) <= {name for x in result.warnings for name in x.facts["names"]}

@@ -10,9 +10,8 @@ import pytest
 from effect_tables import FloatArray, shop_covariates, table
 from loop_examples import SMOOTH, effect, parameter
 from scipy.integrate import quad
-from scipy.stats import binom, invgamma, norm
+from scipy.stats import binom, invgamma
 
-from mtu_cli.analyses.close_loop import close_loop
 from mtu_cli.analyses.close_loop.crossings import crossings
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
@@ -20,9 +19,10 @@ from mtu_cli.analyses.close_loop.estimate import estimated
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.missing import interaction, missing
+from mtu_cli.analyses.close_loop.missing import Missing, interaction
 from mtu_cli.analyses.close_loop.posed import posed
 from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.coverage import coverage_factor, fieller
@@ -90,7 +90,7 @@ def test_missing_cells_are_as_left_out(sloped: bool) -> None:
     there = rng.random((7, 8)) > 0.2
     lines = np.linalg.qr(np.vander(np.arange(8.0), 1 + sloped, increasing=True))[0]
     x, y = rng.standard_normal((2, 7, 8))
-    gaps = missing(there, lines)
+    gaps = Missing(there, lines)
     x_in, y_in = (interaction(gaps.filled(np.where(there, v, 9.0)), lines) for v in (x, y))
     parts, features = np.indices((7, 8))
     free = [(parts == i) * line[features] for i in range(7) for line in lines.T]
@@ -143,41 +143,6 @@ def test_the_gate_alarms_rarely_on_pure_noise() -> None:
     assert low <= alarms <= high
 
 
-def test_the_gate_is_the_weighed_sum_of_each_stratum_s_students_t() -> None:
-    """Plainly, of a column that changes from part to part and from feature to feature: correlations
-    of means and of what is left, each as a normal deviate with Bartlett's factor, by information.
-    """
-    own = noise(5, part=2 * NOISE_MM, feature=3 * NOISE_MM)
-    x = np.random.default_rng(5).normal(size=(P, H))
-    own = replace(own, covariates={"load": x})
-    likelihood = posed_of(own, "covariate")
-    gate, fit = Gate(likelihood, np.random.default_rng(1)), likelihood.fit(())
-    at, lp = gate._members((), fit, fit.residual[None])
-    design = likelihood.design
-    named = [design.candidates[design.members[m].candidate].name for m in at]
-
-    def strata(values: FloatArray) -> list[tuple[FloatArray, int]]:
-        parts, features = values.mean(axis=1) - values.mean(), values.mean(axis=0) - values.mean()
-        rest = values - values.mean() - parts[:, None] - features
-        return [
-            (np.sqrt(H) * parts, P - 1),
-            (np.sqrt(P) * features, H - 1),
-            (rest.ravel(), (P - 1) * (H - 1)),
-        ]
-
-    for name, y in zip(("covariate-x", "covariate-y"), np.moveaxis(own.errors, 2, 0), strict=True):
-        total, information = 0.0, 0.0
-        for (u, dof), (v, _) in zip(strata(x), strata(y), strict=True):
-            r = u @ v / np.sqrt((u @ u) * (v @ v))
-            deviate = np.sign(r) * np.sqrt(-(dof - 1.5) * np.log(1 - r**2))
-            known = (u @ u) / (v @ v / dof)
-            total += float(np.sqrt(known) * deviate)
-            information += float(known)
-        expected = -np.log(2 * norm.sf(abs(total) / np.sqrt(information)))
-        found = max(lp[0, i] for i, own_name in enumerate(named) if own_name == name)
-        assert found == pytest.approx(expected, rel=1e-6)
-
-
 def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     """A scale that is known to 20 um at the ends: the information S of a column of size 1 there
     becomes 1/(1/S + u^2), of which the detectable size is the root's inverse.
@@ -195,34 +160,30 @@ def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
 
 
-def test_the_level_is_that_of_the_effect_though_another_has_its_column() -> None:
-    """At two heights a bow is a tilt but for its mean, and missing cells shift the centre."""
-    own = noise(3)
-    z = np.tile([0.0, 25.0], H)[:H]
-    places, errors, repeats = own.places.copy(), own.errors.copy(), own.repeats.copy()
-    places[..., 2] = z
-    errors[..., 1] += -5 * NOISE_MM * (z - 12.5) / 12.5
-    gone = np.random.default_rng(3).random(repeats.shape) < 0.08
-    errors[gone], repeats[gone] = np.nan, 0
-    found = diagnosis(
-        replace(own, places=places, errors=errors, repeats=repeats), "abbe", "straightness"
-    )
-    (effect,) = described(found, estimated(found.models, found.model))
-    assert effect.name == "abbe-y"
-    (level,) = (p for p in effect.of_role("level"))
-    assert abs(level.value) < 5 * level.u < 5 * NOISE_MM
-
-
-def test_a_long_search_says_that_it_goes_on() -> None:
-    """Before its first result, and once it has all."""
-    calls: list[tuple[int, int | None]] = []
-    close_loop(
-        [noise(1)], effect_library(), alpha=0.05, max_effects=1, exclude=("cyclic",), seed=1,
-        progress=lambda done, total: calls.append((done, total)),
-    )  # fmt: skip
-    done = [part for part, _ in calls]
-    assert done.count(0) > 10
-    assert calls[-1][0] == calls[-1][1] == max(done)
+@pytest.mark.parametrize(("reference", "shift"), [(18, 0.0), (22, 0.0), (26, 0.0), (20, 0.05)])
+def test_an_offset_is_no_effect_where_only_the_reference_is_another(
+    reference: float, shift: float
+) -> None:
+    """An axis that grows from x = 0 and some temperature on, beside a lost motion: the level stands
+    with the growth, whose joint covariance holds at its zero. What is no zero anywhere is told.
+    """
+    own, T = noise(12, parts=20), np.linspace(20.5, 25.5, 20)[:, None]
+    own = replace(own, covariates={**own.covariates, "T_a_degC": T})
+    own.errors[..., 0] += 1e-4 * own.places[..., 0] * (T - reference) + shift
+    own.errors[..., 0] += 10 * NOISE_MM * own.covariates["dir_x"]
+    found = diagnosis(own, "offset", "scale", "backlash", "thermal-drift", "thermal-growth")
+    effects = {e.name: e for e in described(found, estimated(found.models, found.model))}
+    assert effects.keys() - {"offset-x"} == {"backlash-x", "thermal-growth-x"}
+    assert ("offset-x" in effects) == (shift > 0)
+    growth = effects["thermal-growth-x"]
+    assert bool(growth.of_role("level")) == (shift == 0)
+    if not shift:
+        levers = linear_form(
+            parse(growth.equations["Ex"]), [p.name for p in growth.parameters]
+        ).coefficients
+        J = np.array([evaluate(x, {"x": 0.0, "T_a_degC": reference}) for x in levers.values()])
+        error = J @ [p.value for p in growth.parameters]
+        assert abs(error) < 3 * np.sqrt(J @ growth.covariance @ J) < 10 * NOISE_MM
 
 
 def turning(
@@ -290,7 +251,7 @@ GROWTH = effect(
     parameter("drift", "um/K", 1.0, 0.05, "margin"),
     parameter("level_x", "um", 4.0, 0.4, "level"),
     equations={
-        "Ex": "growth*(x - 200)*(T_a_degC - 20) + scale*(x - 200) + drift*(T_a_degC - 20) + level_x"
+        "Ex": "growth*(x - 75)*(T_a_degC - 20) + scale*(x - 75) + drift*(T_a_degC - 20) + level_x"
     },
 )
 T = np.linspace(18, 26, 12)[:, None]
@@ -319,7 +280,7 @@ def test_an_axis_is_right_where_its_drift_and_level_cancel() -> None:
 def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
     found = {each.covariate: each for each in crossings([GROWTH], GROWTH.covariance, TABLE)}
     assert found["T_a_degC"].value == pytest.approx(23.0)
-    assert found["x"].value == pytest.approx(100.0)
+    assert found["x"].value == pytest.approx(-25.0)
     assert not any(each.whole for each in found.values())
 
 
@@ -330,8 +291,7 @@ def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
         (DRIFT, effect("scale-x", parameter("b", "um/m", 9, 1), equations={"Ex": "b*(x - 200)"})),
         (DRIFT, SMOOTH),
         (replace(DRIFT, classes=(("thermal-drift-x", 0.6), ("warm-up-x", 0.4))),),
-        # No size is estimated but one; a direction; the level's sign is all that is known.
-        (effect("d-x", parameter("d", "um/K", -2, 0.1), equations={"Ex": "d*(T_a_degC - 20)"}),),
+        # A direction; the level's sign is all that is known.
         (replace(DRIFT, equations={"Ex": "drift*dir_x + level_x"}),),
         (replace(DRIFT, equations={"Ex": "drift*1e-3*(T_a_degC - 20) + level_x"}),),
     ],

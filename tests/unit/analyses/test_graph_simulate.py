@@ -11,7 +11,6 @@ from graph_examples import SHIPPED, graph_of, shipped
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.graph import simulate_graph, sweep_graph
-from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
 Floats = NDArray[np.float64]
@@ -100,25 +99,6 @@ def test_a_square_at_zero(tmp_path: Path) -> None:
     assert item.validation is None
 
 
-def test_rectangular_inputs(tmp_path: Path) -> None:
-    """Two equal ones sum to a triangle: half width w, 95 % within w (1 - sqrt 0.05)."""
-    text = """
-places:
-  a: {kind: constant, value: 1, u: 1, distribution: rectangular}
-  b: {kind: constant, value: 1, u: 1, distribution: rectangular}
-  s: {kind: constant}
-transitions:
-  - {do: compute, in: [a, b], out: s, formula: a + b}
-"""
-    (item,) = simulate_graph(graph_of(tmp_path, text), Settings()).coordinates
-    # A sum is its own control variate: its u has no random part.
-    assert item.u == pytest.approx(2**0.5, rel=1e-9)
-    end = 2 * 3**0.5 * (1 - 0.05**0.5)
-    assert item.interval == pytest.approx((2 - end, 2 + end), abs=0.02)
-    assert item.validation is not None
-    assert item.validation.passed is False
-
-
 # graph sweep: the formula, what has no effect, how far the trials of a grid go.
 
 
@@ -140,33 +120,3 @@ def test_the_formula_of_a_ball(
     assert swept.formula.form == f"u_um = sqrt({form})"
     assert tuple(swept.formula.coefficients.values()) == pytest.approx(coefficients)
     assert len(swept.grid) == math.prod(map(len, grid.values()))
-
-
-def test_one_coordinate_is_swept() -> None:
-    with pytest.raises(InputError, match=r"one of: P1\.x, P1\.y, P1\.z"):
-        sweep_graph(shipped("ball-centre"), Settings(), "P1", {"axis_um": [1.0, 2.0]})
-
-
-OFF_NOMINAL = """
-uncertainty: {axis_um: 1.0, probe_um: 0.5, perpendicular_um: 0.3}
-places:
-  x: {kind: coordinate, axis: x, nominal_mm: 5}
-  y: {kind: coordinate, axis: y, nominal_mm: 7}
-  e: {kind: constant, unit: mm}
-transitions:
-  - {do: meas, out: x}
-  - {do: meas, out: y}
-  - {do: compute, in: [x, y], out: e, formula: sqrt((x - 5)**2 + (y - 7)**2)}
-"""
-
-
-def test_a_formula_without_first_order_has_all_terms(tmp_path: Path) -> None:
-    """A Rayleigh variable: u^2 = (2 - pi/2) (u1^2 + u2^2/n + u3^2)."""
-    grid = {"repeats": [1.0, 2.0, 4.0], "axis_um": [0.5, 1.0]}
-    graph = graph_of(tmp_path, OFF_NOMINAL)
-    found = sweep_graph(graph, Settings(trials=200_000), "e", grid).formula
-    assert found is not None
-    assert found.form == "u_um = sqrt(a*axis_um^2 + b/repeats + c)"
-    # Of 2e5 trials a u is right to 0.2 %.
-    expected = (2 - np.pi / 2) * np.array([1, 0.25, 0.09])
-    assert [*found.coefficients.values()] == pytest.approx(expected, abs=0.01)

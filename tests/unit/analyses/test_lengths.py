@@ -1,4 +1,4 @@
-"""Lengths, and angles of rows and columns: Monte Carlo, conformance, the papers' independence."""
+"""Lengths: by hand, against counted parts, with bounds of what was not measured."""
 
 from __future__ import annotations
 
@@ -139,10 +139,3 @@ def test_bounds_of_unmeasured_correlation(tmp_path: Path) -> None:
     assert np.sqrt(item.variance) == pytest.approx(np.hypot(*u))
     assert tuple(item.u_bounds) == pytest.approx((u[0] - u[1], u[0] + u[1]))
     assert item.pair == ("a", "b")
-
-
-# Angles of rows and columns: gradient, draws of shared features, Monte Carlo figures.
-
-
-# A row and a column of four, off the axes, the corner in both.
-ROW_AT, COLUMN_AT = np.array([0, 1, 2, 3]), np.array([0, 4, 5, 6])

@@ -74,23 +74,6 @@ def test_standard_uncertainties(entry: str, u: float, dof: float) -> None:
     assert found.dof == pytest.approx(dof)
 
 
-def test_values() -> None:
-    assert quantity("{low: 2, high: 5, distribution: rectangular}").value == 3.5
-    assert quantity("{readings: [1, 2, 6]}").value == 3.0
-    exact = quantity("9.81")
-    assert (exact.value, exact.u, exact.type) == (9.81, 0.0, "")
-
-
-def test_contributions_are_counted_once_each() -> None:
-    found = quantity(
-        "{readings: [1, 2, 3, 4], u: 0.5, "
-        "contributions: [{half_width: 0.3, distribution: arcsine}]}"
-    )
-    assert found.u == pytest.approx(math.sqrt(5 / 12 + 0.25 + 0.045))
-    assert found.type == "A+B"
-    assert found.dof == pytest.approx(3 * (found.u**2 / (5 / 12)) ** 2)
-
-
 # An entry, and code and place of each of its faults.
 FAULTY = [
     ("{low: 2, high: 1, distribution: rectangular}", "wrong-value", ".low"),
@@ -142,21 +125,6 @@ def test_all_faults_at_once() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "codes"),
-    [
-        ("equation: a\nequations: {y: a}", ["exclusive"]),
-        ("equations: {a: 2*a}", ["name-taken"]),
-        ("equations: {R: a}\nunits: {r: ohm}", ["unknown-name"]),
-        ("equation: a + b + c", ["unknown-name", "unknown-name"]),
-        ("equation: a\nquantity: {unit: um}", ["wrong-unit"]),
-    ],
-)
-def test_faults_of_equations(text: str, codes: list[str]) -> None:
-    found = findings(f"{text}\ninputs: {{a: {{value: 1, u: 1, unit: mm}}}}\n")
-    assert [each.code for each in found] == codes
-
-
-@pytest.mark.parametrize(
     ("more", "codes"),
     [
         ("simultaneous: [[V, I]]", ["wrong-count"]),
@@ -170,12 +138,6 @@ def test_faults_of_simultaneous_readings(more: str, codes: list[str]) -> None:
     readings = "V: {readings: [1, 2, 3]}, W: {readings: [2, 1, 3]}, I: {readings: [1, 2]}"
     text = f"equation: V/I + T + W\ninputs: {{{readings}, T: {{value: 1, u: 1}}}}\n{more}\n"
     assert [each.code for each in findings(text)] == codes
-
-
-def test_one_input_may_be_correlated_in_both_ways() -> None:
-    readings = "a: {readings: [1, 2, 3]}, b: {readings: [2, 1, 3]}, c: {value: 1, u: 1}"
-    ways = "simultaneous: [[a, b]]\ncorrelations: [[a, c, 0.2]]"
-    assert loaded(f"equation: a + b + c\ninputs: {{{readings}}}\n{ways}\n")
 
 
 def warnings(entry: str) -> list[tuple[str, int | None]]:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from support import write_files
 
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.reports_read import read_json
 from mtu_cli.files.source import check_text, read_source, shown_path
+from mtu_cli.files.write import write_files
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import InputError
 
@@ -41,7 +41,6 @@ def test_the_hash_is_of_the_bytes(tmp_path: Path) -> None:
         ("machine.yaml", "machine", "no such file"),
         ("drft.csv", "lbb", "did you mean 'drift.csv'?"),
         ("lbb.csv", "lbb", "did you mean 'lbb.csv.gz'?"),
-        ("v1.2", "study", "; expected a study or its folder"),
         ("no/machine.yaml", "machine", "; expected a path to an existing folder"),
     ],
 )

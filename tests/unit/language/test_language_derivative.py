@@ -127,12 +127,3 @@ def test_atan2_on_its_cut_has_a_value_alone(x: float, value: float) -> None:
     assert found.first[2] == 1.0
     (fault,) = found.faults
     assert ("atan2" in fault.text, fault.column) == (True, 1)
-
-
-def test_atan2_of_constants_on_its_cut_is_a_constant() -> None:
-    found = derivatives(parse("x*atan2(0*x, k)", BUDGET_FUNCTIONS), {"x": 2.0, "k": 1.0}, ["x"])
-    assert found.first[0] == 0.0
-    tree = parse("x*atan2(j, k)", BUDGET_FUNCTIONS)
-    found = derivatives(tree, {"x": 2.0, "j": 0.0, "k": -1.0}, ["x"])
-    assert found.first[0] == math.pi
-    assert not found.faults

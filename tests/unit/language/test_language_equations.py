@@ -72,20 +72,6 @@ def test_faults_stand_at_their_column(text: str, column: int, says: str) -> None
     assert says in fault.message
 
 
-def test_a_fault_stands_in_its_file() -> None:
-    fault = fault_of("x + sine(y)").at(file="m.yaml", line=4, path="equations.Ex")
-    assert str(fault) == (
-        "m.yaml:4: equations.Ex: unknown function at column 5: 'sine'; did you mean 'sin'?"
-    )
-
-
-def test_budgets_know_more_functions_than_machines() -> None:
-    assert fault_of("atan2(x, y)").column == 1
-    assert evaluate(parse("atan2(1, x)", BUDGET_FUNCTIONS), {"x": 1.0}) == pytest.approx(0.7853981)
-    with pytest.raises(InputError, match="atan2 has 1 arguments"):
-        parse("atan2(x)", BUDGET_FUNCTIONS)
-
-
 def test_names_in_braces_and_with_dots() -> None:
     text = "k_{each}*dir_{a}*({T} - {T0})"
     assert names(parse(text, name=BRACED)) == {"k_{each}": 1, "dir_{a}": 10, "{T}": 19, "{T0}": 25}

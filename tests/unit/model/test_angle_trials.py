@@ -10,10 +10,9 @@ from model_examples import FloatArray, estimate, model_of, part_of
 from scipy import stats
 from support import paper_study
 
-from mtu_cli.analyses.orthogonality import angle_trials
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points
-from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, Line, check_square
+from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, check_square
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials
 
@@ -57,7 +56,7 @@ CASES = {
 
 def model_of_case(case: Case, *, independent: bool = False) -> AngleTrials:
     given, row, column = case
-    return angle_trials("a", row, column, given, independent=independent)
+    return AngleTrials(given, "a", row, column, independent=independent)
 
 
 def drawn(model: AngleTrials, seed: int, *, plain: bool = False) -> tuple[FloatArray, FloatArray]:
@@ -103,14 +102,6 @@ def test_no_error_at_all_is_no_scatter() -> None:
 
 
 # Which rows and columns have an angle that their slopes stand for.
-
-
-"""The holes of a housing: the column's line leans by 1.9 degrees."""
-
-
-def line(places: np.ndarray, along: int) -> Line:
-    u, v = places[:, [along]], places[:, [1 - along]]
-    return u - u.mean(), v - v.mean()
 
 
 def test_a_line_that_leans_is_told_with_its_path(tmp_path: Path) -> None:

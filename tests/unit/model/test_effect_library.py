@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
 from itertools import chain
 from pathlib import Path
@@ -15,9 +14,10 @@ from effect_tables import FloatArray, grid_places, readings_table, shop_covariat
 
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import load_machine
+from mtu_cli.findings import InputError
 from mtu_cli.model.effect_grids import grid_of
 from mtu_cli.model.effect_library import (
-    BUILT_IN,
+    CONSTANT,
     BoundTemplate,
     Candidate,
     TableData,
@@ -160,7 +160,6 @@ def test_a_machine_file_takes_the_forms_and_predicts_their_columns(
         ([1, 1, 1, 2, 2, 2, 3, 3, 3], True),
         ([0, 10, 20, 30, 0, 10, 20, 30, 40], True),
         ([1, 2, 1, 2, 1, 2, 1, 2, 1], False),
-        ([9, 8, 7, 6, 5, 4, 3, 2, 1], False),
         ([1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5, 8.5, 9.5], False),
         ([1, 2, 3, 4, 9, 8, 9, 10, 11], False),
     ],
@@ -196,13 +195,6 @@ def test_what_cannot_be_tested(name: str, changes: dict[str, Any], reason: str) 
     assert str(found.unavailable).startswith(reason)
 
 
-def test_what_can_be_tested_in_part_says_what_cannot() -> None:
-    """Of two temperatures one does not change."""
-    steady = shop_covariates(9, 12) | {"T_part_degC": np.full((1, 1), 20.0)}
-    drift = found_on(table(covariates=steady))["thermal-drift-x"]
-    assert (drift.unavailable, drift.notes) == (None, "T_part_degC does not change")
-
-
 # Readings.
 
 
@@ -220,7 +212,8 @@ def test_units_of_readings() -> None:
 # Choice, users' own families, the package.
 
 
-OWN = """
+OWN = """schema: mtu/effects/1
+effects:
 - family: chatter
   says: chatter of {a}
   needs:
@@ -237,7 +230,18 @@ OWN = """
   says: has no value at one place
   parameters: {k: um}
   equations: {Ex: k*x/(x - x)}
+- family: level
+  says: holds a constant
+  parameters: {k: um/m, shift: um}
+  equations: {Ex: k*x + shift}
 """
+
+
+def test_what_is_excluded_begins_with_a_family() -> None:
+    left = candidates_of(PLANE, effect_library(), ["cyclic", "backlash-x", "backlash-z"])
+    assert {"cyclic-x", "backlash-x", "backlash-y"} & {x.name for x in left} == {"backlash-y"}
+    with pytest.raises(InputError, match="did you mean 'backlash'"):
+        candidates_of(PLANE, effect_library(), ["backlahs"])
 
 
 def test_families_of_the_user(tmp_path: Path) -> None:
@@ -255,13 +259,7 @@ def test_families_of_the_user(tmp_path: Path) -> None:
     assert members[2][1][0][..., 1] == pytest.approx(plain)
     reason = found_on(own, file)["pole"].unavailable
     assert reason == "its equation has no finite value in some places"
-
-
-def test_the_built_in_file_is_part_of_the_package() -> None:
-    root = BUILT_IN.parents[1]
-    settings = tomllib.loads((root.parent / "pyproject.toml").read_text("utf-8"))
-    patterns = settings["tool"]["setuptools"]["package-data"]["mtu_cli"]
-    assert any(BUILT_IN.relative_to(root).match(pattern) for pattern in patterns)
+    assert found_on(own, file)["level"].unavailable == CONSTANT
 
 
 # Grids.

@@ -15,9 +15,9 @@ from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
-from mtu_cli.model.graph.net import firing_order
+from mtu_cli.model.graph.net import load_graph
 from mtu_cli.model.graph.propagation import GraphTrials
-from mtu_cli.model.graph.transitions import TRANSITIONS, Step, formula_unit
+from mtu_cli.model.graph.transitions import TRANSITIONS, formula_unit
 
 
 def faults(folder: Path, text: str) -> list[tuple[int | None, str | None, str]]:
@@ -25,44 +25,6 @@ def faults(folder: Path, text: str) -> list[tuple[int | None, str | None, str]]:
     with pytest.raises(InputError) as caught:
         graph_of(folder, text)
     return [(item.line, item.path, item.code) for item in caught.value.findings]
-
-
-def step(index: int, inputs: str, outputs: str) -> Step:
-    (use,) = TRANSITIONS["middle"]
-    return Step(index=index, do="middle", use=use, inputs=tuple(inputs), outputs=tuple(outputs))
-
-
-def test_token_rule() -> None:
-    """Each fires once all its inputs are marked; what waits for a cycle never does."""
-    steps = [step(0, "cd", "e"), step(1, "a", "c"), step(2, "", "d"), step(3, "ab", "f")]
-    steps += [step(4, "gx", "h"), step(5, "h", "g"), step(6, "h", "i"), step(7, "aa", "j")]
-    rounds = firing_order(steps, "abx")
-    assert [[item.index for item in fired] for fired in rounds] == [[1, 2, 3, 7], [0]]
-
-
-def test_every_transition_is_in_the_contract_and_in_the_help() -> None:
-    assert list(TRANSITIONS) == list(get_args(TransitionKind))
-    assert json_schema("graph")["$defs"]["Transition"]["properties"]["do"]["enum"] == [*TRANSITIONS]
-    text = (Path(__file__).parents[3] / "mtu_cli" / "help" / "graph.md").read_text("utf-8")
-    assert [do for do in TRANSITIONS if f"`{do}`" not in text] == []
-
-
-def test_directions_and_what_is_reported(tmp_path: Path) -> None:
-    text = """
-places:
-  P: {kind: point, nominal_mm: [1, 2, 3]}
-  Q: {kind: point, nominal_mm: [4, 2*3, 3]}
-  M: {kind: point}
-transitions:
-  - {do: meas, out: P, along: -z}
-  - {do: meas, out: Q, along: [3, 0, 4]}
-  - {do: middle, in: [P, Q], out: M}
-"""
-    found = graph_of(tmp_path, text)
-    assert [item.along for item in found.graph.transitions[:2]] == [(0, 0, -1), (0.6, 0, 0.8)]
-    assert found.graph.places["Q"].nominal_mm == (4, 6, 3)
-    assert found.reported == ("M",)
-    assert [len(fired) for fired in found.rounds] == [2, 1]
 
 
 def test_faults_of_the_net(tmp_path: Path) -> None:
@@ -102,6 +64,40 @@ transitions:
     ]
 
 
+@pytest.mark.parametrize(
+    ("formula", "code", "column"),
+    [
+        ("P.u + v.i*P_x", "unknown-name", 1),
+        ("P + v.i*P_x", "unknown-name", 1),
+        ("P.x + v.i*P_x.value", "unknown-name", 11),
+        ("P.x*P_x*v.i*N.x", "unknown-name", 13),
+        ("P.x*P_x", "unused-place", None),
+    ],
+)
+def test_faults_of_names(formula: str, code: str, column: int | None, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        graph_of(tmp_path, FORMULA.replace("FORMULA", formula))
+    (found,) = caught.value.findings
+    assert (found.line, found.code, found.column) == (13, code, column)
+
+
+def test_every_transition_is_in_the_contract_and_in_the_help() -> None:
+    assert list(TRANSITIONS) == list(get_args(TransitionKind))
+    assert json_schema("graph")["$defs"]["Transition"]["properties"]["do"]["enum"] == [*TRANSITIONS]
+    text = (Path(__file__).parents[3] / "mtu_cli" / "help" / "graph.md").read_text("utf-8")
+    assert [do for do in TRANSITIONS if f"`{do}`" not in text] == []
+
+
+BAD = Path(__file__).parents[2] / "cli" / "invalid"
+
+
+@pytest.mark.parametrize("folder", ["net", "places", "transitions", "degenerate", "formulas"])
+def test_every_fault_of_a_bad_file_has_its_line(folder: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_graph(BAD / f"graph-{folder}" / "graph.yaml")
+    assert all(item.line for item in caught.value.findings)
+
+
 FORMULA = """
 places:
   N: {kind: point, nominal_mm: [0, 0, 0], known: true}
@@ -123,23 +119,6 @@ def test_coordinates_are_inputs(tmp_path: Path) -> None:
     assert found.nominal["c"] == pytest.approx([4.0])
 
 
-@pytest.mark.parametrize(
-    ("formula", "code", "column"),
-    [
-        ("P.u + v.i*P_x", "unknown-name", 1),
-        ("P + v.i*P_x", "unknown-name", 1),
-        ("P.x + v.i*P_x.value", "unknown-name", 11),
-        ("P.x*P_x*v.i*N.x", "unknown-name", 13),
-        ("P.x*P_x", "unused-place", None),
-    ],
-)
-def test_faults_of_names(formula: str, code: str, column: int | None, tmp_path: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        graph_of(tmp_path, FORMULA.replace("FORMULA", formula))
-    (found,) = caught.value.findings
-    assert (found.line, found.code, found.column) == (13, code, column)
-
-
 UNITS = {"x": "mm", "y": "mm", "a": "rad", "q": "mm^4", "k": "1", "c": None}
 
 
@@ -153,47 +132,6 @@ UNITS = {"x": "mm", "y": "mm", "a": "rad", "q": "mm^4", "k": "1", "c": None}
 )  # fmt: skip
 def test_unit_of_a_formula(formula: str, unit: str | None) -> None:
     assert formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS) == unit
-
-
-@pytest.mark.parametrize(
-    ("formula", "words"),
-    [
-        ("x + y**2", "what is added"),
-        ("x*(y + a)", "what is added"),
-        ("2*asin(x)", r"argument of asin is a length \(mm\)"),
-        ("atan2(x, a)", r"what is compared is an angle or ratio \(rad\), not a length \(mm\)"),
-        ("2**x", r"an exponent is a length \(mm\)"),
-    ],
-)
-def test_dimensions_that_do_not_agree(formula: str, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS)
-
-
-LENGTHS = """
-places:
-  x: {kind: coordinate, axis: x, nominal_mm: 1}
-  A: {kind: point, nominal_mm: [6, 0, 0], known: true}
-  O: {kind: point, nominal_mm: [0, 0, 0], known: true}
-  e: {kind: vector}
-  f: {kind: vector}
-  r: {kind: constant, value: 5, UNIT}
-  out: {kind: point}
-transitions:
-  - {do: meas, out: x}
-  - {do: unit_v, in: [O, A], out: e}
-  - {do: ratio, in: [e, r], out: f}
-  - {do: displace, in: [A, f], out: out}
-report: [x, A, e, f, out]
-"""
-
-
-@pytest.mark.parametrize("unit", ["unit: mm", "says: nothing of its unit"])
-def test_a_multiple_of_a_direction_is_what_its_factor_is(unit: str, tmp_path: Path) -> None:
-    """A unit vector times 5 mm displaces a point."""
-    assert graph_of(tmp_path, LENGTHS.replace("UNIT", unit)).nominal["out"][0, 0] == 11
-    with pytest.raises(InputError, match="not a length, as displace takes here: 'f'"):
-        graph_of(tmp_path, LENGTHS.replace("UNIT", "unit: rad"))
 
 
 # What is drawn has the covariance that the file states.
@@ -267,19 +205,3 @@ def test_a_frame_turns_about_its_nominal_axes() -> None:
     assert found.nominal == pytest.approx([0, 0], abs=1e-15)
     u_w = 1e-3 * np.sqrt(1.5**2 + 0.8**2 + 0.3**2)
     assert found.u[1] == pytest.approx(2**0.5 * u_w / 160, rel=1e-9)
-
-
-def test_a_transition_without_a_value_is_named(tmp_path: Path) -> None:
-    """sqrt(a) of a normal with mean 1 and u 1: the first of the two steps, with its line."""
-    text = """
-places:
-  a: {kind: constant, value: 1, u: 1}
-  s: {kind: constant}
-  t: {kind: constant}
-transitions:
-  - {do: compute, in: [a], out: s, formula: sqrt(a)}
-  - {do: compute, in: [s], out: t, formula: s + 1}
-"""
-    graph = graph_of(tmp_path, text)
-    with pytest.raises(InputError, match=r"yaml:9: transitions\[0\].*no finite sqrt\(\) at -"):
-        GraphTrials(graph, graph.outputs()).draw(np.random.default_rng(1), 100)

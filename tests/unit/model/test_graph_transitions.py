@@ -9,10 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from graph_examples import graph_of
-from numpy.typing import NDArray
 
-from mtu_cli.model.geometry import GeometryError
-from mtu_cli.model.graph.transitions import TRANSITIONS, Step
+from mtu_cli.model.graph.transitions import TRANSITIONS
 
 # P1..P4 and the planes, lines and frames that follow from them are simple enough for a head.
 PLACES = """
@@ -141,63 +139,3 @@ def test_transition(case: tuple[Any, ...], tmp_path: Path) -> None:
 
 def test_every_transition_is_tried() -> None:
     assert {step.split(",")[0] for step, *_ in CASES} == set(TRANSITIONS)
-
-
-Floats = NDArray[np.float64]
-
-X, Y, Z = np.eye(3)
-O = np.zeros(3)  # noqa: E741  # the origin
-TILT = 1e-4
-"""rad: a hundred times what counts as parallel."""
-
-
-def along(point: Floats, direction: Floats) -> Floats:
-    """A line, or a plane with that normal: (2, 3)."""
-    return np.array([point, direction / np.linalg.norm(direction)])
-
-
-TILTED = Z + TILT * X
-CORNERS = [X, Y, Z, -X]
-DEGENERATE = [
-    ("unit_v", 0, [O], [1e-9 * X], "a vector has no length"),
-    ("unit_v", 1, [X, X], [X, 2 * X], "the two points coincide"),
-    ("line", 0, [9 * X, 9 * X], [9 * X, 9.1 * X], "the two points coincide"),
-    ("line", 1, [along(O, Z), along(X, -Z)], [along(O, Z), along(O, TILTED)],
-     "the planes are parallel"),
-    ("aline", 0, [X, O], [O, X], "a vector has no length"),
-    ("plane", 1, [X, O], [O, X], "a vector has no length"),
-    ("plane", 0, [O, X, 3 * X], [O, X, 3 * X + TILT * Y], "the points lie on a line"),
-    ("plane", 0, [O, X, O], [O, X, Y], "the points lie on a line"),
-    ("plane", 0, [O, X, 2 * X, 3 * X], [O, X, 2 * X, Y], "line"),
-    ("circle", 0, [X, 2 * X, 4 * X], [X, Y, -X], "the points lie on a line"),
-    ("circle", 0, [X, 2 * X, 4 * X, 5 * X], [X, Y, -X, -Y], "line"),
-    ("sphere", 0, [X, Y, -X, -Y], CORNERS, "plane or a circle"),
-    ("sphere", 1, [X, Y, -X, -Y, np.ones(())], [*CORNERS, np.ones(())],
-     "plane or a circle"),
-    ("point", 0, [along(O, X), along(X, Z)], [along(O, X + TILT * Z), along(X, Z)],
-     "the line is parallel to the plane"),
-    ("point", 1, [along(O, X), along(O, Y), along(X, X + Y)],
-     [along(O, X), along(O, Y), along(O, X + TILT * Z)], "the three planes meet in no single"),
-    ("project", 0, [O, 5 * X, along(O, Z)], [O, X + TILT * Z, along(O, Z)],
-     "the vector is parallel to the plane"),
-    ("distance", 3, [along(O, Z), along(X, Z)], [along(O, Z), along(X, TILTED)],
-     "the lines are parallel"),
-    ("angle", 0, [X, O], [X, X], "a vector has no length"),
-    ("frame", 0, [along(O, Z), along(O, Z), O], [along(O, Z), along(O, TILTED), O],
-     "the line is perpendicular to the plane"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("do", "use", "bad", "good", "words"), DEGENERATE)
-def test_degenerate_nominals_and_their_neighbours(
-    do: str, use: int, bad: list[Floats], good: list[Floats], words: str
-) -> None:
-    names = tuple(map(str, range(len(bad))))
-    step = Step(index=0, do=do, use=TRANSITIONS[do][use], inputs=names, outputs=("out",))
-
-    def ready(places: list[Floats]) -> None:
-        step.ready({name: place[..., None] for name, place in zip(names, places, strict=True)})
-
-    with pytest.raises(GeometryError, match=words):
-        ready(bad)
-    ready(good)

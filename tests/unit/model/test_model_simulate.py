@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from model_examples import FloatArray, estimate, model_of, part_of, stated
-from numpy.typing import NDArray
 
 from mtu_cli.findings import InputError
 from mtu_cli.language import parse
@@ -17,9 +16,8 @@ from mtu_cli.model.simulate import (
     PartsPlan,
     ReadingsPlan,
     SimulatedPoints,
-    covariate_equations,
-    errors_by_axis,
     growth,
+    pass_root,
     simulate_points,
     simulate_readings,
 )
@@ -216,23 +214,6 @@ def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
         simulate_points(model, ["a", "b"], row, plan, 1)
 
 
-# Equations of `simulate`, whose numbers may have units that are not written.
-
-
-def test_names_are_those_of_errors_and_of_columns_that_are_free() -> None:
-    ((axis, _),) = errors_by_axis("--effect", ["Ex: 0.004*dir_x"], "xy")
-    assert axis == "x"
-    assert [name for name, _ in covariate_equations("--covariate", ["load: 1", "wear: 2"])] == [
-        "load",
-        "wear",
-    ]
-    with pytest.raises(InputError, match="unknown equation: 'Ez'"):
-        errors_by_axis("--effect", ["Ez: 0.004"], "xy")
-    for texts in (["part: 1"], ["load: 1", "load: 2"], ["load 1"]):
-        with pytest.raises(InputError, match=r"another name|NAME: EQUATION"):
-            covariate_equations("--covariate", texts)
-
-
 # Where features of a calibrated ring stand at the temperature of the part.
 
 
@@ -252,43 +233,52 @@ circles:
 """
 
 
-def measured(temperatures: list[float] | None) -> SimulatedPoints:
-    """All features, once at each temperature."""
-    times = len(temperatures or [0.0])
-    known = {} if temperatures is None else {"T_ring_degC": np.repeat(temperatures, len(OF_RING))}
-    return SimulatedPoints(
-        axes=("x", "y"),
-        operation=None,
-        part=("1",) * times * len(OF_RING),
-        feature=OF_RING * times,
-        repeat=np.ones(times * len(OF_RING), np.int64),
-        measured=np.tile(ON_RING[:, :2], (times, 1)),
-        covariates=known,
-    )
-
-
-def moved(folder: Path, points: SimulatedPoints, text: str = RING) -> NDArray[np.float64]:
-    found = growth(points, OF_RING, ON_RING, part_of(folder, text).part.circles)
-    return found.reshape(-1, len(OF_RING), 2)
-
-
 def test_points_move_away_from_the_centre_as_the_diameter_grows(tmp_path: Path) -> None:
     """D is linear between calibrated temperatures and constant beyond: 0, 50 and 100 um more."""
-    found = moved(tmp_path, measured([20.0, 25.0, 30.0, 40.0, 10.0]))
-    outward = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1], [0, 0]])
-    for um, shift in zip([0, 25, 50, 50, 0], found, strict=True):
-        np.testing.assert_allclose(shift, 1e-3 * um * outward, rtol=0, atol=1e-12)
-
-
-def test_a_circle_whose_temperature_is_not_known_stays_nominal(tmp_path: Path) -> None:
-    assert not moved(tmp_path, measured(None)).any()
-    plain = RING.replace("temperature: T_ring_degC, calibrated_mm: {20: 100.0, 30: 100.1}", "")
-    assert not moved(tmp_path, measured([30.0]), plain).any()
-
-
-def test_a_circle_that_its_points_do_not_determine(tmp_path: Path) -> None:
+    temperatures, n = [20.0, 25.0, 30.0, 40.0, 10.0], len(OF_RING)
+    points = SimulatedPoints(
+        axes=("x", "y"),
+        operation=None,
+        part=("1",) * 5 * n,
+        feature=OF_RING * 5,
+        repeat=np.ones(5 * n, np.int64),
+        measured=np.tile(ON_RING[:, :2], (5, 1)),
+        covariates={"T_ring_degC": np.repeat(temperatures, n)},
+    )
     circles = part_of(tmp_path, RING).part.circles
-    line = measured([30.0])
-    flat = ON_RING * [1.0, 0.0, 1.0]
+    outward = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1], [0, 0]])
+    moved = growth(points, OF_RING, ON_RING, circles).reshape(-1, n, 2)
+    for um, shift in zip([0, 25, 50, 50, 0], moved, strict=True):
+        np.testing.assert_allclose(shift, 1e-3 * um * outward, rtol=0, atol=1e-12)
+    # Without its temperature a circle stays as it is.
+    assert not growth(replace(points, covariates={}), OF_RING, ON_RING, circles).any()
     with pytest.raises(InputError, match="goes through the nominal points"):
-        growth(line, OF_RING, flat, circles)
+        growth(points, OF_RING, ON_RING * [1.0, 0.0, 1.0], circles)
+
+
+# What passes of a virtual machine differ by.
+
+
+def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
+    """Passes at 0 to 500 mm whose slopes differ by less than repeatability makes them: drawn in
+    mm and rad at once, 500 mm is 500 times what 1 mm is, and the variance there was seven times
+    too large.
+    """
+
+    def drawn(by: FloatArray) -> FloatArray:
+        """Of coefficients in other units."""
+        one = estimate("a", "x", [0.0, 0.0], C=by @ C @ by, D=by @ moment @ by)
+        root = pass_root(model_of([(one, {"x": "1"})], axes=("x",)))
+        return np.asarray(root @ root.T)
+
+    centre = np.array([[1.0, -250.0], [0.0, 1.0]])
+    moment = centre @ [[5.81e-7, 1.23e-9], [1.23e-9, -2.51e-13]] @ centre.T
+    C = np.array([[3.79e-8, 9.38e-12], [9.38e-12, 2.64e-13]])
+    found, X = drawn(np.eye(2)), np.column_stack([np.ones(3), [0.0, 250.0, 500.0]])
+    assert np.linalg.eigvalsh(found / np.outer(*[np.sqrt(np.diag(found))] * 2))[0] >= -1e-9
+    # What D lacks is less than the mean square of the ten passes, of which C is a tenth.
+    added = np.diag(X @ (found - moment) @ X.T)
+    assert (added >= 0).all()
+    assert (added <= 10 * np.diag(X @ C @ X.T)).all()
+    units = np.diag([1e3, 1e6])
+    np.testing.assert_allclose(drawn(units), units @ found @ units, rtol=1e-9)

@@ -205,3 +205,7 @@ def test_what_passes_tell_has_their_degrees_of_freedom() -> None:
     assert (squares.of_part[few].sum(axis=0) > 0).all()
     # Repeatability alone is left for the others.
     assert squares.dof[~few].min() > 30
+    # Of both axes together they count no less often than of one.
+    behind = [x for x in prediction.pass_squares(np.eye(2)) if x is not None]
+    assert behind
+    assert all(1 <= x.independent(np.ones(2)) <= 2 for x in behind)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from model_examples import Segment, estimate, loaded, readings
 from numpy.typing import NDArray
-from reading_examples import MACHINE, TARGETS, at, in_table_order, machine, only, run, tables_of
+from reading_examples import TARGETS, at, in_table_order, machine, only, run, tables_of
 from thermal_machines import drift
 
 from mtu_cli.files.machine import LoadedMachine
@@ -72,14 +72,6 @@ def test_what_was_known_goes_with_its_covariances(tmp_path: Path) -> None:
     # Forward and reverse of a pass are passes of their own to the fit.
     same = way[:, None] == way
     np.testing.assert_allclose(R @ R.T, np.where(same, X @ D @ X.T, 0.0), rtol=1e-9, atol=1e-18)
-    # The machine file says the same.
-    text = MACHINE.replace(
-        "px: {of: x, unit: um}", "px: {of: x, unit: um, coefficients: [2, -0.1]}"
-    )
-    own = only(tables_of(loaded(tmp_path, text), None, found))
-    np.testing.assert_allclose(own.errors, table.errors, atol=1e-15)
-    assert own.fitted_degree == -1
-    assert own.common.shape[-1] == 0
 
 
 def test_a_component_without_an_axis(tmp_path: Path) -> None:
@@ -103,31 +95,12 @@ def test_a_component_without_an_axis(tmp_path: Path) -> None:
     assert np.abs(table.common).ravel().tolist() == pytest.approx([5e-7])
 
 
-def test_readings_without_passes_are_repeats(tmp_path: Path) -> None:
-    segment = replace(run(3), passes=None, direction=None, time=None)
-    found = readings([segment])
-    table = only(tables_of(machine(tmp_path), None, found))
-    assert table.parts == ("0",)
-    assert table.features == ("-20", "0", "15.5", "40")
-    assert table.repeats.tolist() == [[6] * 4]
-    X = np.column_stack([np.ones(24), found.position_mm])
-    left = found.error - X @ np.linalg.lstsq(X, found.error, rcond=None)[0]
-    assert table.errors[0, 1, 0] == pytest.approx(left[found.position_mm == 0].mean(), abs=1e-15)
-    assert table.covariates["sequence"].tolist() == [[1.0]]
-    assert "dir_x" not in table.covariates
-
-
 def test_files_number_their_passes_on_their_own(tmp_path: Path) -> None:
-    """In order of time where the files share a clock, else file by file."""
-    late, early = run(2), run(2, role="laser", seed=4)
-    assert late.time is not None
-    shared = replace(late, time=late.time + 100)
-    both = readings([shared, early])
+    """File by file, in order of time within each."""
+    both = readings([run(2), run(2, role="laser", seed=4)])
     table, _ = tables_of(machine(tmp_path), None, both)
-    assert table[0].parts == ("laser.csv 1", "laser.csv 2", "lbb.csv 1", "lbb.csv 2")
+    assert table[0].parts == ("lbb.csv 1", "lbb.csv 2", "laser.csv 1", "laser.csv 2")
     assert table[0].covariates["sequence"].ravel().tolist() == [1, 2, 3, 4]
-    overlapping, _ = tables_of(machine(tmp_path), None, readings([late, early]))
-    assert overlapping[0].parts == ("lbb.csv 1", "lbb.csv 2", "laser.csv 1", "laser.csv 2")
 
 
 def test_targets_are_recorded_as_reached(tmp_path: Path) -> None:
@@ -162,34 +135,6 @@ def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
     np.testing.assert_array_equal(pairs.covariates["sequence"], one.covariates["sequence"])
 
 
-def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:
-    """As for rows of points, component by component: 2 of 40 readings, none of them the only one
-    of its pass or target; the table is that of the others.
-    """
-    found = readings([run(5)])
-    load = np.linspace(0.0, 9.0, 40)
-    whole = replace(found, covariates={"load": load})
-    load = load.copy()
-    load[[3, 17]] = np.nan
-    gaps = replace(found, covariates={"load": load})
-    (table,), warned = tables_of(machine(tmp_path), None, gaps)
-    (told,) = warned
-    file = whole.sources[0].shown
-    assert told.code == "missing-values"
-    first = f"2 of 40 rows of px left out, the first {file}, row {found.row[3]}"
-    assert (told.facts["names"], told.facts["consequence"]) == (["load"], first)
-    assert "load" in table.covariates
-    assert (table.repeats == 0).sum() == 2
-    (before,), _ = tables_of(machine(tmp_path), None, whole)
-    assert before.parts == table.parts
-    X = np.column_stack([np.ones(40), found.position_mm])
-    kept = np.isfinite(load)
-    line = np.linalg.lstsq(X[kept], found.error[kept], rcond=None)[0]
-    expected = (found.error - X @ line)[in_table_order(found)].reshape(before.errors.shape)
-    there = table.repeats > 0
-    np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
-
-
 def with_temperature(found: Readings, values: Floats | None = None) -> Readings:
     T = np.asarray(20 + 0.2 * np.arange(len(found)) if values is None else values, np.float64)
     return replace(found, covariates={"T_a_degC": T})
@@ -213,27 +158,6 @@ def test_known_drift_goes_where_its_temperatures_are(tmp_path: Path) -> None:
         np.testing.assert_allclose(
             table.errors.ravel(), (bare.error - 1e-4 * bare.position_mm)[order], atol=1e-15
         )
-    # Of the drift alone something is known: the line of the rest is the readings' own.
-    alone = only(tables_of(machine(tmp_path), replace(estimates, components={}), found))
-    assert alone.fitted_degree == 1
-    X = np.column_stack([np.ones(24), found.position_mm])
-    rest = found.error - UM * (1.5 + 0.01 * found.position_mm) * rise
-    rest -= X @ np.linalg.lstsq(X, rest, rcond=None)[0]
-    np.testing.assert_allclose(alone.errors.ravel(), rest[order], atol=1e-14)
-
-
-def test_lags_follow_the_readings_times(tmp_path: Path) -> None:
-    slow = drift("px", "x", ("T_a_degC",), np.array([[1.5]]), time_constants=(7.0,))
-    estimates = Estimates(components={"px": estimate("px", "x", [0, 0])}, thermal={"px": slow})
-    found = with_temperature(readings([run(3)]))
-    table = only(tables_of(machine(tmp_path), estimates, found))
-    # A ramp of 0.2 degC a minute from rest: T - 20 - g tau (1 - exp(-t/tau)).
-    t = found.time_min
-    rise = 0.2 * t - 0.2 * 7 * (1 - np.exp(-t / 7))
-    order = in_table_order(found)
-    np.testing.assert_allclose(
-        table.errors.ravel(), (found.error - 1.5 * UM * rise)[order], atol=1e-14
-    )
 
 
 # Readings less what declared effects say of them, against the effect's equation by hand.
@@ -272,23 +196,14 @@ def declared(folder: Path, component: str) -> LoadedMachine:
     return loaded(folder, GROWING.replace("FOUND", component))
 
 
-def test_what_was_found_in_a_component_goes_from_its_readings_alone(tmp_path: Path) -> None:
-    given = warm_runs()
-    left, warned = without_effects(declared(tmp_path, "px"), given)
-    warm = given.covariates["T_x_degC"].astype(float) - 20
-    said = np.where(given.code == 0, GROWTH * given.position_mm * warm, 0.0)
-    np.testing.assert_allclose(left.error, given.error - said, atol=1e-15)
-    assert not warned
-    # And so it is fitted: by the line of what is left.
-    fit = fit_machine(declared(tmp_path, "px"), given)
-    line = np.polynomial.polynomial.polyfit(given.position_mm[:45], left.error[:45], 1)
-    found = fit.components["px"].estimate.coefficients
-    assert np.asarray(found)[1] == pytest.approx(line[1], rel=0.05)
-    assert fit.warnings == ()
-
-
 def test_readings_that_lack_the_column_are_left_and_told(tmp_path: Path) -> None:
-    given = replace(warm_runs(), covariates={})
+    warm = warm_runs()
+    left, warned = without_effects(declared(tmp_path, "px"), warm)
+    rise = warm.covariates["T_x_degC"].astype(float) - 20
+    said = np.where(warm.code == 0, GROWTH * warm.position_mm * rise, 0.0)
+    np.testing.assert_allclose(left.error, warm.error - said, atol=1e-15)
+    assert not warned
+    given = replace(warm, covariates={})
     left, warned = without_effects(declared(tmp_path, "px"), given)
     np.testing.assert_array_equal(left.error, given.error)
     (told,) = warned

@@ -16,7 +16,6 @@ from mtu_cli.model.simulate_drift import (
     SimulatedDrift,
     followed,
     sensors_for,
-    settled,
     simulate_drift,
 )
 from mtu_cli.stats.lag import first_order_lag
@@ -125,18 +124,6 @@ def test_shares_move_as_little_as_the_settled_drifts_ask_for() -> None:
         shares = sensors_for([drift()], given, 1).shares
         assert (shares - drawn)[0] * -2 == pytest.approx((shares - drawn)[1] * 5)
         assert 6 * (5 * shares[0] - 2 * shares[1]) == pytest.approx(6)
-
-
-def test_a_limit_gives_way_to_what_is_asked_for_and_rooms_settle() -> None:
-    both = {name: np.array([0.0]) for name in "pq"}
-    asked = replace(
-        NOISY, positions=both, settled={"p": np.array([6e-3])}, limits={1: 1e-3, 0: 1.0}
-    )
-    sensors = sensors_for([drift(), drift("q")], asked, 1)
-    assert (sensors.shares == sensors_for([drift()], asked, 1).shares).all()
-    rooms = np.array([20.0, 24.0])
-    found = settled(STILL, sensors, rooms, 0.0, 1)
-    assert found == pytest.approx(20 + np.outer(rooms - 20, sensors.shares))
 
 
 def test_drifts_that_the_sensors_cannot_give() -> None:

@@ -1,18 +1,21 @@
-"""Grids of places over a machine's volume."""
+"""Features of a part, and grids of places over a machine's volume."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import loaded
+from model_examples import loaded, part_of
 from numpy.typing import NDArray
 
+from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import InputError
-from mtu_cli.model.features import grid_of
+from mtu_cli.model.features import feature_points, grid_of, outside_warnings
 from mtu_cli.model.fit import estimates_from_fit
-from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.prediction import predict
 
 SPACE = """\
 axes: {x: {travel_mm: [0, 100]}, y: {travel_mm: [20, 60]}}
@@ -27,7 +30,11 @@ def grid(
     folder: Path, text: str, machine: str = SPACE
 ) -> tuple[tuple[str, ...], NDArray[np.float64]]:
     known = loaded(folder, machine)
-    return grid_of(known, build_model(known, estimates_from_fit(known, None)), text)
+    return grid_of(known, build(known), text)
+
+
+def build(known: LoadedMachine) -> MachineModel:
+    return build_model(known, estimates_from_fit(known, None))
 
 
 def test_every_axis_has_its_count_from_end_to_end(tmp_path: Path) -> None:
@@ -47,3 +54,21 @@ def test_more_places_than_a_covariance_holds(tmp_path: Path) -> None:
     # Before so many are made.
     with pytest.raises(InputError, match="at most 3000 places, not 10000000000"):
         grid(tmp_path, "100000,100000,100000")
+
+
+def test_features_have_the_coordinates_that_the_equations_need(tmp_path: Path) -> None:
+    """One that the machine fixes is the machine's, which is warned of; so are places beyond the
+    measured range.
+    """
+    part = part_of(tmp_path, "features: {a: {x_mm: 1, y_mm: 2, z_mm: 5}, b: {x_mm: 140, y_mm: 2}}")
+    fixed = "constants: {z: 127}\n" + SPACE.replace("px + y*sq", "px + z*sq")
+    model = build(loaded(tmp_path, fixed))
+    ids, points, (warned,) = feature_points(part, model)
+    assert (ids, warned.code) == (("a", "b"), "not-used")
+    px = replace(model.terms[0].estimate, position_range=(0.0, 100.0))
+    seen = replace(model, terms=(replace(model.terms[0], estimate=px), *model.terms[1:]))
+    (outside,) = outside_warnings(predict(seen, ids, points))
+    assert "feature 'b' at 140 mm" in outside.message
+    needing = build(loaded(tmp_path, SPACE.replace("px + y*sq", "px + z*sq")))
+    with pytest.raises(InputError, match="without a z, of feature 'b'"):
+        feature_points(part, needing)

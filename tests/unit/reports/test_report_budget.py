@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,33 +88,6 @@ def test_several_outputs(two: BudgetResult) -> None:
     assert r[0, 1] == pytest.approx(V[0, 1] / math.sqrt(V[0, 0] * V[1, 1]))
     # By hand: u^2(a) - (a/b)^2 u^2(b), to first order.
     assert V[0, 1] == pytest.approx(0.01 - 4 / 9 * 0.04 / 3)
-
-
-def test_what_does_not_exist_is_null() -> None:
-    """Two degrees of freedom: no u by Monte Carlo; abs at 0: no first order."""
-    heavy = document(evaluated("equation: x\ninputs: {x: {value: 1, u: 1, dof: 2}}\n")).record()
-    assert heavy["monte_carlo"]["u"] is None
-    assert heavy["monte_carlo"]["mean"] is None
-    assert heavy["monte_carlo"]["interval"][1] > 5.0
-    corner = document(evaluated("equation: abs(x)\ninputs: {x: {value: 0, u: 1}}\n")).record()
-    assert corner["u"] is corner["U"] is corner["rows"][0]["sensitivity"] is None
-    assert corner["second_order"] == {"value": None, "u": None}
-    assert corner["monte_carlo"]["first_order_valid"] is None
-    for item in (heavy, corner):
-        report_bytes(item)
-
-
-def test_the_verdict_states_the_interval_that_holds(one: BudgetResult) -> None:
-    output = one.outputs[0]
-    value = f"l = 7.15 ± {output.expanded:.2f} mm (k = {output.k:.2f})"
-    verdicts = {}
-    for passed in (True, False, None):
-        judged = replace(output, validation=replace(output.validation, passed=passed))
-        verdicts[passed] = document(replace(one, outputs=(judged,))).verdict
-    assert verdicts[True] == f"{value}. First order is valid (JCGM 101, clause 8)."
-    assert verdicts[None] == f"{value}. Too few trials to validate first order for l."
-    low, high = output.symmetric
-    assert f"mm, 95 % interval [{low:.2f}, {high:.2f}] (Monte Carlo" in verdicts[False]
 
 
 @pytest.mark.parametrize(

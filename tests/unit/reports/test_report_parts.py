@@ -27,7 +27,6 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.reports import anova as of_anova
 from mtu_cli.reports import compare as of_compare
 from mtu_cli.reports import correct as of_correct
-from mtu_cli.reports import part_figures
 from mtu_cli.reports.document import Document
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import significant
@@ -113,20 +112,7 @@ def test_undefined_figures_of_anova_are_null_and_have_no_column() -> None:
     text = shown(document, detail=True)
     assert text.startswith("Too few parts or repeats")
     header = text.partition("Features\n")[2].splitlines()[0]
-    assert header.split() == ["feature", "axis", "n", "mean", "df", "df"]
-
-
-@pytest.mark.parametrize(("scatter", "marked"), [(1.0, [True, False]), (0.0, [False, False])])
-def test_limits_below_zero_are_marked_as_no_bound(scatter: float, marked: list[bool]) -> None:
-    """Repeats to and fro about means that are alike; nothing that scatters is another matter."""
-    rows = [
-        (f"P{p}", "a", r, scatter * 0.001 * (-1) ** r, scatter * (0.001 * p + 0.0001 * r))
-        for p in range(6)
-        for r in (1, 2)
-    ]
-    header, listed = of_anova.document(analysed(points(rows))).rows()
-    column = list(header).index("var_part_limits_below_zero")
-    assert [row[column] for row in listed] == marked
+    assert header.split() == ["item", "axis", "n", "mean", "df", "df"]
 
 
 def test_tables_and_verdict_of_anova(planted: AnovaResult) -> None:
@@ -151,7 +137,7 @@ def test_nothing_is_written_over_or_outside(operations: int, parts: int) -> None
         for r in range(2)
     ]
     rows = [(*case, *(0.01 * rng.standard_normal(2))) for _, case in cases]
-    page = part_figures.anova(analysed(points(rows, [name for name, _ in cases])))
+    page = of_anova.figure(analysed(points(rows, [name for name, _ in cases])))
     assert figure_bytes(page, "png").startswith(b"\x89PNG")
     titles = {panel.get_title(loc="left") for panel in page.axes}
     written = [
@@ -264,7 +250,7 @@ def test_every_fault_is_stated_with_its_size(two: CompareResult) -> None:
 
 
 def test_the_picture_of_compare_shows_differences_and_verdicts(two: CompareResult) -> None:
-    page = part_figures.compare(two)
+    page = of_compare.figure(two)
     names = names_beside(page)
     assert len(names) == 4 + 18
     assert page.get_suptitle().endswith("(22 of 100)")
@@ -287,8 +273,8 @@ def corrected(folder: Path, parts: int = 2, more: str = "", **ring: str) -> Corr
 def test_errors_are_rounded_to_their_uncertainty(tmp_path: Path) -> None:
     found = corrected(tmp_path)
     text = shown(of_correct.document(found))
-    before, after = (f"{1000 * value:.2g}" for value in found.rms(["circle"]) or ())
-    start = f"Correction reduces the rms error of diameters from {before} to {after}"
+    before, after = (f"{1000 * value:.2g}" for value in found.rms("circle") or ())
+    start = f"Correction reduces the rms error of the circles from {before} to {after}"
     assert text.startswith(start)
     first = found.sizes[0]
     (line,) = [item for item in text.splitlines() if item.startswith("ring  part 0 ")]
@@ -296,35 +282,18 @@ def test_errors_are_rounded_to_their_uncertainty(tmp_path: Path) -> None:
     assert 0.1 < 1000 * first.u_error < 0.99
     assert f"{1000 * first.error[1]:.2f} ± {1000 * first.u_error:.2f}" in line
     assert f"{first.size[1]:.5f} ± {first.u:.5f}" in line
-    exact = replace(found, sizes=(replace(first, reference=first.size[0], u=0.0),))
+    error = 0.0, first.size[1] - first.size[0]
+    exact = replace(found, sizes=(replace(first, reference=first.size[0], u=0.0, error=error),))
     text = shown(of_correct.document(exact))
-    assert text.startswith("Correction increases the rms error of diameters from 0 to ")
-    circle = recorded(of_correct.document(exact))["circles"][0]
-    assert circle["reduction_percent"] is None
+    assert text.startswith("Correction increases the rms error of the circles from 0 to ")
 
 
-def test_sizes_without_a_reference_are_shown_as_they_are(tmp_path: Path) -> None:
-    document = of_correct.document(corrected(tmp_path, calibrated_mm=""))
-    text = shown(document)
-    assert "180.01340 ± 0.000" in text
-    assert "calibrated" not in text.partition("error:")[0]
-    assert text.startswith("The largest correction is ")
-    ring = recorded(document)["circles"][0]
-    nothing = ("calibrated_mm", "reduction_percent", "U_calibrated_um", "interval95_um")
-    assert all(ring[name] is None for name in nothing)
-    assert ring["error_um"] == {"before": None, "after": None}
-    assert ring["diameter_mm"]["after"] == pytest.approx(180.0134)
-
-
-@pytest.mark.parametrize("kind", ["circle", "length", "points"])
-def test_pictures_of_correct(tmp_path: Path, kind: str) -> None:
+@pytest.mark.parametrize(("kind", "rows"), [("length", 50), ("points", 80)])
+def test_pictures_of_correct(tmp_path: Path, kind: str, rows: int) -> None:
     """A row a part or point, of the first to the last of them."""
     found = corrected(tmp_path, parts=50, more="lengths: [{from: r0, to: r5}]\n", U_um="1.0")
-    if kind != "circle":
-        found = replace(found, sizes=found.of_kind("length") if kind == "length" else ())
-    page = part_figures.correct(found)
-    start = {"circle": "ring part ", "length": "r0-r5 part ", "points": "r"}[kind]
-    names = names_beside(page)
-    assert len(names) == 40
+    found = replace(found, sizes=found.of_kind("length") if kind == "length" else ())
+    names = names_beside(of_correct.figure(found))
+    assert len(names) == rows
+    start = {"length": "r0-r5 part ", "points": "r"}[kind]
     assert all(name.startswith(start) for name in names)
-    assert page.get_suptitle().endswith(f"(40 of {1100 if kind == 'points' else 50})")

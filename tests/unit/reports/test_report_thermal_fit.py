@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +11,14 @@ import numpy as np
 import pytest
 from support import CONFIGS
 
-from mtu_cli.analyses.thermal_fit.result import ThermalFit
+from mtu_cli.analyses.thermal_fit import ThermalFit
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import fitted_drift
 from mtu_cli.cli.options import Options
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.model.fit import thermal_from_report
-from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.machine_figures import drift as figure
-from mtu_cli.reports.thermal_fit import document
+from mtu_cli.reports.thermal_fit import document, figure
 
 STUDY = CONFIGS / "valdes-ring"
 CONTRACT = {
@@ -87,25 +84,6 @@ def test_report_holds_the_whole_model(fit: ThermalFit, tmp_path: Path) -> None:
             assert getattr(again, key) == getattr(known, key)
 
 
-def test_what_cannot_be_had_is_null(fit: ThermalFit) -> None:
-    known = fit.components["yaw_y"]
-    model = replace(
-        known.estimate, of=None, sensors=(), coefficients=np.zeros((1, 0)),
-        covariance=np.zeros((0, 0)), coefficient_dof=np.inf, time_constants=np.zeros(0),
-        sensor_u=np.zeros(0), temperature_range=None,
-    )  # fmt: skip
-    bare = replace(
-        known, estimate=model, positions=(), held_out=None, condition=np.inf, r2_fit=np.nan,
-        vif={}, shares={}, normality_p=None, gradients=(), inseparable=(),
-    )  # fmt: skip
-    entry = written(replace(fit, components={"yaw_y": bare}))["yaw_y"]
-    for key in ("held_out", "temperature_range_degC", "coefficient_dof", "r2_fit"):
-        assert entry[key] is None
-    assert (entry["positions_mm"], entry["coefficients"]) == ([], [[]])
-    assert entry["residuals"]["normality_p"] is None
-    assert entry["collinearity"]["condition_number"] is None
-
-
 def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
     found = fit.components["pos_y"]
     panel = figure(replace(fit, components={"pos_y": found})).axes[0]
@@ -119,21 +97,3 @@ def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
     assert starts == sorted(starts)
     assert (len(lines), len({*starts})) == (32, 4)
     assert lines[0].get_color() != lines[2].get_color()
-
-
-def test_nothing_is_written_over_anything(fit: ThermalFit) -> None:
-    page = figure(fit)
-    figure_bytes(page, "png")
-    boxes: list[Any] = []
-    for panel in page.axes:
-        texts: list[Any] = [*panel.texts, panel.xaxis.label, panel.yaxis.label]
-        texts += [panel._left_title]  # type: ignore[attr-defined]  # where the house writes titles
-        for axis in (panel.xaxis, panel.yaxis):
-            low, high = sorted(axis.get_view_interval())
-            texts += [x.label1 for x in axis.get_major_ticks() if low <= x.get_loc() <= high]
-        boxes += [text.get_window_extent() for text in texts if text.get_text()]
-        legend = panel.get_legend()
-        boxes += [] if legend is None else [legend.get_window_extent()]
-    assert len(boxes) > 30
-    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
-    assert all(box.x0 >= 0 and box.x1 <= page.bbox.x1 for box in boxes)

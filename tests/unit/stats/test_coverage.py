@@ -4,16 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import ndtri, stdtrit
+from scipy.special import fdtrc, stdtrit
 
 from mtu_cli.stats.coverage import (
     coverage_factor,
-    effective_dof,
-    few_blocks_factor,
+    fieller,
     numerical_tolerance,
-    t_quantiles,
     welch_satterthwaite,
 )
+from mtu_cli.stats.family import hotelling_p
 
 
 def test_welch_satterthwaite_of_gum_h1() -> None:
@@ -27,27 +26,6 @@ def test_infinite_degrees_of_freedom() -> None:
     assert welch_satterthwaite(v, np.array([math.inf, math.inf])) == math.inf
     assert welch_satterthwaite(v, np.array([5.0, math.inf])) == pytest.approx(5.0 * 16.0)
     assert welch_satterthwaite(np.zeros(2), np.array([5.0, 5.0])) == math.inf
-
-
-def test_very_small_variances_do_not_underflow() -> None:
-    assert welch_satterthwaite(np.full(2, 1e-200), np.full(2, 3.0)) == pytest.approx(6.0)
-
-
-def test_many_variances_at_once() -> None:
-    """Columns as one by one; GUM H.1.6 is the first, the last has no finite mean square."""
-    u = np.array([[25.0, 9.7, 2.9, 16.6], [3.0, 1.0, 2.0, 5.0], [0.0, 0.0, 4.0, 0.0]])
-    dof = np.array([18.0, 25.6, math.inf, 2.0])
-    found = effective_dof((u**2).sum(axis=1), (u**2).T, dof)
-    assert found == pytest.approx([welch_satterthwaite(own**2, dof) for own in u], rel=1e-12)
-    assert found[2] == math.inf
-
-
-def test_subtracted_mean_squares() -> None:
-    """(MS_1 - MS_2) with 3 - 1: 2^2/(9/6 + 1/4), by columns and by shares of 2."""
-    squares, dof = np.array([3.0, -1.0]), np.array([6.0, 4.0])
-    assert effective_dof(np.array([2.0]), squares[:, None], dof) == pytest.approx([4 / 1.75])
-    assert welch_satterthwaite(squares / 2, dof) == pytest.approx(4 / 1.75)
-    assert welch_satterthwaite(squares / 2, np.full(2, math.inf)) == math.inf
 
 
 @pytest.mark.parametrize(
@@ -68,12 +46,6 @@ def test_coverage_factor_of_gum_table_g2(probability: float, dof: float, printed
     assert coverage_factor(probability, dof) == pytest.approx(printed, abs=digits)
 
 
-@pytest.mark.parametrize(("probability", "dof"), [(0.0, 5.0), (1.0, 5.0), (0.95, 0.0)])
-def test_coverage_factor_refuses(probability: float, dof: float) -> None:
-    with pytest.raises(ValueError, match=r"probability|degrees"):
-        coverage_factor(probability, dof)
-
-
 @pytest.mark.parametrize(
     ("u", "digits", "tolerance"),
     [
@@ -90,23 +62,21 @@ def test_numerical_tolerance(u: float, digits: int, tolerance: float) -> None:
     assert numerical_tolerance(u, digits) == pytest.approx(tolerance, rel=1e-12)
 
 
-def test_factor_of_few_blocks() -> None:
-    assert few_blocks_factor(1) == 1.0
-    for blocks in (10, 20, 80, 5000):
-        wanted = stdtrit(blocks - 1, 0.975) / ndtri(0.975)
-        assert few_blocks_factor(blocks) == pytest.approx(wanted, rel=1e-14)
+def test_a_ratio_of_two_estimates() -> None:
+    """Fieller: ends with (a - x b)^2 = k^2 (V_aa - 2 x V_ab + x^2 V_bb); none where b may be 0."""
+    V = np.array([[0.04, 0.01], [0.01, 0.09]])
+    value, u, ends = fieller(2.0, 4.0, V)
+    assert (value, u) == pytest.approx((0.5, math.sqrt(0.04 - 0.01 + 0.0225) / 4))
+    assert ends is not None
+    for x in ends:
+        spread = V[0, 0] - 2 * x * V[0, 1] + x**2 * V[1, 1]
+        assert (2 - 4 * x) ** 2 == pytest.approx(coverage_factor(0.95) ** 2 * spread)
+    assert fieller(2.0, 0.1, V)[2] is None
 
 
-def test_quantiles_of_several_degrees_of_freedom() -> None:
-    p, dof = np.array([0.01, 0.6]), np.array([4.0, math.inf, 4.0])
-    found = t_quantiles(p, dof)
-    assert found[:2] == pytest.approx(np.array([stdtrit(4.0, p), ndtri(p)]), rel=1e-14)
-    assert np.array_equal(found[2], found[0])
-
-
-def test_numerical_tolerance_of_what_does_not_exist() -> None:
-    assert math.isnan(numerical_tolerance(math.nan))
-    with pytest.raises(ValueError, match="negative"):
-        numerical_tolerance(-1.0)
-    with pytest.raises(ValueError, match="digits"):
-        numerical_tolerance(1.0, 0)
+def test_hotelling_of_one_estimate_is_students_t() -> None:
+    """And of three it is F of 3 and nu - 2 degrees of freedom."""
+    t = float(stdtrit(7.0, 0.975))
+    assert hotelling_p(t**2, 1, 7.0) == pytest.approx(0.05)
+    assert hotelling_p(9.0, 3, 8.0) == pytest.approx(float(fdtrc(3, 6, 9.0 * 6 / 24)))
+    assert hotelling_p(9.0, 3, 2.0) == 1.0

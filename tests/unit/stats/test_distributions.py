@@ -11,8 +11,6 @@ from scipy.special import betainc
 from mtu_cli.stats.distributions import (
     Distribution,
     Kind,
-    dof_of_inexact,
-    inexact_of,
     largest_covariance,
     normal_correlation,
     shape_moments,
@@ -71,15 +69,6 @@ def test_variances_of_jcgm_101() -> None:
         (shape("curvilinear-trapezoidal", inexact=0.25), 4.0**2 / 12 + 0.5**2 / 9),
     ):
         assert item.drawn_variance == pytest.approx(variance)
-
-
-def test_inexact_limits_and_degrees_of_freedom() -> None:
-    """JCGM 101:2008, 9.5.2 from GUM H.1: nu = 50 is d = 0.1 a, nu = 2 is d = 0.5 a."""
-    assert inexact_of(50.0) == pytest.approx(0.1)
-    assert inexact_of(2.0) == pytest.approx(0.5)
-    assert inexact_of(math.inf) == 0.0
-    assert dof_of_inexact(0.25) == pytest.approx(8.0)
-    assert dof_of_inexact(0.0) == math.inf
 
 
 @pytest.mark.parametrize("dof", [3.0, 30.0])

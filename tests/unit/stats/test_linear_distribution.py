@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr, stdtr
 
-from mtu_cli.stats.distributions import Distribution, Kind, bounded_quantile
+from mtu_cli.stats.distributions import Distribution, Kind
 from mtu_cli.stats.linear_distribution import Quantile, Term, sum_quantile
 from mtu_cli.stats.workspace import Workspace
 
@@ -92,22 +92,6 @@ def test_distribution_functions_of_sums(name: str) -> None:
     p = np.linspace(0.5, 1.0 - 2e-6, 20_001)[1:]
     assert np.max(np.abs(below(found(p)) - p)) <= 1e-6
     assert found(1 - p) == pytest.approx(-found(p), abs=1e-9)
-
-
-@pytest.mark.parametrize("kind", ["triangular", "trapezoidal"])
-def test_inexact_limits_of_other_shapes(kind: Kind) -> None:
-    """Against the mean over half-widths of the shape's own ranks, by a fine midpoint rule."""
-    top = 0.6 if kind == "trapezoidal" else 0.0
-    share = (1.0 + top**2) / 6.0
-    shape = bounded(kind, share, top=top)
-    own = Distribution(kind=kind, u=shape.u, half_width=1.0, top=top, inexact=0.4)
-    found = known((1.0, own))
-    p = np.linspace(0.5, 1.0 - 1e-4, 101)
-    widths = 0.6 + 0.8 * (np.arange(20_000) + 0.5) / 20_000
-    grid = np.linspace(0.0, 1.0, 200_001)
-    of_shape = bounded_quantile(shape, grid)
-    exact = [float(np.mean(np.interp(x / widths, of_shape, grid))) for x in found(p)]
-    assert p == pytest.approx(np.array(exact), abs=1e-6)
 
 
 def test_a_mixture_against_simulation() -> None:

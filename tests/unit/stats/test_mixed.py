@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -40,38 +38,6 @@ def test_unbalanced_design_against_dense_matrices(name: str) -> None:
     assert fit.within_dof == plain.dof
     expected = dense_covariance(design, 1, fit.s2, fit.D_moment)
     np.testing.assert_allclose(fit.covariance, expected, rtol=1e-8)
-
-
-@pytest.mark.parametrize("seed", [11, 12, 13])
-@pytest.mark.parametrize("both", [False, True], ids=["one direction", "both directions"])
-def test_against_reml_of_statsmodels(seed: int, both: bool) -> None:
-    """On a balanced design REML with an optimum inside has these estimates in closed form."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        # statsmodels ships no types.
-        from statsmodels.regression.mixed_linear_model import (  # type: ignore[import-untyped]
-            MixedLM,
-        )
-    design = balanced(8, both=both)
-    y = drawn(design, np.random.default_rng(seed), reversal=2.0)
-    fit = fitted(design, y)
-    unit = 100.0
-    p = (design.position - fit.center) / unit
-    Z = np.column_stack([np.ones_like(p), p])
-    X = np.column_stack([Z, Z * design.direction[:, None] / 2]) if both else Z
-    found = MixedLM(y, X, design.group, exog_re=Z).fit(reml=True, method=["bfgs"], gtol=1e-7)
-    assert found.converged
-    to_centre = np.array([[1.0, fit.center], [0.0, 1.0]])
-    U = np.diag([1.0, unit])
-    S = np.sqrt(np.diag(found.cov_re))
-    ours = U @ fit.D @ U
-    np.testing.assert_allclose(
-        U @ to_centre @ fit.plain.coefficients, found.fe_params[:2], rtol=1e-5
-    )
-    np.testing.assert_allclose(ours / np.outer(S, S), found.cov_re / np.outer(S, S), atol=2e-4)
-    C = U @ to_centre @ fit.covariance @ to_centre.T @ U
-    np.testing.assert_allclose(C, found.cov_params()[:2, :2], rtol=2e-4, atol=2e-4 * C.max())
-    assert fit.s2 == pytest.approx(found.scale, rel=2e-4)
 
 
 HALVES = balanced(6).without({(0, i) for i in range(4, 8)} | {(1, i) for i in range(4)})
@@ -174,6 +140,3 @@ def test_intervals_of_unbalanced_passes_cover(s_level: float, s_slope: float) ->
         away = np.abs(fit.plain.coefficients - truth)
         inside += away <= k * np.sqrt(np.diag(fit.covariance))
     assert (np.abs(inside / 1000 - 0.95) <= 0.02).all(), inside
-
-
-# Lines of all passes at once against least squares of one pass after the other, in fractions.

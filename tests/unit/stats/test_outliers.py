@@ -14,10 +14,10 @@ from mtu_cli.stats.outliers import (
     GROSS,
     NEAR,
     NEAR_EFFICIENCY,
-    NEAR_SQUARE,
     OUTLYING_P,
     deviation_p,
     outlying,
+    polished,
     spikes,
 )
 from mtu_cli.stats.rotation import outstanding_rows
@@ -72,46 +72,6 @@ def test_a_row_shifted_by_four_sigma_is_found(rho: float) -> None:
         others += int(np.delete(rows, 4).any())
     assert found >= 0.95 * runs
     assert others <= 0.15 * runs
-
-
-def test_a_single_entry_and_a_scattering_row_are_told_apart() -> None:
-    table = clean(3, 0.3)
-    table[7, 5] += 15.0
-    found = outstanding_rows(table, GROUPS, 1)
-    assert int(np.argmin(found.by_cell)) == 7 * found.by_cell.shape[1] + 5
-    assert found.by_cell[7, 5] <= 0.05
-    table = clean(3, 0.3)
-    table[9] *= 5.0
-    table[9] -= table[9].mean()
-    found = outstanding_rows(table, GROUPS, 1)
-    assert found.by_row[9] <= 0.05
-    table = clean(3, 0.3)
-    table[2] -= 6.0
-    assert outstanding_rows(table, GROUPS, 1).by_row[2] <= 0.05
-
-
-def test_a_small_group_is_not_drowned_by_a_large_one() -> None:
-    """Three lengths beside many features: their row is judged by its own distribution."""
-    rng = np.random.default_rng(5)
-    table = rng.standard_normal((ROWS, 63))
-    groups = np.r_[np.zeros(60, np.int64), np.ones(3, np.int64)]
-    table[11, 60:] = [9.0, -9.0, 9.0]
-    assert outstanding_rows(table, groups, 1).by_row[11] <= 0.05
-
-
-def test_the_same_seed_gives_the_same_bits() -> None:
-    table = clean(1, 0.2)
-    first, again = (outstanding_rows(table, GROUPS, 9) for _ in range(2))
-    assert (first.by_row == again.by_row).all()
-    assert (first.by_cell == again.by_cell).all()
-
-
-def test_constant_columns_and_few_rows() -> None:
-    table = np.ones((5, 4))
-    found = outstanding_rows(table, np.zeros(4, np.int64), 1)
-    assert (found.by_row > 0.5).all()
-    assert (found.by_cell > 0.5).all()
-    assert outstanding_rows(clean(1, 0)[:4], GROUPS, 1).by_row.shape == (4,)
 
 
 def test_large_tables_by_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -176,16 +136,6 @@ def test_as_a_plain_version(n: int, slips: int) -> None:
     assert s == pytest.approx(plain_s, rel=1e-9)
 
 
-def test_efficiency_of_the_near_values() -> None:
-    """2/nu is the relative variance of s^2: of 4000 samples of 1000 to four of its errors."""
-    d = np.abs(np.random.default_rng(4).standard_normal((4000, 1000)))
-    d.partition(799, axis=1)
-    s2 = (d[:, :800] ** 2).mean(axis=1)
-    assert s2.mean() == pytest.approx(NEAR_SQUARE, rel=2e-3)
-    found = 2 / (s2.var() / s2.mean() ** 2) / 1000
-    assert found == pytest.approx(NEAR_EFFICIENCY, rel=4 * np.sqrt(2 / 4000))
-
-
 def test_chance_seldom_meets_it() -> None:
     """A thousandth of the samples at most, of few values and of many."""
     for n in (8, 20, 80):
@@ -213,3 +163,15 @@ def test_a_last_digit_is_no_outlier() -> None:
     curve = np.where(np.arange(40) == 20, 1.0, 0.0)
     assert not spikes(curve, r=1 / 12)[0].any()
     assert spikes(30 * curve, r=1 / 12)[0].sum() == 1
+
+
+def test_a_polish_leaves_what_is_neither_of_row_nor_of_column() -> None:
+    """Levels of rows and columns and slopes of rows are taken out, one slip is not."""
+    x = np.arange(5.0)
+    table = np.arange(6.0)[:, None] + x**2 + np.outer([0, 1, 2, 3, 4, 5.0], x)
+    table[2, 3] += 9.0
+    table[4, 0] = np.nan
+    left = polished(table, x)
+    assert left[2, 3] == pytest.approx(9.0, abs=0.5)
+    left[2, 3] = 0.0
+    assert np.nanmax(np.abs(left)) < 0.5

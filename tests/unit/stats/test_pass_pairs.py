@@ -5,10 +5,9 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-import pandas as pd
 import pytest
 from numpy.typing import NDArray
-from pass_designs import DRIFT, NO_DRIFT, Design, balanced, dense_covariance, drawn, plain_passes
+from pass_designs import DRIFT, NO_DRIFT, Design, balanced, dense_covariance, drawn
 from scipy.special import stdtrit
 
 from mtu_cli.stats.mixed_model import PassFit, fit_passes
@@ -16,8 +15,6 @@ from mtu_cli.stats.mixed_model import PassFit, fit_passes
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     # statsmodels ships no types.
-    from statsmodels.formula.api import ols  # type: ignore[import-untyped]
-    from statsmodels.stats.anova import anova_lm  # type: ignore[import-untyped]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -42,23 +39,6 @@ def warm(design: Design, rng: np.random.Generator, K: FloatArray) -> FloatArray:
     shared = rng.multivariate_normal(np.zeros(2), K, size=int(run.max()) + 1)[run]
     found: FloatArray = shared[:, 0] + shared[:, 1] * (design.position - design.position.mean())
     return found
-
-
-def test_mean_squares_are_those_of_runs_as_blocks() -> None:
-    """Tables (run, direction) of levels, by statsmodels: 2 S_m of runs, 2 S_h of the rest."""
-    design = balanced(12, both=True)
-    rng = np.random.default_rng(1)
-    y = drawn(design, rng, reversal=4.0) + warm(design, rng, WARM)
-    fit = each_way(design, y)
-    for i in (0, 1):
-        own = plain_passes(design, y).lines[:, i]
-        frame = pd.DataFrame({"y": own, "run": np.arange(12) // 2, "way": np.arange(12) % 2})
-        table = anova_lm(ols("y ~ C(run) + C(way)", frame).fit())["mean_sq"]
-        assert fit.half_differences is not None
-        assert fit.half_differences[i, i] == pytest.approx(table["Residual"] / 2, rel=1e-8)
-        of_runs = fit.between[i, i] - fit.half_differences[i, i]
-        assert of_runs == pytest.approx(table["C(run)"] / 2, rel=1e-8)
-    assert fit.pass_dof == 5
 
 
 MISSING = {

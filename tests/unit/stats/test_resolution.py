@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtu_cli.stats.mixed_model import fit_passes
-from mtu_cli.stats.pass_tests import reversal
 from mtu_cli.stats.resolution import hidden, rounding_variance, step_of
 
 EXACT = np.random.default_rng(1).uniform(-500, 500, 200)
@@ -50,21 +48,3 @@ def test_what_is_added_holds_the_error_of_a_mean_of_any_number(s: float) -> None
     u2 = s2 / 20 + hidden(s2, rounding_variance(read.ravel()))
     assert error <= 1.05 * np.sqrt(np.mean(u2))
     assert s > 0 or error == pytest.approx(np.sqrt(np.mean(u2)), rel=0.15)
-
-
-def test_a_reversal_without_scatter_is_known_to_the_last_digit() -> None:
-    """A dial of 1 um reads 10 um more forward than reverse in each of five runs; one of 20 um may
-    have seen anything between nothing and 20 um.
-    """
-    runs = np.repeat(np.arange(5), 2)
-    direction = np.tile([1.0, -1.0], 5)
-    error = np.where(direction > 0, 10.0, 0.0)
-    fit = fit_passes(error, np.zeros(10), 0, np.arange(10), direction, runs)
-    order = np.arange(10)
-    assert reversal(fit, order) is None
-    fine, coarse = (reversal(fit, order, r=step**2 / 12) for step in (1.0, 20.0))
-    assert fine is not None
-    assert coarse is not None
-    assert (fine.value, fine.u) == pytest.approx((10, np.sqrt(2 / 12)))
-    assert fine.p < 1e-4
-    assert coarse.p > 0.05

@@ -68,10 +68,3 @@ def test_noise_of_the_columns_is_taken_back() -> None:
     found = SerialFit(given, levels=True).combinations(np.eye(2))
     assert abs(plain.combinations(np.eye(2)).value[1]) < 0.95
     assert found.value[1] == pytest.approx(-1.0, abs=3 * found.u[1])
-
-
-def test_what_the_rows_do_not_determine_has_no_u() -> None:
-    given = [b._replace(X=b.X[:, [0, 0]]) for b in blocks(np.random.default_rng(5), 0.0)]
-    found = SerialFit(given, levels=True).combinations(np.array([[1.0, 0.0], [1.0, 1.0]]))
-    assert np.isinf(found.u[0])
-    assert found.value[1] == pytest.approx(2.0, abs=4 * found.u[1])

@@ -16,13 +16,12 @@ from scipy.integrate import solve_ivp
 from mtu_cli.stats.compressed import (
     Compressed,
     compress,
-    effective_number,
     ridge,
     stepwise,
     together,
 )
 from mtu_cli.stats.lag import first_order_lag
-from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.least_squares import FloatArray
 
 # Lags.
 
@@ -111,25 +110,6 @@ def test_the_factor_holds_all_inner_products_and_means(n: int) -> None:
     assert (np.abs(centred.lag[1:, 1:] - left) <= 1e-9 * size[1:, 1:]).all()
 
 
-def test_pieces_together_in_any_order_and_grouping() -> None:
-    """Also of sensors that move together, of a condition of 1e7."""
-    rng = np.random.default_rng(7)
-    X = 6 + rng.normal(size=(97, 1)).cumsum(axis=0) + 1e-6 * rng.normal(size=(97, 3))
-    Z = np.column_stack([np.ones(97), X, X @ [1.0, -3.0, 2.5] + 1e-7 * rng.normal(size=97)])
-    ends = [0, 1, 3, 30, 31, 97]
-    pieces = [compress(Z[a:b]) for a, b in pairwise(ends)]
-    left = together(pieces)
-    # Consecutive rows of two pieces are no pair: four products are missing.
-    missing = sum(np.outer(Z[b - 1], Z[b]) for b in ends[1:-1])
-    direct = least_squares(Z[:, :4], Z[:, 4])
-    for found in (left, together([together(pieces[3:]), together(pieces[:3][::-1])])):
-        assert (found.n, found.pairs) == (97, 97 - len(pieces))
-        assert found.lag + missing == pytest.approx(compress(Z).lag, rel=1e-12)
-        fit = least_squares(found.factor[:, :4], found.factor[:, 4])
-        assert fit.coefficients[1:] == pytest.approx(direct.coefficients[1:], rel=1e-6)
-        assert fit.rss == pytest.approx(direct.rss, rel=1e-6)
-
-
 # Ridge paths.
 
 PENALTIES = np.array([0.0, 1e-6, 1e-2, 0.3, 10.0])
@@ -206,27 +186,6 @@ def test_selection_against_full_refits(limits: tuple[float, float]) -> None:
     assert len(sizes) > 3
 
 
-def test_exact_fits_columns_of_nothing_and_too_few_readings() -> None:
-    rng = np.random.default_rng(1)
-    X, one = rng.normal(size=(30, 5)) + 20, np.ones(30)
-    Z = np.column_stack([one, X, 2 * X[:, 1] - X[:, 3] + 4])
-    assert stepwise(independent(Z)) == (2, 4)
-    # What is left of a slow column is rounding, which may follow itself: it must not hide it.
-    x = np.linspace(20.0, 26.0, 500)
-    for slope in np.geomspace(1e-5, 1e3, 10):
-        assert stepwise(compress(np.column_stack([np.ones(500), x, slope * x + 0.3]))) == (1,)
-    for columns in ([one, X[:, 0]], [one, X[:, 0], 3 * one], [one, 7 * one, X[:, 0]]):
-        assert stepwise(compress(np.column_stack(columns))) == ()
-    for n in (1, 2):
-        assert stepwise(compress(np.array([[1.0, 1, 1], [1, 2, 4]])[:n])) == ()
-
-
-def test_effective_number_limits() -> None:
-    found = [effective_number(50, r) for r in (-0.4, 0.5, 1.0, 1.7)]
-    assert found == pytest.approx([50, 50 / 3, 1, 1])
-    assert effective_number(2, 0.9) == 1
-
-
 def test_error_rate_on_noise_that_follows_itself() -> None:
     """A slow column and noise that it has nothing to do with: 5 % may enter, not half of them.
 
@@ -242,3 +201,18 @@ def test_error_rate_on_noise_that_follows_itself() -> None:
     error = np.sqrt(0.05 * 0.95 / draws)
     assert 0.05 - 4 * error < entered / draws < 0.08 + 4 * error
     assert naive / draws > 0.3
+
+
+def test_exact_fits_columns_of_nothing_and_too_few_readings() -> None:
+    rng = np.random.default_rng(1)
+    X, one = rng.normal(size=(30, 5)) + 20, np.ones(30)
+    Z = np.column_stack([one, X, 2 * X[:, 1] - X[:, 3] + 4])
+    assert stepwise(independent(Z)) == (2, 4)
+    # What is left of a slow column is rounding, which may follow itself: it must not hide it.
+    x = np.linspace(20.0, 26.0, 500)
+    for slope in np.geomspace(1e-5, 1e3, 10):
+        assert stepwise(compress(np.column_stack([np.ones(500), x, slope * x + 0.3]))) == (1,)
+    for columns in ([one, X[:, 0]], [one, X[:, 0], 3 * one], [one, 7 * one, X[:, 0]]):
+        assert stepwise(compress(np.column_stack(columns))) == ()
+    for n in (1, 2):
+        assert stepwise(compress(np.array([[1.0, 1, 1], [1, 2, 4]])[:n])) == ()
