@@ -135,6 +135,34 @@ def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
     np.testing.assert_array_equal(pairs.covariates["sequence"], one.covariates["sequence"])
 
 
+def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:
+    """As for rows of points, component by component: 2 of 40 readings, none of them the only one
+    of its pass or target; the table is that of the others.
+    """
+    found = readings([run(5)])
+    load = np.linspace(0.0, 9.0, 40)
+    whole = replace(found, covariates={"load": load})
+    load = load.copy()
+    load[[3, 17]] = np.nan
+    gaps = replace(found, covariates={"load": load})
+    (table,), warned = tables_of(machine(tmp_path), None, gaps)
+    (told,) = warned
+    file = whole.sources[0].shown
+    assert told.code == "missing-values"
+    first = f"2 of 40 rows of px left out, the first {file}, row {found.row[3]}"
+    assert (told.facts["names"], told.facts["consequence"]) == (["load"], first)
+    assert "load" in table.covariates
+    assert (table.repeats == 0).sum() == 2
+    (before,), _ = tables_of(machine(tmp_path), None, whole)
+    assert before.parts == table.parts
+    X = np.column_stack([np.ones(40), found.position_mm])
+    kept = np.isfinite(load)
+    line = np.linalg.lstsq(X[kept], found.error[kept], rcond=None)[0]
+    expected = (found.error - X @ line)[in_table_order(found)].reshape(before.errors.shape)
+    there = table.repeats > 0
+    np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
+
+
 def with_temperature(found: Readings, values: Floats | None = None) -> Readings:
     T = np.asarray(20 + 0.2 * np.arange(len(found)) if values is None else values, np.float64)
     return replace(found, covariates={"T_a_degC": T})
