@@ -96,11 +96,16 @@ def test_a_component_without_an_axis(tmp_path: Path) -> None:
 
 
 def test_files_number_their_passes_on_their_own(tmp_path: Path) -> None:
-    """File by file, in order of time within each."""
-    both = readings([run(2), run(2, role="laser", seed=4)])
+    """In order of time where the files share a clock, else file by file."""
+    late, early = run(2), run(2, role="laser", seed=4)
+    assert late.time is not None
+    shared = replace(late, time=late.time + 100)
+    both = readings([shared, early])
     table, _ = tables_of(machine(tmp_path), None, both)
-    assert table[0].parts == ("lbb.csv 1", "lbb.csv 2", "laser.csv 1", "laser.csv 2")
+    assert table[0].parts == ("laser.csv 1", "laser.csv 2", "lbb.csv 1", "lbb.csv 2")
     assert table[0].covariates["sequence"].ravel().tolist() == [1, 2, 3, 4]
+    overlapping, _ = tables_of(machine(tmp_path), None, readings([late, early]))
+    assert overlapping[0].parts == ("lbb.csv 1", "lbb.csv 2", "laser.csv 1", "laser.csv 2")
 
 
 def test_targets_are_recorded_as_reached(tmp_path: Path) -> None:
