@@ -100,6 +100,7 @@ class ReportedComponent(_Reported):
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
     half_difference_mean_square: Known | None = None
+    run_covariance: Known | None = None
     pass_center_mm: Number
     pass_dof: NonNegative | None
     repeat_dof: NonNegative | None
@@ -110,13 +111,14 @@ class ReportedComponent(_Reported):
         k = len(self.coefficients)
         passes = (min(2, k), min(2, k))
         self._shaped(
-            ("pass_covariance_moment",),
+            ("pass_covariance_moment", "run_covariance"),
             coefficients=(len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
             covariance=(k, k),
             covariance_independent=(k, k),
             pass_covariance=passes,
             pass_covariance_moment=passes,
             half_difference_mean_square=passes,
+            run_covariance=passes,
         )
         return self
 
