@@ -204,6 +204,21 @@ def test_a_position_constant_fixes_the_coordinate(tmp_path: Path) -> None:
     assert predict(model, ["a", "b"], place).mean == pytest.approx([wanted, wanted], rel=1e-14)
 
 
+def test_a_fixed_position_with_uncertainty_propagates(tmp_path: Path) -> None:
+    model = stated(
+        tmp_path,
+        """
+        constants: {z: {value: 127.0, u: 0.5}}
+        components:
+          e: {of: x, unit: mrad, coefficients: [2.0]}
+          pz: {of: z, unit: um, coefficients: [1.0, 0.01]}
+        equations: {Ex: z*e + pz}
+        """,
+    )
+    found = predict(model, ["a"], np.array([[10.0, 0, np.nan]]))
+    assert found.variance(np.eye(1)).total[0] == pytest.approx((0.5 * (2e-3 + 1e-5)) ** 2)
+
+
 def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
     text = """
     components: {a: {of: x, unit: um, coefficients: [1.0, 0.1]}}

@@ -119,6 +119,16 @@ def test_two_instruments_cover_what_they_both_read(passes: int) -> None:
     assert np.mean(hits) > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / len(hits))
 
 
+def test_pooled_scatter_is_weighted_by_degrees_of_freedom() -> None:
+    a = estimate("c", None, [1.0], C=np.eye(1), D=4 * np.eye(1), s=1.0, pass_dof=9, repeat_dof=70)
+    b = estimate("c", None, [2.0], C=np.eye(1), D=1 * np.eye(1), s=3.0, pass_dof=3, repeat_dof=10)
+    a, b = (replace(item, independent_covariance=np.eye(1), independent_s=1.0) for item in (a, b))
+    found = combine([a, b], [10, 10])
+    assert found.coefficients == pytest.approx([(9 * 1 + 1 * 2) / 10])
+    assert found.pass_covariance[0, 0] == pytest.approx((9 * 4 + 3 * 1) / 12)
+    assert found.s_repeat**2 == pytest.approx((70 * 1 + 10 * 9) / 80)
+
+
 @pytest.mark.parametrize("degree", [0, 3])
 def test_agreement_is_uniform_where_the_instruments_agree(degree: int) -> None:
     """Different scatter, passes and positions; 200 pairs of fits."""

@@ -40,9 +40,10 @@ def reported(folder: Path, known: object, fit: MachineFit) -> Path:
     return path
 
 
-def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path) -> None:
+@pytest.mark.parametrize("drift", [Drift(1.0), Drift(0.0), Drift(1.0, common=True)])
+def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path, drift: Drift) -> None:
     known = machine(tmp_path)
-    fit = fit_machine(known, read_machine(np.random.default_rng(1), Drift(1.0, common=True)))
+    fit = fit_machine(known, read_machine(np.random.default_rng(1), drift))
     direct = estimates_from_fit(known, fit)
     again = estimates_from_report(known, read_components(reported(tmp_path, known, fit)))
     one, two = (predict(build_model(known, e), list("abc"), POINTS) for e in (direct, again))

@@ -95,6 +95,20 @@ def test_a_component_without_an_axis(tmp_path: Path) -> None:
     assert np.abs(table.common).ravel().tolist() == pytest.approx([5e-7])
 
 
+def test_readings_without_passes_are_repeats(tmp_path: Path) -> None:
+    segment = replace(run(3), passes=None, direction=None, time=None)
+    found = readings([segment])
+    table = only(tables_of(machine(tmp_path), None, found))
+    assert table.parts == ("0",)
+    assert table.features == ("-20", "0", "15.5", "40")
+    assert table.repeats.tolist() == [[6] * 4]
+    X = np.column_stack([np.ones(24), found.position_mm])
+    left = found.error - X @ np.linalg.lstsq(X, found.error, rcond=None)[0]
+    assert table.errors[0, 1, 0] == pytest.approx(left[found.position_mm == 0].mean(), abs=1e-15)
+    assert table.covariates["sequence"].tolist() == [[1.0]]
+    assert "dir_x" not in table.covariates
+
+
 def test_files_number_their_passes_on_their_own(tmp_path: Path) -> None:
     """In order of time where the files share a clock, else file by file."""
     late, early = run(2), run(2, role="laser", seed=4)
@@ -191,6 +205,20 @@ def test_known_drift_goes_where_its_temperatures_are(tmp_path: Path) -> None:
         np.testing.assert_allclose(
             table.errors.ravel(), (bare.error - 1e-4 * bare.position_mm)[order], atol=1e-15
         )
+
+
+def test_lags_follow_the_readings_times(tmp_path: Path) -> None:
+    slow = drift("px", "x", ("T_a_degC",), np.array([[1.5]]), time_constants=(7.0,))
+    estimates = Estimates(components={"px": estimate("px", "x", [0, 0])}, thermal={"px": slow})
+    found = with_temperature(readings([run(3)]))
+    table = only(tables_of(machine(tmp_path), estimates, found))
+    # A ramp of 0.2 degC a minute from rest: T - 20 - g tau (1 - exp(-t/tau)).
+    t = found.time_min
+    rise = 0.2 * t - 0.2 * 7 * (1 - np.exp(-t / 7))
+    order = in_table_order(found)
+    np.testing.assert_allclose(
+        table.errors.ravel(), (found.error - 1.5 * UM * rise)[order], atol=1e-14
+    )
 
 
 # Readings less what declared effects say of them, against the effect's equation by hand.

@@ -183,6 +183,45 @@ def _name(points: Points, i: int, operations: int) -> str:
     return name if operations == 1 else f"{points.operations[points.operation[i]]} {name}"
 
 
+@pytest.mark.parametrize("datum", FREE)
+@pytest.mark.parametrize("z", [False, True])
+def test_errors_less_the_motion_of_each_measurement(tmp_path: Path, datum: Datum, z: bool) -> None:
+    model = stated(tmp_path, MACHINE + ("  Ez: py + z*sq\n" if z else ""))
+    points = whole_parts(measured(5, 6, 3, z=z))
+    for found in (points, with_operations(points, ["drilled", "milled"])):
+        table, warned = residual_table(model, found, {}, datum)
+        assert warned == ()
+        assert table.datum == datum
+        check_against_motions(model, found, table, datum)
+
+
+@pytest.mark.parametrize("datum", FREE)
+@pytest.mark.parametrize("machine", [MACHINE, MACHINE.replace(" + 0.002*dir_x", " + sq*dir_x")])
+def test_factors_are_projected(tmp_path: Path, datum: Datum, machine: str) -> None:
+    model = stated(tmp_path, machine)
+    points = whole_parts(measured(5, 6, 2))
+    plain, _ = residual_table(model, points, {})
+    free, _ = residual_table(model, points, {}, datum)
+    P, _, A = plain.errors.shape
+    for before, after in ((plain.common, free.common), (plain.of_part, free.of_part)):
+        for p in range(P):
+            h = np.flatnonzero(plain.repeats[p])
+            axes = np.eye(A)
+            columns = [np.tile(axes[k], len(h)) for k in range(A)]
+            if datum == ROTATION:
+                x, y = (plain.places[p, h, k] for k in (0, 1))
+                columns.append(np.column_stack([-(y - y.mean()), x - x.mean()]).ravel())
+            X = np.column_stack(columns)
+            M = np.eye(len(X)) - X @ np.linalg.pinv(X)
+            wide = (np.broadcast_to(f, (P, *f.shape[1:]))[p, h] for f in (before, after))
+            F, E = (own.reshape(len(h) * A, own.shape[-1]) for own in wide)
+            size = np.abs(F @ F.T).max()
+            np.testing.assert_allclose(E @ E.T, M @ F @ F.T @ M, rtol=0, atol=1e-10 * size)
+    complete, _ = residual_table(model, measured(5, 6, 2), {}, datum)
+    # What a direction shifts a part by is free.
+    assert len(complete.common) == len(complete.of_part) == 1
+
+
 def test_measurements_that_the_motions_take_whole_are_left_out(tmp_path: Path) -> None:
     model = stated(tmp_path, MACHINE)
     points = measured(4, 5, 2)
