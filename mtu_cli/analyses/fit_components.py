@@ -259,8 +259,9 @@ def observability(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermin
     # Components whose passes are not those of any other, or of some others only.
     groups = [", ".join(group.components) for group in estimates.joint]
     joint = {name for group in estimates.joint for name in group.components}
-    several = [*groups, *(name for name in alone if name not in joint)]
-    for names in several if len(several) > 1 else ():
+    # Where there is one group, all others are named.
+    apart = [*groups * (len(groups) > 1), *(name for name in alone if name not in joint)]
+    for names in apart if len(alone) > 1 else ():
         what, because = "correlation of drift with other components", "read in passes of their own"
         would = "read them in the same passes (same set-up) as the others, by one instrument, or "
         yield NotDetermined(names, what, because, would + "give `time` or `setup`")

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from cli_runner import report
+from support import CONFIGS
 
 PLACES = np.arange(0.0, 500.0, 50.0)
 LOST_UM = 8.0
@@ -116,3 +117,17 @@ def test_two_instruments_choose_one_degree(tmp_path: Path) -> None:
     found = of_dx(fit(tmp_path, "--lbb", files[0], "--laser", files[1], degree="auto"))
     assert found["degree"] == 1
     assert [own["n"] for own in found["instruments"]] == [100, 100]
+
+
+def test_the_component_that_was_read_apart_is_named_alone(tmp_path: Path) -> None:
+    """Not the others, whose passes are the same."""
+    lines = (CONFIGS.parent / "data" / "undeclared" / "lbb.csv").read_text("utf-8").splitlines()
+    left = [line for line in lines if not line.startswith("dx_x") or ",2,reverse," not in line]
+    (tmp_path / "lbb.csv").write_text("\n".join(left), "utf-8")
+    machine = CONFIGS / "undeclared" / "machine.yaml"
+    found = report("fit-components", "-m", machine, "--lbb", "lbb.csv", cwd=tmp_path)
+    what = "correlation of drift with other components"
+    open_ = [
+        x["component"] for x in found["results"]["observability"] if x["not_determined"] == what
+    ]
+    assert open_ == ["dx_x", "axy"]
