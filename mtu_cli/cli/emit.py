@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -72,6 +73,15 @@ class Outcome:
             figure=document.figure,
             **more,
         )
+
+    @classmethod
+    def reported(
+        cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
+    ) -> Outcome:
+        """A command's result by the `document` of its report, and its warnings after others."""
+        report = import_module(f"mtu_cli.reports.{inputs.options.command.replace('-', '_')}")
+        document = report.document(result, inputs.settings.digits)
+        return cls.of(document, warnings=[*warnings, *result.warnings], **more)
 
 
 @dataclass(frozen=True)

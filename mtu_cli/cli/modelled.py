@@ -87,13 +87,13 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
 def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:
     """The estimates as a report holds them: readings and their report then give the same bits."""
     from mtu_cli.analyses.fit_components import fit_result
-    from mtu_cli.files.reports_read import COMPONENTS, components_from
+    from mtu_cli.files.reports_read import report_from
     from mtu_cli.files.write import report_bytes
     from mtu_cli.reports.fit_components import document
 
     results = document(fit_result(machine.machine.name, fit, estimates)).record()
-    written = report_bytes({"schema": COMPONENTS, "results": results})
-    return estimates_from_report(machine, components_from(machine.source, json.loads(written)))
+    written = report_bytes({"schema": "mtu/fit-components/1", "results": results})
+    return estimates_from_report(machine, report_from(machine.source, json.loads(written)))
 
 
 def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:

@@ -41,7 +41,8 @@ class Column:
 
     A `whole` number may be negative, a `count` is not; a `free` column holds numbers or texts; a
     `sign` is -1 or +1 and may be written in words. `largest` bounds a number in size. `known` are
-    the texts that its cells may be (None: any name).
+    the texts that its cells may be (None: any name). `says`: what a cell should be, where the kind
+    does not say it.
     """
 
     kind: Kind = "number"
@@ -49,6 +50,7 @@ class Column:
     may_be_empty: bool = False
     largest: float = LARGEST_READING
     known: Collection[str] | None = None
+    says: str = ""
 
     @property
     def numeric(self) -> bool:
@@ -99,19 +101,22 @@ EXCLUSIVE = ("time", "time_min")
 TIMES = {
     "time": Column("time"),
     # Minutes since 1970 are within a century, seconds are not.
-    "time_min": Column(largest=5.3e7),
+    "time_min": Column(largest=5.3e7, says="minutes, at most a century (5.3e+07) from the start"),
 }
+PASS = Column("count", largest=LARGEST_INTEGER, says="a whole number from 0 to 2^53 - 1")
 READINGS = TableSpec(
     holds="readings of components",
     option="--lbb, --laser or --drift",
     columns={
-        "component": Column("text", required=True),
+        "component": Column("text", required=True, says="the name of a component of the machine"),
         "error": Column(required=True),
-        "unit": Column("text", required=True, known=UNITS),
+        "unit": Column("text", required=True, known=UNITS, says=f"one of: {', '.join(UNITS)}"),
         "position_mm": Column(may_be_empty=True),
-        "pass": Column("count", largest=LARGEST_INTEGER),
+        "pass": PASS,
         "direction": Column("sign", may_be_empty=True),
-        "cycle": Column("text"),
+        "cycle": Column(
+            "text", says="the name of a warm-up or cool-down in every row, or no column 'cycle'"
+        ),
         **TIMES,
     },
 )
@@ -121,11 +126,15 @@ POINTS = TableSpec(
     option="--cmm",
     together=(("nominal_x_mm", "nominal_y_mm"),),
     columns={
-        "part": Column("text", required=True),
-        "feature": Column("text", required=True),
-        "operation": Column("text"),
+        "part": Column("text", required=True, says="the serial number or name of the part"),
+        "feature": Column("text", required=True, says="the name of a feature of the part"),
+        "operation": Column(
+            "text", says="a name such as drilled in every row, or no column 'operation'"
+        ),
         "repeat": Column("count"),
-        "sequence": Column("whole", largest=LARGEST_INTEGER),
+        "sequence": Column(
+            "whole", largest=LARGEST_INTEGER, says="a whole number, at most 2^53 - 1 in size"
+        ),
         **{f"{axis}_mm": Column(required=axis != "z") for axis in "xyz"},
         **{f"nominal_{axis}_mm": Column(may_be_empty=True) for axis in "xyz"},
         **{f"dir_{axis}": Column("sign", may_be_empty=True) for axis in "xyz"},
@@ -133,18 +142,6 @@ POINTS = TableSpec(
     },
 )
 """Of ``--cmm``: one row per measured point."""
-SAYS = {
-    "component": "the name of a component of the machine",
-    "pass": "a whole number from 0 to 2^53 - 1",
-    "cycle": "the name of a warm-up or cool-down in every row, or no column 'cycle'",
-    "time_min": "minutes, at most a century (5.3e+07) from the start",
-    "part": "the serial number or name of the part",
-    "feature": "the name of a feature of the part",
-    "operation": "a name such as drilled in every row, or no column 'operation'",
-    "sequence": "a whole number, at most 2^53 - 1 in size",
-    "unit": f"one of: {', '.join(UNITS)}",
-}
-"""What a cell of a column should be, where its kind does not say it."""
 SYNONYMS = {
     "component": "error component, error name, parameter, komponente",
     "error": "value, reading, deviation, abweichung",

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import isnan, nan
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -30,8 +30,6 @@ from mtu_cli.files.yaml_file import YamlDocument
 from mtu_cli.findings import Finding, InputError, error, finding
 
 MAX_BYTES = 1 << 30
-COMPONENTS = "mtu/fit-components/1"
-THERMAL = "mtu/thermal-fit/1"
 
 
 def _not_negative(value: float) -> float:
@@ -218,12 +216,11 @@ class _Drifts(_Reported):
     components: dict[str, ReportedDrift]
 
 
-class _Fit(_Reported):
-    results: _Components
+R = TypeVar("R", bound=_Reported)
 
 
-class _ThermalFit(_Reported):
-    results: _Drifts
+class _Report(_Reported, Generic[R]):
+    results: R
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,10 +228,10 @@ class ComponentsReport:
     """A checked fit-components report; `document` is the whole of it as it was read."""
 
     source: Source
+    document: dict[str, Any]
     components: dict[str, ReportedComponent]
-    joint: tuple[ReportedGroup, ...]
-    effects: ReportedEffects | None = None
-    document: dict[str, Any] = field(default_factory=dict)
+    joint_pass_covariance: list[ReportedGroup]
+    effects: ReportedEffects | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,8 +239,15 @@ class ThermalReport:
     """A checked thermal-fit report, likewise."""
 
     source: Source
+    document: dict[str, Any]
     components: dict[str, ReportedDrift]
-    document: dict[str, Any] = field(default_factory=dict)
+
+
+KINDS: dict[str, tuple[str, type[_Reported], Any]] = {
+    "fit-components": ("components", _Report[_Components], ComponentsReport),
+    "thermal-fit": ("thermal", _Report[_Drifts], ThermalReport),
+}
+"""By command: the role of its report, the contract, and what is made of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,21 +264,26 @@ class ModelReports:
 
 
 def read_report(path: Path) -> ComponentsReport | ThermalReport:
-    """Reads a fit-components or a thermal-fit report, whichever it is.
+    """Reads a fit-components or a thermal-fit report, whichever it is; see `report_from`."""
+    return report_from(*read_json(path, "components"))
 
-    Raises InputError for a file that is neither, or a faulty one.
+
+def report_from(source: Source, document: Any) -> Any:
+    """Checks a report of one of KINDS that was read, or made, already.
+
+    Raises InputError for a document that is none, or with every fault of it.
     """
-    source, document = read_json(path, "components")
     schema = document.get("schema") if isinstance(document, dict) else None
-    if schema == THERMAL:
-        return thermal_from(replace(source, role="thermal"), document)
-    if schema == COMPONENTS:
-        return components_from(source, document)
-    commands = "`mtu fit-components -o FILE.json` or `mtu thermal-fit -o FILE.json`"
-    expected = f"{COMPONENTS!r} or {THERMAL!r}, as {commands} writes it"
-    place = {} if schema is None else {"path": "schema", "value": str(schema)}
-    facts = {"kind": "a components report", "expected": expected}
-    raise error("wrong-type", file=source.shown, **facts, **place)
+    kind = next((kind for kind in KINDS if schema == f"mtu/{kind}/1"), None)
+    if kind is None:
+        expected = "{!r} or {!r}, as `mtu {} -o FILE.json` or `mtu {} -o FILE.json` writes it"
+        expected = expected.format(*(f"mtu/{each}/1" for each in KINDS), *KINDS)
+        place = {} if schema is None else {"path": "schema", "value": str(schema)}
+        facts = {"kind": "a components report", "expected": expected}
+        raise error("wrong-type", file=source.shown, **facts, **place)
+    role, contract, made = KINDS[kind]
+    checked: Any = check_contract(YamlDocument(source=source, data=document), contract, kind)
+    return made(source=replace(source, role=role), document=document, **dict(checked.results))
 
 
 def read_reports(paths: Iterable[Path]) -> ModelReports:
@@ -298,31 +307,6 @@ def read_reports(paths: Iterable[Path]) -> ModelReports:
     if findings:
         raise InputError(findings)
     return ModelReports(**reports)
-
-
-def components_from(source: Source, document: Any) -> ComponentsReport:
-    """Checks a fit-components report that was read, or made, already.
-
-    Raises InputError with every fault of the document.
-    """
-    report = check_contract(YamlDocument(source=source, data=document), _Fit, "fit-components")
-    return ComponentsReport(
-        source=source,
-        components=report.results.components,
-        joint=tuple(report.results.joint_pass_covariance),
-        effects=report.results.effects,
-        document=document,
-    )
-
-
-def thermal_from(source: Source, document: Any) -> ThermalReport:
-    """Checks a thermal-fit report likewise."""
-    report = check_contract(YamlDocument(source=source, data=document), _ThermalFit, "thermal-fit")
-    return ThermalReport(
-        source=source,
-        components=report.results.components,
-        document=document,
-    )
 
 
 def read_json(path: Path, role: str) -> tuple[Source, Any]:
