@@ -274,10 +274,6 @@ CATALOGUE: dict[str, Kind] = {
         "the backlash of {component} varies by {range_um:.3g} um along the travel (mean "
         "{mean_um:.3g} um, p = {p:.1g}): one value of backlash over-corrects somewhere"
     ),
-    "table-worsens": _warning(
-        "{component}: a new test with the table is likelier to show a larger {names} than now: the "
-        "table's own uncertainty adds more than it takes out"
-    ),
     "no-better": _warning(
         "{component}: on held-out cycles the temperatures {effect}: the model is not to be used"
     ),

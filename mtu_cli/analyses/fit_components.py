@@ -64,8 +64,9 @@ class Component(Line):
     `pass_center` is the position (mm) at which the pass-to-pass intercept is stated: 0 without
     readings; with several instruments the mean of all their readings. There are, (q, q) of this
     intercept and the slope (q is 1 for a constant), the unbiased `pass_covariance_moment` that
-    predictions use, which may have a negative part, `pass_covariance` less that part, and the mean
-    square `half_differences` of runs there and back (None without runs).
+    predictions use, which may have a negative part, `pass_covariance` less that part, the mean
+    square `half_differences` of runs there and back (None without runs), and their
+    `run_covariance`, of several instruments, else None.
     """
 
     estimate: ComponentEstimate
@@ -74,6 +75,7 @@ class Component(Line):
     pass_covariance: FloatArray
     pass_covariance_moment: FloatArray
     half_differences: FloatArray | None
+    run_covariance: FloatArray | None
     instruments: tuple[Line, ...]
 
 
@@ -145,6 +147,7 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
     T, moment, halves = (
         estimate.shape.at_centre(centre), estimate.pass_covariance, estimate.half_differences
     )  # fmt: skip
+    K = estimate.run_covariance
     if len(items) == 1:
         # Where some pass has one position only the level varies from pass to pass, not the slope.
         own = items[0].fit
@@ -182,6 +185,7 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
         pass_covariance=D,
         pass_covariance_moment=moment,
         half_differences=halves,
+        run_covariance=None if K is None else T @ K @ T.T,
         instruments=lines,
     )
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, Literal
 
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import SIGN_EXPECTED, is_covariate
-from mtu_cli.files.source import Source
+from mtu_cli.files.source import SYNTHETIC, Source
 from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.units import UNITS
 
@@ -160,6 +162,20 @@ SYNONYMS = {
     **{f"dir_{a}": f"direction {a}, approach {a}" for a in "xyz"},
 }
 """What other programs call a column: words in any order, without unit, number and accents."""
+
+
+def measured_in(path: Path, default: str | None = None) -> str | None:
+    """What a file holds that is there and not synthetic: readings or points by its header, else
+    `default`; None of an empty one.
+    """
+    with suppress(OSError), path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = [line for line in file if line.strip()]
+        if lines and not lines[0].lstrip().startswith(SYNTHETIC):
+            header = next((line for line in lines if line[0] != "#"), "")
+            names = {name.strip(' "\n') for name in re.split("[,;]", header)}
+            specs = (spec for spec in (READINGS, POINTS) if {*spec.required} <= names)
+            return next((spec.holds for spec in specs), default)
+    return None
 
 
 def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpec) -> None:

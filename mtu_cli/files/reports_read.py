@@ -51,8 +51,8 @@ class _Reported(BaseModel):
     """A part of a report."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
-    differences: ClassVar[str] = ""
-    """The matrix that is a difference of mean squares: it may be negative."""
+    differences: ClassVar[tuple[str, ...]] = ()
+    """Matrices that are differences of mean squares: they may be negative."""
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shapes of lists (n,) and matrices (n, m)."""
@@ -73,7 +73,7 @@ class _Reported(BaseModel):
             elif (
                 values
                 and ("covariance" in key or "mean_square" in key)
-                and key != self.differences
+                and key not in self.differences
                 and not any(isnan(value) for row in values for value in row)
                 and (reason := covariance_fault(values, size))
             ):
@@ -104,16 +104,17 @@ class ReportedComponent(_Reported):
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
     half_difference_mean_square: Known | None = None
+    run_covariance: Known | None = None
     pass_center_mm: Number
     pass_dof: NonNegative | None
     repeat_dof: NonNegative | None
     position_range_mm: tuple[Number, Number] | None
 
-    differences = "pass_covariance_moment"
+    differences = ("pass_covariance_moment", "run_covariance")
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         k = len(self.coefficients)
-        of_passes = ("pass_covariance", "pass_covariance_moment", "half_difference_mean_square")
+        of_passes = ("pass_covariance", *self.differences, "half_difference_mean_square")
         return {
             "coefficients": (len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
             **dict.fromkeys(("covariance", "covariance_independent"), (k, k)),
@@ -132,7 +133,7 @@ class ReportedGroup(_Reported):
     pass_dof: NonNegative
     n_passes: int | None
 
-    differences = "pass_covariance"
+    differences = ("pass_covariance",)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         keys = ("coefficient_covariance", "pass_covariance", "half_difference_mean_square")

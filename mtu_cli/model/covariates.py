@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,7 +19,7 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     without_coordinate,
 )
-from mtu_cli.model.visits import Cells, IntArray, axes_of
+from mtu_cli.model.visits import BoolArray, Cells, IntArray, axes_of, only_rows
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import step_of
 
@@ -131,6 +131,9 @@ def rows_of(
     }
 
 
+FEW_ROWS = 0.05
+"""Share of the rows up to which they are left out: without its covariate an effect cannot be named,
+and looks like one that the library lacks."""
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
 FEWEST = 8
@@ -159,8 +162,7 @@ def table_covariates(
     gaps = []
     for name, own in lost.items():
         if own.any():
-            first = "{file}, row {row}".format(**_row(measured, int(rows[own.argmax()])))
-            gaps.append(f"{name} ({int(own.sum())} of {len(own)} rows, the first {first})")
+            gaps.append(f"{name} ({_counted(own, 'rows', measured, rows)})")
     if not gaps:
         return result, []
     consequence = "no effect of such a column can be tested"
@@ -174,6 +176,47 @@ def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
         if (high - low <= ROUNDING * np.nanmax(np.abs(table))).all():
             return np.asarray(low)
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
+
+
+def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
+    """The points without the `gap_rows` of covariates but `needed` ones, whose gaps are faults."""
+    columns = {name: x for name, x in point_columns(points).items() if name not in needed}
+    groups = (points.part, points.feature, points.file_index)
+    gone, warned = gap_rows(columns, groups, points, np.arange(len(points)))
+    return (only_rows(points, ~gone) if warned else points), warned
+
+
+def gap_rows(
+    columns: Columns,
+    groups: Sequence[IntArray],
+    measured: Points | Readings,
+    rows: IntArray,
+    of: str = "",
+) -> tuple[BoolArray, list[Finding]]:
+    """Which of the `rows` (n,) of what was `measured` to leave out, for they lack one of the
+    `columns` (n,) that nearly all others have; the columns with the fewest gaps come first.
+
+    None for columns that are the same everywhere, nor for gaps that are all that there is of one
+    code of `groups`: a part, feature, pass, target or file.
+    """
+    known = {name: np.isfinite(x) for name, x in columns.items() if x.dtype != object}
+    known = {name: own for name, own in known.items() if len(np.unique(columns[name][own])) > 1}
+    kept, named = np.ones(len(rows), bool), []
+    for name in sorted(known, key=lambda name: -int(known[name].sum())):
+        both = kept & known[name]
+        whole = all(len(np.unique(code)) == len(np.unique(code[both])) for code in groups)
+        if not known[name].all() and (~both).sum() <= FEW_ROWS * len(rows) and whole:
+            kept = both
+            named.append(name)
+    if not named:
+        return ~kept, []
+    consequence = _counted(~kept, f"rows{of} left out", measured, rows)
+    return ~kept, [finding("missing-values", what="cells", names=named, consequence=consequence)]
+
+
+def _counted(lost: BoolArray, what: str, measured: Points | Readings, rows: IntArray) -> str:
+    first = "{file}, row {row}".format(**_row(measured, int(rows[lost.argmax()])))
+    return f"{int(lost.sum())} of {len(lost)} {what}, the first {first}"
 
 
 def text_warnings(measured: Points | Readings) -> list[Finding]:

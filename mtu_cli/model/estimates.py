@@ -72,9 +72,10 @@ class ComponentEstimate:
     pass_dof 0: one mean square, with `repeat_dof`, stands behind all of them). `n_passes` is
     given where C is the between-pass mean square over that number. `half_differences` (k, k) is
     the mean square S_h of runs there and back, S = S_m + S_h and C = S_m/runs (see
-    `stats.mixed_model`); None where all passes count as independent. `independent_covariance` and
-    `independent_s` are the paper's s^2 (X'X)^-1 and s. `position_range` in mm is that of the
-    readings; None of none, or without `of`.
+    `stats.mixed_model`); None where all passes count as independent. `run_covariance` (k, k) is
+    K = S_m - S_h of several instruments, which have no mean square in common; it may have a
+    negative part, too. `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1
+    and s. `position_range` in mm is that of the readings; None of none, or without `of`.
     """
 
     name: str
@@ -91,6 +92,7 @@ class ComponentEstimate:
     independent_s: float | None = None
     position_range: tuple[float, float] | None = None
     half_differences: FloatArray | None = None
+    run_covariance: FloatArray | None = None
     table: TableShape | None = None
 
     @property
@@ -181,11 +183,11 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
 
 
 def covariance_in_run(estimate: ComponentEstimate) -> FloatArray | None:
-    """K = S_m - S_h (k, k), the covariance of level and slope of the passes there and back of one
-    run; None where all passes count as independent, and of several instruments.
+    """K (k, k), the covariance of level and slope of the passes there and back of one run; None
+    where all passes count as independent.
     """
     S, halves = between_passes(estimate), estimate.half_differences
-    return None if S is None or halves is None else S - 2 * halves
+    return estimate.run_covariance if S is None or halves is None else S - 2 * halves
 
 
 def from_mean(C: FloatArray, n: int, halves: FloatArray | None) -> FloatArray:
@@ -234,6 +236,7 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
             "independent_s": None if entry.s is None else entry.s * f,
             "position_range": entry.position_range_mm,
             "half_differences": squared("half_difference_mean_square", T),
+            "run_covariance": squared("run_covariance", T),
         }
     else:
         D, repeat = squared("pass_covariance", T), entry.s_repeat or 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,9 +17,10 @@ from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
     between_passes,
+    covariance_in_run,
 )
 from mtu_cli.model.passes import Passes, PassKey, passes_read
-from mtu_cli.model.shapes import as_table, chosen_degree, fit_table
+from mtu_cli.model.shapes import MOST_AUTO, as_table, chosen_degree, fit_table
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray, IntArray
@@ -108,17 +109,25 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     `unit`, `degree`. Instruments (ball bar, laser) are fitted apart, each with its own variances,
     and combined.
 
-    Raises InputError for one of several instruments whose readings show no scatter, and for
-    tables, or a degree that readings choose, of several.
+    Raises InputError for one of several instruments whose readings show no scatter, and for tables
+    of several.
     """
     rows = np.flatnonzero(readings.code == readings.components.index(name))
     roles = np.array(readings.roles)[readings.file_index[rows]]
-    fits = tuple(
-        _fit_instrument(readings, rows[roles == role], role, component)
-        for role in dict.fromkeys(roles.tolist())
-    )
-    if len(fits) > 1 and (component.is_table or component.degree == AUTO):
-        reason = f"{name!r} was read by several instruments, which need one shape"
+    by_role = {role: rows[roles == role] for role in dict.fromkeys(roles.tolist())}
+
+    def fitted(degree: int | str | None) -> list[InstrumentFit]:
+        items = by_role.items()
+        return [_fit_instrument(readings, own, role, component, degree) for role, own in items]
+
+    degree = None if component.is_table else component.degree
+    fits = fitted(degree)
+    if degree == AUTO and len(fits) > 1:
+        # One shape for all: the highest degree that any of them chooses, in place of a table.
+        highest = max(MOST_AUTO if x.profile else x.powers - 1 for x in fits)
+        fits = fitted(min(highest, *(len(np.unique(x.position)) - 1 for x in fits)))
+    if len(fits) > 1 and component.is_table:
+        reason = f"{name!r} was read by several instruments, whose tables are not combined"
         expected = "readings of one instrument, or a degree"
         raise error("not-applicable", reason=reason, expected=expected)
     unit = UNITS[component.unit]
@@ -131,15 +140,18 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
                 file = ", ".join(x.shown for x in readings.sources if x.role == fit.role) or None
                 expected = "more readings, with all their digits"
                 raise error("too-little-data", what=what, file=file, expected=expected)
+        estimates = _at_both_ways(estimates, fits)
         agreement_p = agreement(estimates[0], estimates[1])
     estimate = combine(estimates, [len(fit.error) for fit in fits])
     return ComponentFit(
-        name=name, unit=unit, instruments=fits, estimate=estimate, agreement_p=agreement_p
+        name=name, unit=unit, instruments=tuple(fits), estimate=estimate, agreement_p=agreement_p
     )
 
 
-def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentFit:
-    """Of the component's degree or table, or that which its readings choose.
+def _fit_instrument(
+    readings: Readings, rows: IntArray, role: str, component: Any, degree: int | str | None
+) -> InstrumentFit:
+    """Of a `degree`, or that (or the table) which its readings choose; None: a table.
 
     Raises InputError for too few readings for a table.
     """
@@ -152,7 +164,6 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
     if component.of is None or readings.has_pass[rows].all():
         group, read = passes_read(readings, rows, component.of)
         runs = read.runs[group]
-    degree = None if component.is_table else component.degree
     if degree == AUTO:
         degree = chosen_degree(position, values, group, runs)
     if degree is not None:
@@ -233,8 +244,8 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
     1/W_i proportional to d^2/G_i + s_i^2/n_i. The inverses of whole covariances that few
     passes estimate would follow their errors (95 % intervals then cover 80 %).
     C = sum W_i^2 C_i whatever the weights. The scatter of passes and of visits is pooled by
-    degrees of freedom: an instrument's own noise stays in s_repeat, which is then an upper bound of
-    the machine's.
+    degrees of freedom, and so is what passes there and back of a run share: an instrument's own
+    noise stays in s_repeat, which is then an upper bound of the machine's.
     """
     first = estimates[0]
     if len(estimates) == 1:
@@ -250,6 +261,8 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
 
     passes, repeats, n = each("pass_dof"), each("repeat_dof"), np.array(counts, np.float64)
     D = pooled(each("pass_covariance"), passes)
+    runs = [(K, item.pass_dof) for item in estimates if (K := covariance_in_run(item)) is not None]
+    in_run = pooled(*map(np.array, zip(*runs, strict=True))) if runs else None
     ranges = [item.position_range for item in estimates if item.position_range is not None]
     # By the variance of the level in the middle of the range.
     x = np.mean(ranges or 0.0) ** np.arange(len(D))
@@ -278,7 +291,27 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
         independent_covariance=np.tensordot(W**2, each("independent_covariance"), axes=1),
         independent_s=float(np.sqrt(pooled(each("independent_s") ** 2, plain))),
         position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
+        run_covariance=in_run,
     )
+
+
+def _at_both_ways(
+    estimates: Sequence[ComponentEstimate], fits: Sequence[InstrumentFit]
+) -> list[ComponentEstimate]:
+    """Lines of the mean of both directions, which predictions are for: an instrument that ran one
+    way alone, w = +1 or -1, reads a line half of the reversal value h away: b_0 - w h/2, with
+    u(h)^2/4 more variance, h of one that ran both ways. Without such a one it stays as it is.
+    """
+    known = next((fit.tests["reversal"] for fit in fits if "reversal" in fit.tests), None)
+    result = list(estimates)
+    for i, fit in enumerate(fits):
+        ways = np.unique(fit.direction)
+        if isinstance(known, Shift) and len(ways) == 1 and ways[0]:
+            b, C = result[i].coefficients.copy(), result[i].covariance.copy()
+            b[0] -= ways[0] * known.value / 2
+            C[0, 0] += known.u**2 / 4
+            result[i] = replace(result[i], coefficients=b, covariance=C)
+    return result
 
 
 def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:

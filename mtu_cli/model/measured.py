@@ -161,7 +161,7 @@ def missing_entries(what: str, entries: Iterable[Any], labels: Iterable[Label]) 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
     """One table an operation and length of the part file: measured minus nominal, mm; free of error
-    along an axis that not every end was measured along.
+    along an axis that not every end was measured along (`length_warnings` says so).
 
     Raises InputError for a length of which one end alone has a nominal z.
     """
@@ -171,8 +171,7 @@ def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredT
         return None
     pairs = np.array([[index[e.from_], index[e.to]] for e in entries])
     ids = [e.id for e in entries]
-    ends = {name for e in part.part.lengths for name in (e.from_, e.to)}
-    axes = list(axes_of(only_features(points, sorted(ends))))
+    axes = list(length_axes(points, part))
     delta = differences(visits.nominal, pairs, ids, part.source.shown)
     nominal, along = np.linalg.norm(delta, axis=1), delta[:, axes]
     errors = visits.errors[:, :, axes]
@@ -180,6 +179,24 @@ def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredT
     # Of both ends, along the length.
     r = 2 * (along / nominal[:, None]) ** 2 @ roundings(points)[axes]
     return _visit_tables(points, visits, ids, length_error(nominal, along, e), r)
+
+
+def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
+    """The axes (0, 1, 2) along which every point at an end of a length was measured."""
+    ends = {name for e in part.part.lengths for name in (e.from_, e.to)}
+    return axes_of(only_features(points, sorted(ends)))
+
+
+def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
+    """Lengths with a nominal difference along z that was not measured at all their ends."""
+    places = part.part.places()
+    z = {name: places[name][2] for name in points.features if name in places}
+    ends = ((e.id, z.get(e.from_), z.get(e.to)) for e in part.part.lengths)
+    lost = [id for id, a, b in ends if None not in (a, b) and a != b]
+    if not lost or 2 in length_axes(points, part):
+        return []
+    what, free = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
+    return [finding("axis-not-measured", what=what, names=lost, axis="z", consequence=free)]
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,8 +54,7 @@ def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[Int
     times = readings.time_min[rows]
     # One reading without a time (nan) leaves its pass without.
     starts, ends = _least(group, times, G), -_least(group, -times, G)
-    # Several files need not share a clock: their passes follow each other as the files do.
-    timed = bool(np.isfinite(starts).all() and np.ptp(keys[:, 0]) == 0)
+    timed = bool(np.isfinite(starts).all()) and _one_clock(keys, starts, ends)
     # Without a clock a pass goes forward first: the order of rows is not to matter.
     rank: IntArray = np.arange(G)
     if timed:
@@ -80,6 +80,19 @@ def _least(code: IntArray, values: FloatArray | IntArray, count: int) -> FloatAr
     return result
 
 
+def _one_clock(keys: IntArray, starts: FloatArray, ends: FloatArray) -> bool:
+    """Whether the files of the passes (G,) share a clock.
+
+    Files whose times overlap were each counted from their own start; but those of one direction
+    take turns with those of the other: of these the passes are compared.
+    """
+    file = keys[:, 0]
+    if np.ptp(file) > 0 and _directions(file, keys[:, 2]).all():
+        file = np.arange(len(keys))
+    spans = sorted((starts[file == f].min(), ends[file == f].max()) for f in np.unique(file))
+    return all(later[0] > earlier[1] for earlier, later in pairwise(spans))
+
+
 def _directions(code: IntArray, sign: IntArray) -> IntArray:
     """The direction (n,) that all of the same code have; 0 where they run both ways, or in none."""
     _, own = np.unique(code, return_inverse=True)
@@ -91,10 +104,10 @@ def _directions(code: IntArray, sign: IntArray) -> IntArray:
 def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     """The run there and back of each pass (G,), numbered in time.
 
-    A number that runs both ways is a run. Where every number of a file runs one way, the n-th there
-    and the n-th back are a run: else what differs between directions were taken for what differs
-    between passes. Files that hold one direction each are read as one. The passes of a run are of
-    one set-up.
+    A number that runs both ways is a run. Where every number of a file runs one way, one there and
+    one back are a run: else what differs between directions were taken for what differs between
+    passes. Files that hold one direction each are read as one. The passes of a run are of one
+    set-up.
     """
     numbered, code = np.unique(keys[:, :2], axis=0, return_inverse=True)
     code = code.reshape(-1)
@@ -106,11 +119,31 @@ def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     for file in np.unique(files):
         own = in_time[files[in_time] == file]
         if way[own].all():
-            there, back = own[way[own] > 0], own[way[own] < 0]
-            pairs = min(len(there), len(back))
-            run[back[:pairs]] = run[there[:pairs]]
+            for there, back in fellows(numbered[own, 1], way[own]):
+                run[own[back]] = run[own[there]]
     labels = np.unique(np.array(setups, dtype=object), return_inverse=True)[1]
     both = np.column_stack([run[code], labels.reshape(-1)])
     own = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
     start = _least(own, rank, len(keys))[own]
     return np.unique(start, return_inverse=True)[1].reshape(-1)
+
+
+def fellows(number: IntArray, way: IntArray) -> list[tuple[int, int]]:
+    """Places of the pairs (there, back) in a sequence of passes of one direction each, `way`.
+
+    Numbers tell by the difference from there to back that most pairs have: 0 of two counts, 1 of
+    passes in turn, half of all of one count there before all back; a pass that is missing then
+    leaves its fellow alone. Else the n-th there and the n-th back.
+    """
+    there, back = np.flatnonzero(way > 0), np.flatnonzero(way < 0)
+    steps, counts = np.unique(number[back] - number[there, None], return_counts=True)
+    # Fewer than half may be chance.
+    likely = np.flatnonzero(2 * counts > min(len(there), len(back)))
+    once = all(len(np.unique(number[own])) == len(own) for own in (there, back))
+    if not (once and len(likely)):
+        return list(zip(there.tolist(), back.tolist(), strict=False))
+    half = int(number.max()) + 1
+    alike = [(s == 0, n, s == 1, -abs(2 * s - half)) for s, n in zip(steps, counts, strict=True)]
+    step = int(steps[max(likely, key=alike.__getitem__)])
+    at = {int(number[i]): int(i) for i in back}
+    return [(int(i), at[n]) for i in there if (n := int(number[i]) + step) in at]

@@ -9,7 +9,7 @@ import numpy as np
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.covariates import table_covariates, text_warnings
+from mtu_cli.model.covariates import gap_rows, table_covariates, text_warnings
 from mtu_cli.model.estimates import (
     Estimates,
     covariance_in_run,
@@ -47,8 +47,21 @@ def reading_tables(
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
-            tables.append(_table(machine, name, known, readings, rows, warned))
+            layout, columns = _laid_out(machine, readings, rows, name)
+            columns.pop(f"dir_{error_axis(machine, name)}", None)
+            groups = (layout.cells.part, layout.cells.column, readings.file_index[rows])
+            gone, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
+            warned += gaps
+            tables.append(_table(machine, name, known, readings, rows[~gone], warned))
     return tuple(tables), tuple(warned)
+
+
+def _laid_out(
+    machine: LoadedMachine, readings: Readings, rows: IntArray, name: str
+) -> tuple[Layout, Columns]:
+    layout = reading_layout(readings, rows, machine.machine.components[name].of, name)
+    axis = error_axis(machine, name)
+    return layout, reading_columns(readings, rows, layout.cells.part, axis)
 
 
 def _table(
@@ -62,9 +75,7 @@ def _table(
     """The table of the readings `rows` (n,) of one component."""
     entry, estimate = machine.machine.components[name], known.components.get(name)
     of, unit = entry.of, UNITS[entry.unit]
-    layout = reading_layout(readings, rows, of, name)
-    axis = error_axis(machine, name)
-    columns = reading_columns(readings, rows, layout.cells.part, axis)
+    layout, columns = _laid_out(machine, readings, rows, name)
     shown, gaps = table_covariates(columns, layout.cells, readings, rows)
     warned += gaps
     if (drift := known.thermal.get(name)) is not None:

@@ -22,6 +22,7 @@ from mtu_cli.model.covariates import (
     rows_of,
     table_covariates,
     text_warnings,
+    without_gaps,
     without_repeated,
 )
 from mtu_cli.model.features import guess_warnings, outside_warnings
@@ -191,7 +192,7 @@ def residual_table(
     the points' nominal places and own covariates, `covariates` where they have no such column. A
     `datum` that frees is projected out of every measurement of a part and of the factors. An axis
     without an equation, or that not every point has, is left out with a warning; so are covariates
-    that repeat the errors, are texts or have gaps.
+    that repeat the errors or are texts, and rows with one of few gaps in a covariate.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they claim,
     or points of no axis that an equation is for.
@@ -199,7 +200,8 @@ def residual_table(
     check_repeats(points)
     warned = left_out(points)
     points, repeated = without_repeated(points, model.covariates())
-    warned += [*repeated, *text_warnings(points)]
+    points, gaps = without_gaps(points, model.covariates())
+    warned += [*repeated, *gaps, *text_warnings(points)]
     measured_axes = axes_of(points)
     for axis in (AXES[i] for i in measured_axes if AXES[i] not in model.axes):
         consequence = f"errors along {axis} are left out"

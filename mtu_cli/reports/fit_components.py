@@ -109,6 +109,8 @@ COMPONENT = """
         | -, json, size=size2()
     half_difference_mean_square | half_differences | part of the mean square between passes that \
         is of runs there and back; null: none | -, json, size=size2()
+    run_covariance | | covariance of the two passes of a run, of several instruments \
+        | -, json, size=size2()
     s_pass | s_pass() | standard deviation from pass to pass at pass_center_mm
     - | scatter.1 | | s_pass / unit, size=size()
     pass_center_mm | pass_center | mean position of the readings

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from cli_runner import Result, done, mtu, report
 from support import CONFIGS, DATA
@@ -67,6 +68,30 @@ def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_pa
     assert "cells missing (T_part_degC (24 of 192 rows, the first cmm.csv, row 74)" in result.stderr
     assert "backlash-x" not in [effect["name"] for effect in found["results"]["effects"]]
     assert picture.read_bytes().startswith(b"%PDF")
+
+
+def test_an_empty_cell_of_a_temperature_costs_its_row(tmp_path: Path) -> None:
+    """And no more: without the temperature the growth of the scale looks like something else."""
+    rng = np.random.default_rng(1)
+    lines = ["part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,T_scale_degC"]
+    for part in range(1, 13):
+        warm = 20 + 4 * rng.random()
+        for x in range(0, 500, 50):
+            error, y = 11.5e-6 * x * (warm - 20), 40 * (x % 3)
+            place = f"{x + error + 3e-4 * rng.normal():.5f},{y + 3e-4 * rng.normal():.5f},{x},{y}"
+            lines.append(f"{part},h{x},{place},{warm:.2f}")
+    lines[17] = lines[17].rpartition(",")[0] + ","
+    (tmp_path / "cmm.csv").write_text("\n".join(lines), "utf-8")
+    text = "schema: mtu/machine/1\nname: warm\nequations: {Ex: dx, Ey: dy}\n"
+    text += "components: {dx: {unit: um, coefficients: [0]}, dy: {unit: um, coefficients: [0]}}\n"
+    (tmp_path / "machine.yaml").write_text(text, "utf-8")
+    found = report("close-loop", "-m", "machine.yaml", "--cmm", "cmm.csv", cwd=tmp_path)
+    (effect,) = found["results"]["effects"]
+    assert effect["name"] == "thermal-growth-x"
+    assert effect["parameters"]["growth"]["value"] == pytest.approx(11.5, abs=0.5)
+    (gap,) = [item["message"] for item in found["warnings"] if item["code"] == "missing-values"]
+    said = "cells missing (T_scale_degC): 1 of 120 rows left out, the first cmm.csv, row 18"
+    assert gap == said
 
 
 def test_a_copy_of_the_direction_makes_a_class(rows: list[dict[str, str]], tmp_path: Path) -> None:

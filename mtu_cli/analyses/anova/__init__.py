@@ -34,6 +34,7 @@ from mtu_cli.model.measured import (
     feature_tables,
     left_out,
     length_tables,
+    length_warnings,
     missing_entries,
     roundings,
     some,
@@ -129,6 +130,7 @@ def analyse_variance(
         labels = {kind: found.labels for kind, found in tables.items()}
         warnings += missing_entries("length", lengths, labels.get("length", ()))
         warnings += missing_entries("right angle", angles, labels.get("angle", ()))
+        warnings += length_warnings(points, part)
     k = settings.coverage_factor
     kinds = [analysed(kind, found, method, k) for kind, found in tables.items()]
     unusual = unusual_parts(kinds, settings.seed)

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.crossings import crossings
+from mtu_cli.analyses.close_loop.crossings import crossings, without_references
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import estimated
@@ -73,7 +73,8 @@ def close_loop(
 
         def diagnose(some: ResidualTable) -> Diagnosis:
             candidates = candidates_of(some, library, exclude)
-            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed)
+            found = diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed)
+            return without_references(found)
 
         done(0, 1)
         result = diagnose(table)

@@ -13,7 +13,7 @@ from measured_examples import PLACES, part_file, points, study, with_measured
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
-from mtu_cli.model.measured import angle_tables, feature_tables, length_tables
+from mtu_cli.model.measured import angle_tables, feature_tables, length_tables, length_warnings
 from mtu_cli.model.visits import only_features, visits_of
 
 
@@ -94,6 +94,7 @@ def test_lengths_use_the_axes_that_were_measured_at_every_end(tmp_path: Path) ->
     assert tables is not None
     long = math.hypot(100, 1, 50.003) - math.hypot(100, 1, 50)
     np.testing.assert_allclose(tables.cells.origin, [long, 0], atol=1e-12)
+    assert length_warnings(found, part) == []
     measured = found.measured.copy()
     measured[0, 2] = np.nan
     partly = with_measured(found, measured)
@@ -101,6 +102,8 @@ def test_lengths_use_the_axes_that_were_measured_at_every_end(tmp_path: Path) ->
     assert flat is not None
     # Not one part in space and the other in the plane.
     np.testing.assert_allclose(flat.cells.origin[:, None] + flat.cells.mean, 0, atol=1e-12)
+    (warning,) = length_warnings(partly, part)
+    assert warning.code == "axis-not-measured"
 
 
 def test_what_was_not_measured_is_left_out(tmp_path: Path) -> None:

@@ -91,11 +91,12 @@ def test_instruments_are_weighted_by_the_variance_of_their_level() -> None:
     assert 0.2 < agreement(first, second) < 0.9
 
 
-def test_instruments_need_one_shape() -> None:
+def test_instruments_agree_on_one_degree() -> None:
     both = [segment(np.random.default_rng(1), role=role) for role in ("lbb", "laser")]
-    assert fit(*both).agreement_p is not None
-    with pytest.raises(InputError, match="several instruments, which need one shape"):
-        fit(*both, component=Component(of="x", unit="um", degree="auto"))
+    chosen = fit(*both, component=Component(of="x", unit="um", degree="auto"))
+    assert len({item.powers for item in chosen.instruments}) == 1
+    with pytest.raises(InputError, match="several instruments, whose tables are not combined"):
+        fit(*both, component=Component(of="x", unit="um", shape="table"))
 
 
 @pytest.mark.parametrize("passes", [2, 5])

@@ -96,11 +96,16 @@ def test_a_component_without_an_axis(tmp_path: Path) -> None:
 
 
 def test_files_number_their_passes_on_their_own(tmp_path: Path) -> None:
-    """File by file, in order of time within each."""
-    both = readings([run(2), run(2, role="laser", seed=4)])
+    """In order of time where the files share a clock, else file by file."""
+    late, early = run(2), run(2, role="laser", seed=4)
+    assert late.time is not None
+    shared = replace(late, time=late.time + 100)
+    both = readings([shared, early])
     table, _ = tables_of(machine(tmp_path), None, both)
-    assert table[0].parts == ("lbb.csv 1", "lbb.csv 2", "laser.csv 1", "laser.csv 2")
+    assert table[0].parts == ("laser.csv 1", "laser.csv 2", "lbb.csv 1", "lbb.csv 2")
     assert table[0].covariates["sequence"].ravel().tolist() == [1, 2, 3, 4]
+    overlapping, _ = tables_of(machine(tmp_path), None, readings([late, early]))
+    assert overlapping[0].parts == ("lbb.csv 1", "lbb.csv 2", "laser.csv 1", "laser.csv 2")
 
 
 def test_targets_are_recorded_as_reached(tmp_path: Path) -> None:
@@ -133,6 +138,34 @@ def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
     assert pairs.features == one.features
     np.testing.assert_array_equal(pairs.errors, one.errors)
     np.testing.assert_array_equal(pairs.covariates["sequence"], one.covariates["sequence"])
+
+
+def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:
+    """As for rows of points, component by component: 2 of 40 readings, none of them the only one
+    of its pass or target; the table is that of the others.
+    """
+    found = readings([run(5)])
+    load = np.linspace(0.0, 9.0, 40)
+    whole = replace(found, covariates={"load": load})
+    load = load.copy()
+    load[[3, 17]] = np.nan
+    gaps = replace(found, covariates={"load": load})
+    (table,), warned = tables_of(machine(tmp_path), None, gaps)
+    (told,) = warned
+    file = whole.sources[0].shown
+    assert told.code == "missing-values"
+    first = f"2 of 40 rows of px left out, the first {file}, row {found.row[3]}"
+    assert (told.facts["names"], told.facts["consequence"]) == (["load"], first)
+    assert "load" in table.covariates
+    assert (table.repeats == 0).sum() == 2
+    (before,), _ = tables_of(machine(tmp_path), None, whole)
+    assert before.parts == table.parts
+    X = np.column_stack([np.ones(40), found.position_mm])
+    kept = np.isfinite(load)
+    line = np.linalg.lstsq(X[kept], found.error[kept], rcond=None)[0]
+    expected = (found.error - X @ line)[in_table_order(found)].reshape(before.errors.shape)
+    there = table.repeats > 0
+    np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
 
 
 def with_temperature(found: Readings, values: Floats | None = None) -> Readings:

@@ -17,9 +17,11 @@ from thermal_machines import machine as warm_machine
 
 from mtu_cli.analyses.correct import correct
 from mtu_cli.files.points import Points
-from mtu_cli.model.covariates import without_repeated
+from mtu_cli.findings import InputError
+from mtu_cli.model.covariates import FEW_ROWS, without_gaps, without_repeated
 from mtu_cli.model.residuals import residual_table
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.visits import only_rows
 from mtu_cli.stats.least_squares import FloatArray
 
 Floats = NDArray[np.float64]
@@ -108,6 +110,61 @@ def test_noise_of_temperatures_goes_where_it_is_shared(tmp_path: Path) -> None:
     each = thermal_points(4, 3, same_time=False)
     assert np.abs(added(each, "of_part")).max() < 1e-15
     assert np.abs(added(each, "common")).max() < 1e-15
+
+
+def with_gaps(**rows: list[int]) -> Points:
+    """Points with covariates of which some rows are empty."""
+    points = measured(5, 8, 2)
+    columns = {name: np.arange(len(points), dtype=float) for name in rows}
+    for name, empty in rows.items():
+        columns[name][empty] = np.nan
+    return replace(points, covariates=columns)
+
+
+def test_few_gaps_cost_their_rows(tmp_path: Path) -> None:
+    """The table is that of the other rows; a covariate of the model must be whole."""
+    model, points = stated(tmp_path, MACHINE), with_gaps(T_room_degC=[17], tool_parts=[17, 40])
+    kept = np.ones(len(points), bool)
+    kept[[17, 40]] = False
+    table, warned = residual_table(model, points)
+    other, _ = residual_table(model, only_rows(points, kept))
+    np.testing.assert_array_equal(table.errors, other.errors)
+    np.testing.assert_array_equal(table.repeats, other.repeats)
+    for name in ("T_room_degC", "tool_parts"):
+        np.testing.assert_array_equal(table.covariates[name], other.covariates[name])
+    assert codes(warned) == ["missing-values"]
+    assert warned[0].facts["names"] == ["T_room_degC", "tool_parts"]
+    first = f"2 of 80 rows left out, the first {points.sources[0].shown}, row {points.row[17]}"
+    assert warned[0].facts["consequence"] == first
+    needing = stated(tmp_path, MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1))
+    with pytest.raises(InputError, match="empty cell"):
+        residual_table(needing, with_gaps(T_room_degC=[17]))
+
+
+def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
+    """Of two columns whose gaps are too many together, the one that has fewer stays."""
+    points = with_gaps(rare=[3], often=[4, 5, 6, 7], most=list(range(30)))
+    assert 4 <= FEW_ROWS * len(points) < 5
+    table, told = residual_table(stated(tmp_path, MACHINE), points)
+    assert {"rare"} <= set(table.covariates)
+    assert not {"often", "most"} & set(table.covariates)
+    names = [[name.partition(",")[0] for name in item.facts["names"]] for item in told]
+    assert names == [["rare"], ["often (4 of 79 rows", "most (29 of 79 rows"]]
+
+
+@pytest.mark.parametrize("whole", ["part", "feature", "same"])
+def test_no_part_or_feature_goes_for_a_covariate(whole: str) -> None:
+    """Nor a row for one that is the same everywhere, of which there is nothing to test."""
+    points = measured(30, 30, 1)
+    column = np.arange(len(points), dtype=float)
+    if whole == "same":
+        column[:] = 7.0
+        column[3] = np.nan
+    else:
+        column[getattr(points, whole) == 4] = np.nan
+    points = replace(points, covariates={"batch": column, "empty": column * np.nan})
+    assert np.isnan(column).sum() <= FEW_ROWS * len(points)
+    assert without_gaps(points, ()) == (points, [])
 
 
 def written(seed: int = 1, digits: int = 4) -> Points:

@@ -14,6 +14,7 @@ from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.passes import fellows
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.reading_residuals import reading_layout
 
@@ -45,6 +46,37 @@ def there_and_back(seed: int, *, one_way: bool = False, shared: float = 3.0) -> 
             )
         )
     return found
+
+
+def told(text: str) -> list[str]:
+    """Pairs that are found in a sequence such as 1+ 2-."""
+    words = text.split()
+    number = np.array([int(word[:-1]) for word in words])
+    way = np.array([1 if word[-1] == "+" else -1 for word in words])
+    return [f"{words[i]}{words[j]}" for i, j in fellows(number, way)]
+
+
+@pytest.mark.parametrize(
+    ("passes", "pairs"),
+    [
+        ("1+ 2- 3+ 4- 5+", "1+2- 3+4-"),
+        ("0+ 1- 2+ 3-", "0+1- 2+3-"),
+        ("1- 2+ 3- 4+", "2+1- 4+3-"),
+        ("1+ 2- 3+ 5+ 6-", "1+2- 5+6-"),
+        # Two counts, up or down, or of any order.
+        ("1+ 2+ 3+ 1- 2- 3-", "1+1- 2+2- 3+3-"),
+        ("1+ 2+ 3+ 3- 2- 1-", "1+1- 2+2- 3+3-"),
+        ("1+ 3+ 4+ 5+ 1- 2- 4- 5-", "1+1- 4+4- 5+5-"),
+        ("2+ 3+ 4+ 5+ 1- 2- 3- 4-", "2+2- 3+3- 4+4-"),
+        ("5+ 1- 6+ 2- 7+ 3-", "5+1- 6+2- 7+3-"),
+        # Numbers that stand twice: files of several days.
+        ("1+ 1+ 1- 2-", "1+1- 1+2-"),
+        ("1+ 2+ 1+ 2+ 1- 2- 1- 2-", "1+1- 2+2- 1+1- 2+2-"),
+        ("1+ 2+", ""),
+    ],
+)
+def test_passes_that_each_run_one_way_are_paired(passes: str, pairs: str) -> None:
+    assert told(passes) == pairs.split()
 
 
 @pytest.mark.parametrize("one_way", [False, True], ids=["one number", "a number each"])
