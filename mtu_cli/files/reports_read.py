@@ -7,11 +7,11 @@ beyond these fields is ignored, so that reports of other versions are read too.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import isnan, nan
 from pathlib import Path
-from typing import Annotated, Any, Generic, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -51,13 +51,18 @@ class _Reported(BaseModel):
     """A part of a report."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+    differences: ClassVar[tuple[str, ...]] = ()
+    """Matrices that are differences of mean squares: they may be negative."""
 
-    def _shaped(self, differences: Collection[str] = (), **shapes: tuple[int, ...]) -> None:
-        """Raises where lists (n,) and matrices (n, m) have another shape, and where a covariance is
-        none but for `differences` of mean squares, which may be negative.
-        """
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shapes of lists (n,) and matrices (n, m)."""
+        return {}
+
+    @model_validator(mode="after")
+    def _shaped(self) -> Self:
+        """Raises where one has another shape, and where a covariance is none."""
         faults = []
-        for key, (size, *width) in shapes.items():
+        for key, (size, *width) in self.shapes().items():
             values = getattr(self, key)
             odd = values is not None and (
                 len(values) != size or any(len(row) not in width for row in values if width)
@@ -68,13 +73,14 @@ class _Reported(BaseModel):
             elif (
                 values
                 and ("covariance" in key or "mean_square" in key)
-                and key not in differences
+                and key not in self.differences
                 and not any(isnan(value) for row in values for value in row)
                 and (reason := covariance_fault(values, size))
             ):
                 faults.append(wrong("", "wrong-correlation", key, reason=reason))
         if faults:
             raise all_wrong(faults)
+        return self
 
 
 class ReportedComponent(_Reported):
@@ -104,21 +110,16 @@ class ReportedComponent(_Reported):
     repeat_dof: NonNegative | None
     position_range_mm: tuple[Number, Number] | None
 
-    @model_validator(mode="after")
-    def _whole(self) -> ReportedComponent:
+    differences = ("pass_covariance_moment", "run_covariance")
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
         k = len(self.coefficients)
-        passes = (min(2, k), min(2, k))
-        self._shaped(
-            ("pass_covariance_moment", "run_covariance"),
-            coefficients=(len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
-            covariance=(k, k),
-            covariance_independent=(k, k),
-            pass_covariance=passes,
-            pass_covariance_moment=passes,
-            half_difference_mean_square=passes,
-            run_covariance=passes,
-        )
-        return self
+        of_passes = ("pass_covariance", *self.differences, "half_difference_mean_square")
+        return {
+            "coefficients": (len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
+            **dict.fromkeys(("covariance", "covariance_independent"), (k, k)),
+            **dict.fromkeys(of_passes, (min(2, k), min(2, k))),
+        }
 
 
 class ReportedGroup(_Reported):
@@ -132,12 +133,11 @@ class ReportedGroup(_Reported):
     pass_dof: NonNegative
     n_passes: int | None
 
-    @model_validator(mode="after")
-    def _whole(self) -> ReportedGroup:
-        whole = (sum(self.widths), sum(self.widths))
+    differences = ("pass_covariance",)
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
         keys = ("coefficient_covariance", "pass_covariance", "half_difference_mean_square")
-        self._shaped(("pass_covariance",), **dict.fromkeys(keys, whole))
-        return self
+        return dict.fromkeys(keys, (sum(self.widths), sum(self.widths)))
 
 
 class ReportedEffects(_Reported):
@@ -151,11 +151,9 @@ class ReportedEffects(_Reported):
     values: list[Number]
     covariance: Known
 
-    @model_validator(mode="after")
-    def _whole(self) -> ReportedEffects:
+    def shapes(self) -> dict[str, tuple[int, ...]]:
         n = len(self.parameters)
-        self._shaped(units=(n,), values=(n,), covariance=(n, n))
-        return self
+        return {"units": (n,), "values": (n,), "covariance": (n, n)}
 
 
 class ReportedDrift(_Reported):
@@ -180,18 +178,15 @@ class ReportedDrift(_Reported):
     temperature_range_degC: list[tuple[Number, Number]] | None  # noqa: N815  # unit
     position_range_mm: tuple[Number, Number] | None
 
-    @model_validator(mode="after")
-    def _whole(self) -> ReportedDrift:
+    def shapes(self) -> dict[str, tuple[int, ...]]:
         powers, sensors = self.degree + 1, len(self.sensors)
-        self._shaped(
-            coefficients=(powers, sensors),
-            covariance=(powers * sensors, powers * sensors),
-            leftover_covariance=(powers, powers),
-            time_constants_min=(sensors,),
-            sensor_u_degC=(sensors,),
-            temperature_range_degC=(sensors,),
-        )
-        return self
+        of_sensors = ("time_constants_min", "sensor_u_degC", "temperature_range_degC")
+        return {
+            "coefficients": (powers, sensors),
+            "covariance": (powers * sensors, powers * sensors),
+            "leftover_covariance": (powers, powers),
+            **dict.fromkeys(of_sensors, (sensors,)),
+        }
 
 
 class _Components(_Reported):
