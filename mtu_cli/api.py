@@ -181,12 +181,12 @@ def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]
             read["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
         case Result():
             # As if it had been written and read.
-            from mtu_cli.files.reports_read import ModelReports, components_from, thermal_from
+            from mtu_cli.files.reports_read import ModelReports, report_from
 
-            shown, thermal = item.command.replace("-", "_"), item.command == "thermal-fit"
+            shown = item.command.replace("-", "_")
             source = Source(role="components", path=Path(shown), shown=shown, sha256="")
-            report: Any = (thermal_from if thermal else components_from)(source, item.report())
-            read["reports"] = ModelReports(**{"thermal" if thermal else "components": report})
+            report = report_from(source, item.report())
+            read["reports"] = ModelReports(**{report.source.role: report})
         case str() | Path():
             if command == "circular":  # of several files
                 values["file"] = [*(values["file"] or ()), Path(item)]

@@ -200,6 +200,10 @@ CATALOGUE: dict[str, Kind] = {
     "max-effects": _warning(
         "the search{of} stopped at {most}, and more would pass (--max-effects)"
     ),
+    "datum-freed": _warning(
+        "the best-fit alignment ({datum}) was removed from each part; it takes these effects with "
+        "it: {unseen}"
+    ),
     "effect-not-written": _warning("{effect} is not added to the machine: {reason}"),
     "nothing-added": _warning("no effect is added: what is written is the machine as it was"),
     "written-class": _warning(
@@ -273,10 +277,6 @@ CATALOGUE: dict[str, Kind] = {
     "backlash-varies": _warning(
         "the backlash of {component} varies by {range_um:.3g} um along the travel (mean "
         "{mean_um:.3g} um, p = {p:.1g}): one value of backlash over-corrects somewhere"
-    ),
-    "table-worsens": _warning(
-        "{component}: a new test with the table is likelier to show a larger {names} than now: the "
-        "table's own uncertainty adds more than it takes out"
     ),
     "no-better": _warning(
         "{component}: on held-out cycles the temperatures {effect}: the model is not to be used"

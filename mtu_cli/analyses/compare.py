@@ -17,7 +17,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
-from mtu_cli.model.features import prediction_warnings
+from mtu_cli.model.features import guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
 from mtu_cli.model.measurands import differences, length_gradient
 from mtu_cli.model.measured import (
@@ -337,7 +337,7 @@ def predict_operations(
     """
     stated = {name: x for name, x in point_columns(points).items() if name not in given}
     values, _ = needed_covariates(model, points, stated, given)
-    warnings: list[Finding] = []
+    warnings = guess_warnings(model, points.nominal, values)
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
     vary = any(np.ndim(values[name]) for name in model.covariates())
     # Of all points: where a drift lags, they are its history.
@@ -361,7 +361,7 @@ def predict_operations(
             column = np.asarray(values[key])
             means[key] = mean(column[rows]) if column.ndim else float(column)
         prediction = predict(model, features, place, means)
-        warnings += prediction_warnings(model, prediction, means)
+        warnings += outside_warnings(prediction)
         if vary:
             of_feature = np.column_stack([mean(each) for each in errors[rows].T])
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]

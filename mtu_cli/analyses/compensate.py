@@ -356,13 +356,6 @@ def compensate(
     if errors.blocks or errors.known is not None:
         drawn = errors.draw(trials or TRIALS, seed)
         after = figures(errors.expected - applied + drawn, errors.ways)
-        # Of what the table changes at all.
-        left = figures(errors.means - applied, errors.ways)
-        worse = [name for name, values in after.items()
-                 if abs(left[name] - before[name]) > quantum
-                 and np.median(values) > before[name]]  # fmt: skip
-        if worse:
-            warnings.append(finding("table-worsens", component=component, names=worse))
     else:
         facts = {"quantity": "figures after compensation", "names": [component]}
         warnings.append(finding("not-estimable", **facts, reason="one run shows no scatter"))

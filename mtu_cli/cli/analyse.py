@@ -8,24 +8,22 @@ from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.emit import Outcome
+from mtu_cli.cli.emit import Gate, Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import fitted_drift, modelled, one_direction
 from mtu_cli.cli.values import known_name
-from mtu_cli.findings import Finding, error, listed
+from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.compare import CompareResult
     from mtu_cli.analyses.fit_components import FitResult
-    from mtu_cli.reports.document import Document
 
 
 def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     """Readings to the components of a machine."""
     from mtu_cli.analyses.fit_components import fit_result
     from mtu_cli.model.fit import estimates_from_fit, fit_machine, fit_warnings
-    from mtu_cli.reports import fit_components as report
 
     machine, readings = inputs.machine, inputs.readings
     if readings is None:
@@ -35,12 +33,11 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     k = settings.coverage_factor
     result = fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
-    warnings = [*machine.warnings, *fit_warnings(fit)]
-    return Outcome.of(
-        report.document(result, settings.digits),
-        warnings=[*warnings, *result.warnings],
-        gates={"drift": lambda _: _drifting(result)},
+    warnings, gates = (
+        (*machine.warnings, *fit_warnings(fit)),
+        {"drift": lambda _: _drifting(result)},
     )
+    return Outcome.reported(inputs, result, warnings, gates=gates)
 
 
 def _drifting(result: FitResult) -> str | None:
@@ -58,16 +55,11 @@ def _drifting(result: FitResult) -> str | None:
 def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
     """Drift readings with temperatures to thermal models."""
     from mtu_cli.analyses.thermal_fit import METHODS
-    from mtu_cli.reports import thermal_fit as report
 
     method = inputs.options.model
     known_name("--model", "model", method, METHODS)
     fit = fitted_drift(inputs, inputs.drift, method)
-    warnings = inputs.machine.warnings if inputs.files("machine") else ()
-    return Outcome.of(
-        report.document(fit, settings.digits),
-        warnings=[*warnings, *fit.warnings],
-    )
+    return Outcome.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
 
 
 def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
@@ -85,41 +77,37 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
     matrix = bool(inputs.options.covariance)
     document = report.document(result, settings.digits, with_covariance=matrix)
     known = dict(zip(result.prediction.ids, result.conformance, strict=True))
-    warnings = [*found.warnings, *result.warnings]
-    return _predicted(document, warnings, known, "position_um at a feature")
+    gates = _nonconforming(known, "position_um at a feature")
+    return Outcome.of(document, warnings=[*found.warnings, *result.warnings], gates=gates)
 
 
 def lengths(inputs: Inputs, settings: Settings) -> Outcome:
     """Feature-to-feature lengths."""
     from mtu_cli.analyses.lengths import predict_lengths
-    from mtu_cli.reports import lengths as report
 
     found = modelled(inputs)
     result = predict_lengths(found.model, inputs.part, settings, inputs.at)
     warnings = [*found.warnings, *inputs.part.warnings, *one_direction(inputs, found.model)]
     known: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
     known["the whole part"] = result.joint_conformance
-    document = report.document(result, settings.digits)
-    return _predicted(document, [*warnings, *result.warnings], known, "tolerance_um at a length")
+    gates = _nonconforming(known, "tolerance_um at a length")
+    return Outcome.reported(inputs, result, warnings, gates=gates)
 
 
 def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
     """Right angles between rows and columns of features."""
     from mtu_cli.analyses.orthogonality import predict_orthogonality
-    from mtu_cli.reports import orthogonality as report
 
     found = modelled(inputs)
     result = predict_orthogonality(found.model, inputs.part, settings, inputs.at)
-    warnings = [*found.warnings, *one_direction(inputs, found.model), *result.warnings]
+    warnings = [*found.warnings, *one_direction(inputs, found.model)]
     known = {each.id: each.conformance for each in result.angles}
-    document = report.document(result, settings.digits)
-    return _predicted(document, warnings, known, "tolerance_arcsec at an angle")
+    gates = _nonconforming(known, "tolerance_arcsec at an angle")
+    return Outcome.reported(inputs, result, warnings, gates=gates)
 
 
-def _predicted(
-    document: Document, warnings: list[Finding], known: dict[str, Any], key: str
-) -> Outcome:
-    """A prediction with its gate, of the conformance `known` by name, which a `key` states."""
+def _nonconforming(known: dict[str, Any], key: str) -> dict[str, Gate]:
+    """The gate of a prediction, of the conformance `known` by name, which a `key` states."""
 
     def nonconforming(limit: float) -> str | None:
         checked = {name: 1 - each.probability for name, each in known.items() if each is not None}
@@ -133,13 +121,12 @@ def _predicted(
         what = f"probability of a nonconforming part above {100 * limit:g} %"
         return f"{what}: {', '.join(above)}" if above else None
 
-    return Outcome.of(document, warnings=warnings, gates={"nonconforming": nonconforming})
+    return {"nonconforming": nonconforming}
 
 
 def anova(inputs: Inputs, settings: Settings) -> Outcome:
     """The scatter of measured parts, split."""
     from mtu_cli.analyses.anova import METHODS, analyse_variance
-    from mtu_cli.reports import anova as report
 
     method: Any = inputs.options.method
     known_name("--method", "method", method, METHODS)
@@ -152,23 +139,18 @@ def anova(inputs: Inputs, settings: Settings) -> Outcome:
         outliers = listed(item.part for item in result.unusual)
         return f"outliers among the parts: {outliers}" if result.unusual else None
 
-    document = report.document(result, settings.digits)
-    return Outcome.of(document, warnings=result.warnings, gates={"unusual": unusual})
+    return Outcome.reported(inputs, result, gates={"unusual": unusual})
 
 
 def compare(inputs: Inputs, settings: Settings) -> Outcome:
     """Predicted against measured parts."""
     from mtu_cli.analyses.compare import compare as analysis
-    from mtu_cli.reports import compare as report
 
     found = modelled(inputs)
     datum = inputs.chosen.datum or "none"
     result = analysis(found.model, inputs.part, inputs.points, settings, datum, inputs.at)
-    return Outcome.of(
-        report.document(result, settings.digits),
-        warnings=[*found.warnings, *result.warnings],
-        gates={gate: partial(_failing, result, gate) for gate in ("biased", "under-predicted")},
-    )
+    gates = {gate: partial(_failing, result, gate) for gate in ("biased", "under-predicted")}
+    return Outcome.reported(inputs, result, found.warnings, gates=gates)
 
 
 def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
@@ -199,7 +181,6 @@ def correct(inputs: Inputs, settings: Settings) -> Outcome:
     """Measured points minus the modelled error."""
     from mtu_cli.analyses.correct import correct as analysis
     from mtu_cli.analyses.correct import unused_warmth
-    from mtu_cli.reports import correct as report
 
     reference = inputs.machine.machine.reference_temperature_degC
     part = inputs.part_if_any
@@ -208,5 +189,4 @@ def correct(inputs: Inputs, settings: Settings) -> Outcome:
     found = modelled(inputs, [item.temperature for item in rounds if item.temperature])
     result = analysis(found.model, part, inputs.points, settings, inputs.at)
     warmth = unused_warmth(found.model, inputs.points, reference)
-    warnings = [*found.warnings, *warmth, *result.warnings]
-    return Outcome.of(report.document(result, settings.digits), warnings=warnings)
+    return Outcome.reported(inputs, result, [*found.warnings, *warmth])

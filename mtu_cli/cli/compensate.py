@@ -46,8 +46,6 @@ ROTARY = "c"
 
 def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     """The table of a control, or with --read what one says."""
-    from mtu_cli.reports import compensate as report
-
     options = inputs.options
     for name in PLACES:
         if not np.isfinite(options.values.get(name) or 0.0):
@@ -71,7 +69,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             component=options.read.name, controller=control, asked=table, held=table,
             direction="both" if table.both else "mean",
         )  # fmt: skip
-        return Outcome.of(report.document(known, settings.digits))
+        return Outcome.reported(inputs, known)
     if options.direction is not None:
         known_name("--direction", "direction", options.direction, DIRECTIONS)
     if not options.component:
@@ -111,8 +109,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             made[options.to_nc] = program.encode()
         return made
 
-    document = report.document(result, settings.digits)
-    return Outcome.of(document, warnings=result.warnings, files=files)
+    return Outcome.reported(inputs, result, files=files)
 
 
 def _name_axis(

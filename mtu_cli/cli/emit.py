@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +19,9 @@ from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.csv_table import number
+from mtu_cli.files.headers import measured_in
 from mtu_cli.files.source import given_path, same
-from mtu_cli.files.write import target_faults, write_files
+from mtu_cli.files.write import files_written, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.monte_carlo import Progress
@@ -71,6 +73,15 @@ class Outcome:
             figure=document.figure,
             **more,
         )
+
+    @classmethod
+    def reported(
+        cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
+    ) -> Outcome:
+        """A command's result by the `document` of its report, and its warnings after others."""
+        report = import_module(f"mtu_cli.reports.{inputs.options.command.replace('-', '_')}")
+        document = report.document(result, inputs.settings.digits)
+        return cls.of(document, warnings=[*warnings, *result.warnings], **more)
 
 
 @dataclass(frozen=True)
@@ -129,32 +140,44 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     report is alone on standard output. Ends with EXIT_GATE where a gate is met.
     """
     inputs = Inputs(options)
-    asked = asked_gates(options)
-    check_outputs(inputs)
-    with late_bar(options.command) as progress:
-        result = result_of(inputs, analyse, progress=progress)
-        codes = [each.code for each in result.warnings if each.kind.suspicious]
-        suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
-        known = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
-        met = {name: why for name, limit in asked.items() if (why := known[name](limit))}
-        files = _files(result)
+    try:
+        asked = asked_gates(options)
+        check_outputs(inputs)
+        with late_bar(options.command) as progress:
+            result = result_of(inputs, analyse, progress=progress)
+            met = _gates_met(asked, result)
+            files = _files(result)
+    except InputError as fault:
+        raise InputError(inputs.placed(fault.findings), fault.uncounted) from None
     report = files.pop(STANDARD_OUTPUT, None)
     warned = [each for each in result.warnings if not (options.quiet and each.severity == "note")]
-    lines = [*warning_lines(warned), *(f"mtu: gate {name}: {why}" for name, why in met.items())]
-    try:
-        if report is not None:
-            sys.stdout.buffer.write(report)
-        elif not options.quiet:
-            show(result.outcome.tables(bool(options.detail)))
-        sys.stdout.flush()
-    except BrokenPipeError:
-        # The reader has left (``| head``): nothing is wrong.
-        silence(sys.stdout)
-    print(*lines, sep="\n", end="\n" if lines else "", file=sys.stderr, flush=True)
-    # Last, so that nothing is written where something cannot be said.
-    write_files(files)
+    lines = [
+        *warning_lines(inputs.placed(warned)),
+        *(f"mtu: gate {name}: {why}" for name, why in met.items()),
+    ]
+    # Between the making of files and their places: none is there where something cannot be said.
+    with files_written(files):
+        try:
+            if report is not None:
+                to_standard_output(report)
+            elif not options.quiet:
+                show(result.outcome.tables(bool(options.detail)))
+            sys.stdout.flush()
+        except BrokenPipeError:
+            # The reader has left (``| head``): nothing is wrong.
+            silence(sys.stdout)
+        with suppress(BrokenPipeError):
+            print(*lines, sep="\n", end="\n" if lines else "", file=sys.stderr, flush=True)
     if met:
         sys.exit(EXIT_GATE)
+
+
+def to_standard_output(report: bytes) -> None:
+    """To the letter, but where it is a notebook's or `io.StringIO`, which take text."""
+    if hasattr(sys.stdout, "buffer"):
+        sys.stdout.buffer.write(report)
+    else:
+        sys.stdout.write(report.decode())
 
 
 def show(tables: Iterable[object]) -> None:
@@ -205,10 +228,20 @@ def asked_gates(options: Options) -> dict[str, float]:
             expected = "a probability from 0 to below 1, such as 0.01 for 1 %"
             place = {"path": f"--fail-if {name}", "value": text}
             problems.append(finding("out-of-range", **place, expected=expected))
+        elif equals and name in result:
+            problems.append(finding("appears-twice", what=f"--fail-if {name}", value=text))
         result[name] = share or 0.0
     if problems:
         raise InputError(problems)
     return result
+
+
+def _gates_met(asked: Mapping[str, float], result: Result) -> dict[str, str]:
+    """Why the gates that were asked for are met, of those that are."""
+    codes = [each.code for each in result.warnings if each.kind.suspicious]
+    suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
+    known = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
+    return {name: why for name, limit in asked.items() if (why := known[name](limit))}
 
 
 def _files(result: Result) -> dict[Path, bytes]:
@@ -269,9 +302,9 @@ def written_files(options: Options) -> dict[str, Path]:
 
 
 def check_outputs(inputs: Inputs) -> None:
-    """Refuses files that cannot be made, or would overwrite what the call, its study or the study
-    of this folder names, read or not, but for what the command is there to make. All at once,
-    before anything is calculated.
+    """Refuses files that cannot be made, or would overwrite measured data or what the call, its
+    study or the study of this folder names, read or not, but for what the command is there to
+    make. All at once, before anything is calculated.
     """
     options, written = inputs.options, written_files(inputs.options)
     named = [(role, path) for role, path in inputs.named() if os.path.exists(path)]
@@ -288,9 +321,15 @@ def check_outputs(inputs: Inputs) -> None:
         own = [role for role in makes if not options.values.get(role)]
         for file in (path, *(path.with_name(path.name + x) for x in BESIDE.get(name, ()))):
             files.append(file)
+            why = None
             if any(role not in own and same(file, other) for role, other in named):
+                why = "it is an input"
+            elif file.is_file() and (name == "csv" or options.command == "simulate"):
+                held = measured_in(file, None if name == "csv" else "what simulate has not made")
+                why = held and f"it holds {held}"
+            if why:
                 place = {"file": given_path(file), "expected": "another name"}
-                problems.append(finding("not-overwritten", reason="it is an input", **place))
+                problems.append(finding("not-overwritten", reason=why, **place))
         ending, endings = path.suffix.lower(), WRITTEN[name].endings
         if endings and ending not in endings and (path.is_file() or not os.path.exists(path)):
             reason = f"{option} does not write {ending or 'a file without an ending'}"

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -16,7 +18,7 @@ from mtu_cli.cli.values import assigned, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, SENSOR_DEGC, direction_sign, is_temperature
 from mtu_cli.files.csv_table import cell_text
-from mtu_cli.files.source import same
+from mtu_cli.files.source import given_path, resolved, same, shown_path
 from mtu_cli.files.study import STUDY_NAME, Instrument, LoadedStudy, find_study, load_study
 from mtu_cli.files.study import Settings as StudySettings
 from mtu_cli.findings import Finding, InputError, error, finding
@@ -314,6 +316,22 @@ class Inputs:
 
         example = "--at T_02_degC=23.5"
         return assigned("--at", self.options.at, "=", "NAME=VALUE", example, value)
+
+    def placed(self, findings: Iterable[Finding]) -> list[Finding]:
+        """Findings with the whole paths of files that lie outside the working folder.
+
+        Reports name such a file without its folder, wherever they are made; whoever reads a
+        message has to find it. Of two files that are called the same neither has one.
+        """
+        paths = {given_path(path): path for _, path in self.named()}
+        count = Counter(path.name for path in paths.values())
+        whole = {
+            path.name: shown
+            for shown, path in paths.items()
+            if count[path.name] == 1 == len({path.name, shown_path(path)})
+            and resolved(path.parent) != resolved(Path())
+        }
+        return [replace(each, file=whole.get(each.file or "", each.file)) for each in findings]
 
 
 def named_file(path: Path) -> tuple[str | None, Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import gc
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -33,8 +34,9 @@ def main() -> None:
         for name in ("stdout", "stderr"):
             # One that was closed takes what is written; what an encoding lacks is escaped.
             stream: Any = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115
-            stream.reconfigure(errors="backslashreplace")
             setattr(sys, name, stream)
+            if isinstance(stream, io.TextIOWrapper):
+                stream.reconfigure(errors="backslashreplace")
         code = called(sys.argv[1:])
     except KeyboardInterrupt:
         # Its threads may wait for each other: nobody waits for them.
@@ -78,5 +80,8 @@ def called(arguments: Sequence[str]) -> int:
         silence(sys.stdout)
     except (OverflowError, MemoryError):
         message = "numbers of the input are too large, or too many, to calculate with"
-    print(f"mtu: {message}", file=sys.stderr, flush=True)
+    try:
+        print(f"mtu: {message}", file=sys.stderr, flush=True)
+    except OSError:
+        silence(sys.stderr)
     return EXIT_INPUT

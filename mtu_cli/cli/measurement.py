@@ -26,7 +26,6 @@ def budget(inputs: Inputs, settings: Settings) -> Outcome:
     """An uncertainty budget."""
     from mtu_cli.analyses.budget import evaluate_budget
     from mtu_cli.files.budget import load_budget
-    from mtu_cli.reports import budget as report
 
     loaded = load_budget(inputs.options.file)
     inputs.sources.append(loaded.source)
@@ -34,11 +33,7 @@ def budget(inputs: Inputs, settings: Settings) -> Outcome:
     factors = {output.k for output in result.outputs}
     # Where each output has its own factor, or has none, there is not one for the report.
     k = factors.pop() if len(factors) == 1 else math.nan
-    return Outcome.of(
-        report.document(result, settings.digits),
-        warnings=result.warnings,
-        settings=replace(settings, coverage_factor=k),
-    )
+    return Outcome.reported(inputs, result, settings=replace(settings, coverage_factor=k))
 
 
 def _graph(inputs: Inputs) -> MeasurementGraph:

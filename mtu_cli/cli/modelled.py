@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import fnmatch
 import json
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from mtu_cli.cli.load import Inputs, check_cell
+from mtu_cli.files.source import read_source, shown_path
 from mtu_cli.findings import Finding, finding, nearest
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
@@ -55,6 +56,7 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
     if report is not None:
         estimates = estimates_from_report(machine, report)
         warnings += effect_warnings(machine, estimates.effects, report.source.shown)
+        warnings += _not_read(inputs, ("lbb", "laser"), report)
     elif (readings := inputs.readings) is not None:
         fit = fit_machine(machine, readings)
         estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
@@ -85,13 +87,13 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
 def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:
     """The estimates as a report holds them: readings and their report then give the same bits."""
     from mtu_cli.analyses.fit_components import fit_result
-    from mtu_cli.files.reports_read import COMPONENTS, components_from
+    from mtu_cli.files.reports_read import report_from
     from mtu_cli.files.write import report_bytes
     from mtu_cli.reports.fit_components import document
 
     results = document(fit_result(machine.machine.name, fit, estimates)).record()
-    written = report_bytes({"schema": COMPONENTS, "results": results})
-    return estimates_from_report(machine, components_from(machine.source, json.loads(written)))
+    written = report_bytes({"schema": "mtu/fit-components/1", "results": results})
+    return estimates_from_report(machine, report_from(machine.source, json.loads(written)))
 
 
 def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
@@ -103,6 +105,7 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
     report = inputs.reports.thermal
     if report is not None:
         doubts = _carried(report, DOUBTS, report.components)
+        doubts += _not_read(inputs, ("drift",), report)
         return thermal_from_report(machine, report), doubts
     if inputs.files("drift"):
         fit = fitted_drift(inputs, inputs.drift, "auto")
@@ -128,6 +131,24 @@ def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
             method=method,
             zeroed=inputs.chosen.zeroed or "auto",
         )
+
+
+def _not_read(
+    inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
+) -> list[Finding]:
+    """That readings are not read beside the `report` of a fit, unless it was fitted to them."""
+    given = {
+        path: read_source(path, role)[0].sha256 for role in roles for path in inputs.files(role)
+    }
+    entries = report.document.get("inputs")
+    stated = [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
+    fitted = {each.get("sha256") for each in stated if each.get("role") in roles}
+    if not given or set(given.values()) == fitted:
+        return []
+    other = [path for path, digest in given.items() if digest not in fitted]
+    names, what = [shown_path(path) for path in other or given], ", ".join(report.components)
+    reason = f"{report.source.shown} gives {what}; it was fitted to other files"
+    return [finding("not-used", what="readings", names=names, reason=reason)]
 
 
 def _carried(

@@ -54,19 +54,15 @@ class Option:
         """The annotated type of the parameter `name`."""
         kind: Any = list[self.kind] if self.many else self.kind  # type: ignore[name-defined]
         kind = kind | None if self.default is None else kind
+        repeatable = "; repeatable" * (self.many and not self.argument)
         common: dict[str, Any] = {
             "metavar": self.metavar and self.metavar.removesuffix("..."),
-            "help": f"{self.text}; repeatable."
-            if self.many and not self.argument
-            else f"{self.text}.",
+            "help": f"{self.text}{repeatable}.",
             "show_default": self.shown or self.default not in (None, REQUIRED, False),
             "rich_help_panel": self.panel,
+            # Whoever reads a file says what is wrong with it.
+            "parser": {Path: file_name, int: self.number, float: self.number}.get(self.kind),
         }
-        if self.kind is Path:
-            # Whoever reads the file says what is wrong with it.
-            common["parser"] = file_name
-        if self.kind in (int, float):
-            common["parser"] = self.number
         if self.argument:
             return Annotated[kind, typer.Argument(**common)]
         return Annotated[kind, typer.Option(*self.named(name), **common)]
@@ -209,7 +205,8 @@ CHOICES = declare("""
     datum | text | DATUM | Best-fit alignment removed from each part: none, offset, \
         offset,rotation or (of a ring) offset,diameter | shown: none
     correlation | text | HOW | shared: full covariance; independent: as the papers | shown: shared
-    k | float | K | Coverage factor of U = k u | shown: 2; of a budget, for 95 %
+    k | float --k --coverage-factor | K | Coverage factor of U = k u | \
+        shown: 2; of a budget, for 95 %
     digits | int | N | Significant digits of u that matter | shown: 2
     seed | int | N | Seed of the random numbers
     trials | int | N | Monte Carlo trials; without it the count adapts
@@ -317,16 +314,9 @@ SIMULATED = {
 """,
 }
 """Of a virtual machine, by panels: each says for which of the files its options matter."""
-OPTIONS: dict[str, Option] = {
-    **FILES,
-    **WRITTEN,
-    **CHOICES,
-    **{
-        name: option
-        for panel, text in SIMULATED.items()
-        for name, option in declare(text, panel).items()
-    },
-}
+OPTIONS = FILES | WRITTEN | CHOICES
+for _panel, _text in SIMULATED.items():
+    OPTIONS |= declare(_text, _panel)
 """By the name of the parameter; behind a colon which of several of that name it is."""
 BESIDE = {"to_file": (".txt",)}
 """Endings of files that may be written beside that of an option."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,6 @@ XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     """Positioning figures of every component read at targets, or a plan of targets."""
     from mtu_cli.analyses import iso230 as analysis
-    from mtu_cli.reports import iso230 as report
 
     options = inputs.options
     standard = options.standard or "iso230-2"
@@ -34,8 +34,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
         raise error("incomplete", what=given, other=lacks, expected=f"{lacks} MM, too")
     if options.plan is not None:
         plan = analysis.plan(options.plan, options.pitch)
-        result = analysis.Iso230Result(axes={}, plan=plan)
-        return Outcome.of(report.document(result, settings.digits))
+        return Outcome.reported(inputs, analysis.Iso230Result(axes={}, plan=plan))
     readings = inputs.readings
     if readings is None:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
@@ -57,13 +56,10 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     )  # fmt: skip
     # What the checks of all readings have reported is not said twice.
     known = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
-    warnings = [x for x in result.warnings
-                if x.code != "outlying-value" or x.facts["what"] not in known]  # fmt: skip
-    return Outcome.of(
-        report.document(result, settings.digits),
-        warnings=warnings,
-        gates={"nonconforming": lambda _: _nonconforming(result)},
-    )
+    new = [x for x in result.warnings
+           if x.code != "outlying-value" or x.facts["what"] not in known]  # fmt: skip
+    gates = {"nonconforming": lambda _: _nonconforming(result)}
+    return Outcome.reported(inputs, replace(result, warnings=tuple(new)), gates=gates)
 
 
 def _budget(inputs: Inputs) -> InstrumentBudget | None:
@@ -132,8 +128,7 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
                          results=report.components(result), warnings=result.warnings)  # fmt: skip
         return {target: report_bytes(found)}
 
-    document = report.document(result, settings.digits)
-    return Outcome.of(document, warnings=result.warnings, files=components)
+    return Outcome.reported(inputs, result, files=components)
 
 
 def _words(text: str | None, read: Callable[[str], Any]) -> list[Any]:

@@ -114,6 +114,17 @@ def short(of: Callable[[object], bool], meant: Callable[[Any], Any], form: Any) 
     )
 
 
+def one_or_more(form: Any, *kinds: type) -> BeforeValidator:
+    """A list of which a single item, of the type `form`, may stand without brackets; of some
+    `kinds` alone, if they are given.
+    """
+    return short(
+        lambda value: not isinstance(value, list) and isinstance(value, kinds or object),
+        lambda value: [value],
+        form | list[form],
+    )
+
+
 def optional(description: str, default: Any = None) -> Any:
     """A key of a contract that need not be given."""
     return Field(default=default, description=description)

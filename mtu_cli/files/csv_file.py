@@ -40,7 +40,7 @@ from mtu_cli.files.csv_table import (
     stacked,
     time_of,
 )
-from mtu_cli.files.headers import EXCLUSIVE, SAYS, WANTED, Column, TableSpec, check_header
+from mtu_cli.files.headers import EXCLUSIVE, WANTED, Column, TableSpec, check_header
 from mtu_cli.files.source import Source, check_text, read_source
 from mtu_cli.findings import InputError, counted, error, finding, nearest, suggestion
 from mtu_cli.units import plain_unit
@@ -387,9 +387,8 @@ def _value(file: File, column: Column, label: str) -> float:
 
 def _fault(name: str, column: Column, decimal: Decimal, label: str) -> dict[str, Any]:
     """What a Finding of a cell says that is no value of its column."""
-    says = SAYS.get(name, "")
     if not label:
-        expected = says or WANTED.get(column.kind, ("", "a number"))[1]
+        expected = column.says or WANTED.get(column.kind, ("", "a number"))[1]
         return {"code": "empty-cell", "expected": expected}
     given = {"value": label, "code": "wrong-type"}
     if column.known is not None:
@@ -397,14 +396,14 @@ def _fault(name: str, column: Column, decimal: Decimal, label: str) -> dict[str,
         return {**given, "code": "unknown-name", "what": name, **hint}
     value = number(label, decimal) if column.kind not in WANTED else None
     if value is None or not math.isfinite(value):
-        expected = says or expectation(label, decimal)
+        expected = column.says or expectation(label, decimal)
         kind, expected = WANTED.get(column.kind, ("a number", expected))
         meant = nearest(label, ("forward", "reverse")) if column.kind == "sign" else ()
         return {**given, "kind": kind, "expected": expected, "meant": meant}
     expected = f"at most {column.largest:g} in size"
     if column.whole and (value % 1 or value < 0):
         expected = "a whole number" + " from 0 on" * (column.kind == "count")
-    given["expected"] = says or expected
+    given["expected"] = column.says or expected
     if column.whole and value % 1:
         return {**given, "kind": "a whole number"}
     return {**given, "code": "out-of-range"}

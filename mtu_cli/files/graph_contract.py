@@ -8,15 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract import (
-    Contract,
-    IdText,
-    Name,
-    is_number,
-    optional,
-    short,
-    wrong,
-)
+from mtu_cli.files.contract import Contract, IdText, Name, is_number, one_or_more, optional, wrong
 from mtu_cli.findings import InputError
 from mtu_cli.language import check_known, evaluate, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -101,8 +93,7 @@ Direction = Annotated[
 ]
 Um = Annotated[float, Field(ge=0, le=LARGEST_U_UM)]
 Repeats = Annotated[int, Field(ge=1, le=MAX_REPEATS)]
-_SINGLE = short(lambda value: not isinstance(value, list), lambda value: [value], str | list[str])
-Outputs = Annotated[list[IdText], Field(min_length=1), _SINGLE]
+Outputs = Annotated[list[IdText], Field(min_length=1), one_or_more(str)]
 
 
 class Probing(Contract):

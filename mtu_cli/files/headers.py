@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, Literal
 
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import SIGN_EXPECTED, is_covariate
-from mtu_cli.files.source import Source
+from mtu_cli.files.source import SYNTHETIC, Source
 from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.units import UNITS
 
@@ -39,7 +41,8 @@ class Column:
 
     A `whole` number may be negative, a `count` is not; a `free` column holds numbers or texts; a
     `sign` is -1 or +1 and may be written in words. `largest` bounds a number in size. `known` are
-    the texts that its cells may be (None: any name).
+    the texts that its cells may be (None: any name). `says`: what a cell should be, where the kind
+    does not say it.
     """
 
     kind: Kind = "number"
@@ -47,6 +50,7 @@ class Column:
     may_be_empty: bool = False
     largest: float = LARGEST_READING
     known: Collection[str] | None = None
+    says: str = ""
 
     @property
     def numeric(self) -> bool:
@@ -97,19 +101,22 @@ EXCLUSIVE = ("time", "time_min")
 TIMES = {
     "time": Column("time"),
     # Minutes since 1970 are within a century, seconds are not.
-    "time_min": Column(largest=5.3e7),
+    "time_min": Column(largest=5.3e7, says="minutes, at most a century (5.3e+07) from the start"),
 }
+PASS = Column("count", largest=LARGEST_INTEGER, says="a whole number from 0 to 2^53 - 1")
 READINGS = TableSpec(
     holds="readings of components",
     option="--lbb, --laser or --drift",
     columns={
-        "component": Column("text", required=True),
+        "component": Column("text", required=True, says="the name of a component of the machine"),
         "error": Column(required=True),
-        "unit": Column("text", required=True, known=UNITS),
+        "unit": Column("text", required=True, known=UNITS, says=f"one of: {', '.join(UNITS)}"),
         "position_mm": Column(may_be_empty=True),
-        "pass": Column("count", largest=LARGEST_INTEGER),
+        "pass": PASS,
         "direction": Column("sign", may_be_empty=True),
-        "cycle": Column("text"),
+        "cycle": Column(
+            "text", says="the name of a warm-up or cool-down in every row, or no column 'cycle'"
+        ),
         **TIMES,
     },
 )
@@ -119,11 +126,15 @@ POINTS = TableSpec(
     option="--cmm",
     together=(("nominal_x_mm", "nominal_y_mm"),),
     columns={
-        "part": Column("text", required=True),
-        "feature": Column("text", required=True),
-        "operation": Column("text"),
+        "part": Column("text", required=True, says="the serial number or name of the part"),
+        "feature": Column("text", required=True, says="the name of a feature of the part"),
+        "operation": Column(
+            "text", says="a name such as drilled in every row, or no column 'operation'"
+        ),
         "repeat": Column("count"),
-        "sequence": Column("whole", largest=LARGEST_INTEGER),
+        "sequence": Column(
+            "whole", largest=LARGEST_INTEGER, says="a whole number, at most 2^53 - 1 in size"
+        ),
         **{f"{axis}_mm": Column(required=axis != "z") for axis in "xyz"},
         **{f"nominal_{axis}_mm": Column(may_be_empty=True) for axis in "xyz"},
         **{f"dir_{axis}": Column("sign", may_be_empty=True) for axis in "xyz"},
@@ -131,18 +142,6 @@ POINTS = TableSpec(
     },
 )
 """Of ``--cmm``: one row per measured point."""
-SAYS = {
-    "component": "the name of a component of the machine",
-    "pass": "a whole number from 0 to 2^53 - 1",
-    "cycle": "the name of a warm-up or cool-down in every row, or no column 'cycle'",
-    "time_min": "minutes, at most a century (5.3e+07) from the start",
-    "part": "the serial number or name of the part",
-    "feature": "the name of a feature of the part",
-    "operation": "a name such as drilled in every row, or no column 'operation'",
-    "sequence": "a whole number, at most 2^53 - 1 in size",
-    "unit": f"one of: {', '.join(UNITS)}",
-}
-"""What a cell of a column should be, where its kind does not say it."""
 SYNONYMS = {
     "component": "error component, error name, parameter, komponente",
     "error": "value, reading, deviation, abweichung",
@@ -163,6 +162,20 @@ SYNONYMS = {
     **{f"dir_{a}": f"direction {a}, approach {a}" for a in "xyz"},
 }
 """What other programs call a column: words in any order, without unit, number and accents."""
+
+
+def measured_in(path: Path, default: str | None = None) -> str | None:
+    """What a file holds that is there and not synthetic: readings or points by its header, else
+    `default`; None of an empty one.
+    """
+    with suppress(OSError), path.open(encoding="utf-8-sig", errors="replace") as file:
+        lines = [line for line in file if line.strip()]
+        if lines and not lines[0].lstrip().startswith(SYNTHETIC):
+            header = next((line for line in lines if line[0] != "#"), "")
+            names = {name.strip(' "\n') for name in re.split("[,;]", header)}
+            specs = (spec for spec in (READINGS, POINTS) if {*spec.required} <= names)
+            return next((spec.holds for spec in specs), default)
+    return None
 
 
 def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpec) -> None:

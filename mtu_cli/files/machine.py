@@ -14,13 +14,7 @@ from mtu_cli.files.covariates import (
     is_temperature,
     own_columns,
 )
-from mtu_cli.files.machine_contract import (
-    AUTO,
-    Component,
-    Effect,
-    EquationName,
-    Machine,
-)
+from mtu_cli.files.machine_contract import AUTO, Component, Effect, EquationName, Machine
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, counted, finding, suggestion
 from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse

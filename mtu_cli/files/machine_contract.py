@@ -16,6 +16,7 @@ from mtu_cli.files.contract import (
     Number,
     Positive,
     is_number,
+    one_or_more,
     optional,
     short,
     sized,
@@ -78,11 +79,7 @@ SensorU = Annotated[float, Field(ge=0, le=100)]
 TimeConstant = Annotated[float, Field(ge=0, le=1e6)]
 """min; what is slower has not settled in two years."""
 Gradient = Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)]
-Gradients = Annotated[
-    list[Gradient],
-    Field(min_length=1),
-    short(is_number, lambda value: [value], float | list[float]),
-]
+Gradients = Annotated[list[Gradient], Field(min_length=1), one_or_more(float)]
 
 
 class Axis(Contract):

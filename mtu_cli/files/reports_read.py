@@ -7,11 +7,11 @@ beyond these fields is ignored, so that reports of other versions are read too.
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from math import isnan, nan
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
@@ -30,8 +30,6 @@ from mtu_cli.files.yaml_file import YamlDocument
 from mtu_cli.findings import Finding, InputError, error, finding
 
 MAX_BYTES = 1 << 30
-COMPONENTS = "mtu/fit-components/1"
-THERMAL = "mtu/thermal-fit/1"
 
 
 def _not_negative(value: float) -> float:
@@ -53,13 +51,18 @@ class _Reported(BaseModel):
     """A part of a report."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+    differences: ClassVar[tuple[str, ...]] = ()
+    """Matrices that are differences of mean squares: they may be negative."""
 
-    def _shaped(self, differences: Collection[str] = (), **shapes: tuple[int, ...]) -> None:
-        """Raises where lists (n,) and matrices (n, m) have another shape, and where a covariance is
-        none but for `differences` of mean squares, which may be negative.
-        """
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shapes of lists (n,) and matrices (n, m)."""
+        return {}
+
+    @model_validator(mode="after")
+    def _shaped(self) -> Self:
+        """Raises where one has another shape, and where a covariance is none."""
         faults = []
-        for key, (size, *width) in shapes.items():
+        for key, (size, *width) in self.shapes().items():
             values = getattr(self, key)
             odd = values is not None and (
                 len(values) != size or any(len(row) not in width for row in values if width)
@@ -70,13 +73,14 @@ class _Reported(BaseModel):
             elif (
                 values
                 and ("covariance" in key or "mean_square" in key)
-                and key not in differences
+                and key not in self.differences
                 and not any(isnan(value) for row in values for value in row)
                 and (reason := covariance_fault(values, size))
             ):
                 faults.append(wrong("", "wrong-correlation", key, reason=reason))
         if faults:
             raise all_wrong(faults)
+        return self
 
 
 class ReportedComponent(_Reported):
@@ -106,21 +110,16 @@ class ReportedComponent(_Reported):
     repeat_dof: NonNegative | None
     position_range_mm: tuple[Number, Number] | None
 
-    @model_validator(mode="after")
-    def _whole(self) -> ReportedComponent:
+    differences = ("pass_covariance_moment", "run_covariance")
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
         k = len(self.coefficients)
-        passes = (min(2, k), min(2, k))
-        self._shaped(
-            ("pass_covariance_moment", "run_covariance"),
-            coefficients=(len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
-            covariance=(k, k),
-            covariance_independent=(k, k),
-            pass_covariance=passes,
-            pass_covariance_moment=passes,
-            half_difference_mean_square=passes,
-            run_covariance=passes,
-        )
-        return self
+        of_passes = ("pass_covariance", *self.differences, "half_difference_mean_square")
+        return {
+            "coefficients": (len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
+            **dict.fromkeys(("covariance", "covariance_independent"), (k, k)),
+            **dict.fromkeys(of_passes, (min(2, k), min(2, k))),
+        }
 
 
 class ReportedGroup(_Reported):
@@ -134,12 +133,11 @@ class ReportedGroup(_Reported):
     pass_dof: NonNegative
     n_passes: int | None
 
-    @model_validator(mode="after")
-    def _whole(self) -> ReportedGroup:
-        whole = (sum(self.widths), sum(self.widths))
+    differences = ("pass_covariance",)
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
         keys = ("coefficient_covariance", "pass_covariance", "half_difference_mean_square")
-        self._shaped(("pass_covariance",), **dict.fromkeys(keys, whole))
-        return self
+        return dict.fromkeys(keys, (sum(self.widths), sum(self.widths)))
 
 
 class ReportedEffects(_Reported):
@@ -153,11 +151,9 @@ class ReportedEffects(_Reported):
     values: list[Number]
     covariance: Known
 
-    @model_validator(mode="after")
-    def _whole(self) -> ReportedEffects:
+    def shapes(self) -> dict[str, tuple[int, ...]]:
         n = len(self.parameters)
-        self._shaped(units=(n,), values=(n,), covariance=(n, n))
-        return self
+        return {"units": (n,), "values": (n,), "covariance": (n, n)}
 
 
 class ReportedDrift(_Reported):
@@ -182,18 +178,15 @@ class ReportedDrift(_Reported):
     temperature_range_degC: list[tuple[Number, Number]] | None  # noqa: N815  # unit
     position_range_mm: tuple[Number, Number] | None
 
-    @model_validator(mode="after")
-    def _whole(self) -> ReportedDrift:
+    def shapes(self) -> dict[str, tuple[int, ...]]:
         powers, sensors = self.degree + 1, len(self.sensors)
-        self._shaped(
-            coefficients=(powers, sensors),
-            covariance=(powers * sensors, powers * sensors),
-            leftover_covariance=(powers, powers),
-            time_constants_min=(sensors,),
-            sensor_u_degC=(sensors,),
-            temperature_range_degC=(sensors,),
-        )
-        return self
+        of_sensors = ("time_constants_min", "sensor_u_degC", "temperature_range_degC")
+        return {
+            "coefficients": (powers, sensors),
+            "covariance": (powers * sensors, powers * sensors),
+            "leftover_covariance": (powers, powers),
+            **dict.fromkeys(of_sensors, (sensors,)),
+        }
 
 
 class _Components(_Reported):
@@ -218,12 +211,11 @@ class _Drifts(_Reported):
     components: dict[str, ReportedDrift]
 
 
-class _Fit(_Reported):
-    results: _Components
+R = TypeVar("R", bound=_Reported)
 
 
-class _ThermalFit(_Reported):
-    results: _Drifts
+class _Report(_Reported, Generic[R]):
+    results: R
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -231,10 +223,10 @@ class ComponentsReport:
     """A checked fit-components report; `document` is the whole of it as it was read."""
 
     source: Source
+    document: dict[str, Any]
     components: dict[str, ReportedComponent]
-    joint: tuple[ReportedGroup, ...]
-    effects: ReportedEffects | None = None
-    document: dict[str, Any] = field(default_factory=dict)
+    joint_pass_covariance: list[ReportedGroup]
+    effects: ReportedEffects | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,8 +234,15 @@ class ThermalReport:
     """A checked thermal-fit report, likewise."""
 
     source: Source
+    document: dict[str, Any]
     components: dict[str, ReportedDrift]
-    document: dict[str, Any] = field(default_factory=dict)
+
+
+KINDS: dict[str, tuple[str, type[_Reported], Any]] = {
+    "fit-components": ("components", _Report[_Components], ComponentsReport),
+    "thermal-fit": ("thermal", _Report[_Drifts], ThermalReport),
+}
+"""By command: the role of its report, the contract, and what is made of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,21 +259,26 @@ class ModelReports:
 
 
 def read_report(path: Path) -> ComponentsReport | ThermalReport:
-    """Reads a fit-components or a thermal-fit report, whichever it is.
+    """Reads a fit-components or a thermal-fit report, whichever it is; see `report_from`."""
+    return report_from(*read_json(path, "components"))
 
-    Raises InputError for a file that is neither, or a faulty one.
+
+def report_from(source: Source, document: Any) -> Any:
+    """Checks a report of one of KINDS that was read, or made, already.
+
+    Raises InputError for a document that is none, or with every fault of it.
     """
-    source, document = read_json(path, "components")
     schema = document.get("schema") if isinstance(document, dict) else None
-    if schema == THERMAL:
-        return thermal_from(replace(source, role="thermal"), document)
-    if schema == COMPONENTS:
-        return components_from(source, document)
-    commands = "`mtu fit-components -o FILE.json` or `mtu thermal-fit -o FILE.json`"
-    expected = f"{COMPONENTS!r} or {THERMAL!r}, as {commands} writes it"
-    place = {} if schema is None else {"path": "schema", "value": str(schema)}
-    facts = {"kind": "a components report", "expected": expected}
-    raise error("wrong-type", file=source.shown, **facts, **place)
+    kind = next((kind for kind in KINDS if schema == f"mtu/{kind}/1"), None)
+    if kind is None:
+        expected = "{!r} or {!r}, as `mtu {} -o FILE.json` or `mtu {} -o FILE.json` writes it"
+        expected = expected.format(*(f"mtu/{each}/1" for each in KINDS), *KINDS)
+        place = {} if schema is None else {"path": "schema", "value": str(schema)}
+        facts = {"kind": "a components report", "expected": expected}
+        raise error("wrong-type", file=source.shown, **facts, **place)
+    role, contract, made = KINDS[kind]
+    checked: Any = check_contract(YamlDocument(source=source, data=document), contract, kind)
+    return made(source=replace(source, role=role), document=document, **dict(checked.results))
 
 
 def read_reports(paths: Iterable[Path]) -> ModelReports:
@@ -298,31 +302,6 @@ def read_reports(paths: Iterable[Path]) -> ModelReports:
     if findings:
         raise InputError(findings)
     return ModelReports(**reports)
-
-
-def components_from(source: Source, document: Any) -> ComponentsReport:
-    """Checks a fit-components report that was read, or made, already.
-
-    Raises InputError with every fault of the document.
-    """
-    report = check_contract(YamlDocument(source=source, data=document), _Fit, "fit-components")
-    return ComponentsReport(
-        source=source,
-        components=report.results.components,
-        joint=tuple(report.results.joint_pass_covariance),
-        effects=report.results.effects,
-        document=document,
-    )
-
-
-def thermal_from(source: Source, document: Any) -> ThermalReport:
-    """Checks a thermal-fit report likewise."""
-    report = check_contract(YamlDocument(source=source, data=document), _ThermalFit, "thermal-fit")
-    return ThermalReport(
-        source=source,
-        components=report.results.components,
-        document=document,
-    )
 
 
 def read_json(path: Path, role: str) -> tuple[Source, Any]:

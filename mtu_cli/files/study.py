@@ -17,9 +17,9 @@ from mtu_cli.files.contract import (
     NonNegative,
     Positive,
     check_contract,
+    one_or_more,
     optional,
     present,
-    short,
 )
 from mtu_cli.files.source import near_name, resolved, same
 from mtu_cli.files.yaml_file import read_yaml
@@ -38,10 +38,7 @@ Datum = Literal["none", "offset", "offset,rotation", "offset,diameter"]
 """Best-fit alignment that may be removed from each part; of a ring its centre and diameter."""
 Share = Annotated[float, Field(gt=0, lt=1)]
 FileName = Annotated[str, Field(min_length=1)]
-FileNames = Annotated[
-    list[FileName],
-    short(lambda value: isinstance(value, str), lambda value: [value], str | list[str]),
-]
+FileNames = Annotated[list[FileName], one_or_more(str)]
 
 
 class Instrument(Contract):
@@ -57,14 +54,7 @@ class Instrument(Contract):
     map: FileName | None = optional("Mapping profile (mtu/import/1)")
 
 
-InstrumentFiles = Annotated[
-    list[FileName | Instrument],
-    short(
-        lambda value: isinstance(value, (str, dict)),
-        lambda value: [value],
-        str | Instrument | list[str | Instrument],
-    ),
-]
+InstrumentFiles = Annotated[list[FileName | Instrument], one_or_more(str | Instrument, str, dict)]
 
 
 class Settings(Contract):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.csv_file import read_tables
 from mtu_cli.files.csv_table import CellFaults, Floats, Table
-from mtu_cli.files.headers import Column, TableSpec
+from mtu_cli.files.headers import PASS, Column, TableSpec
 from mtu_cli.files.source import Source
 from mtu_cli.findings import error, finding
 from mtu_cli.units import UM
@@ -32,7 +32,7 @@ TRACES = TableSpec(
         "radius_mm": Column(largest=1e5),
         "feed_mm_min": Column(largest=1e7, may_be_empty=True),
         "plane": Column("text", known=PLANES),
-        "pass": Column("count"),
+        "pass": PASS,
     },
 )
 """One row a sample; the angle counts from the first axis to the second, for cw, too."""
@@ -100,14 +100,12 @@ def read_traces(
             raise error("contradicts", other="another trace", expected="one in all traces", **place)
     traces, number = [], table.whole("pass")
     # Rows of one file, pass, direction and feed are a trace.
-    keys = [
-        *zip(table.file_index.tolist(), number.tolist(), ways, np.nan_to_num(feeds), strict=True)
-    ]
-    index = {key: i for i, key in enumerate(dict.fromkeys(keys))}
-    group = np.array([index[key] for key in keys])
-    for each in index.values():
-        rows = np.flatnonzero(group == each)
-        first = int(rows[0])
+    keys = zip(table.file_index.tolist(), number.tolist(), ways, np.nan_to_num(feeds), strict=True)
+    groups: dict[tuple[Any, ...], list[int]] = {}
+    for i, key in enumerate(keys):
+        groups.setdefault(key, []).append(i)
+    for rows in groups.values():
+        first = rows[0]
         place = table.place(first)
         if ways[first] is None:
             del place["row"]

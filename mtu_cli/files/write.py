@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import secrets
+import shutil
 import stat
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -55,37 +57,77 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"JSON cannot hold a {type(value).__name__}")
 
 
-def write_files(contents: Mapping[Path, bytes]) -> None:
-    """All files, or none: temporary files beside the targets are renamed when all are there.
+@contextmanager
+def files_written(contents: Mapping[Path, bytes]) -> Iterator[None]:
+    """All files, or none: temporary files beside the targets before the body of the `with`, in the
+    targets' places after it. Where anything fails, also in the body, no target is changed. Devices
+    come first: nothing can be taken back from them, and they may be full.
 
     Raises InputError for a target that is a folder, stands twice, lies in a missing folder, or may
-    not be written; no target is changed then.
+    not be written.
     """
     if faults := target_faults(contents):
         raise InputError(faults)
-    temporary: dict[Path, Path] = {}
-    path = Path()
+    pending: dict[Path, tuple[Path, Path, Path]] = {}
+    for path in filter(_is_replaceable, contents):
+        target, unique = resolved(path), secrets.token_hex(6)
+        new, old = (target.with_name(f".{target.name[:100]}.{unique}.{x}") for x in ("tmp", "bak"))
+        pending[path] = target, new, old
     try:
-        for path, content in contents.items():
-            target = resolved(path)
-            if not _is_replaceable(path):
-                path.write_bytes(content)
-                continue
-            temporary[path] = target.with_name(f".{target.name[:100]}.{secrets.token_hex(6)}.tmp")
-            with temporary[path].open("xb") as stream:
-                stream.write(content)
-            if target.exists():
-                # A rename would also replace a file that is write-protected on purpose.
-                if not os.access(target, os.W_OK):
-                    raise PermissionError(13, "Permission denied")
-                temporary[path].chmod(stat.S_IMODE(target.stat().st_mode))
-        for path, new in temporary.items():
-            new.replace(resolved(path))
+        for path in contents.keys() - pending.keys():
+            with _naming(path):
+                path.write_bytes(contents[path])
+        for path, (target, new, _) in pending.items():
+            with _naming(path):
+                _write_temporary(new, target, contents[path])
+        yield
+        _put_in_place(pending)
+    finally:
+        for path in (path for _, *both in pending.values() for path in both):
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def _write_temporary(new: Path, target: Path, content: bytes) -> None:
+    with new.open("xb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    if target.exists():
+        # A rename would also replace a file that is write-protected on purpose.
+        if not os.access(target, os.W_OK):
+            raise PermissionError(13, "Permission denied")
+        new.chmod(stat.S_IMODE(target.stat().st_mode))
+
+
+def _put_in_place(pending: Mapping[Path, tuple[Path, Path, Path]]) -> None:
+    """Each new file in the place of its target, whose old content is kept until all are there."""
+    try:
+        for path, (target, new, old) in pending.items():
+            with _naming(path):
+                if target.exists():
+                    try:
+                        os.link(target, old)
+                    except OSError:
+                        shutil.copy2(target, old)
+                os.replace(new, target)
+    except BaseException:
+        for target, new, old in pending.values():
+            with suppress(OSError):
+                if old.exists():
+                    os.replace(old, target)
+                elif not new.exists():
+                    target.unlink()
+        raise
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Raises what the system says about a file as an InputError that names it."""
+    try:
+        yield
     except OSError as fault:
         raise error("not-writable", file=given_path(path), reason=system_reason(fault)) from None
-    finally:
-        for new in temporary.values():
-            new.unlink(missing_ok=True)
 
 
 def target_faults(targets: Iterable[Path]) -> list[Finding]:

@@ -291,7 +291,7 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
             covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
         )
     joint = []
-    for group in report.joint:
+    for group in report.joint_pass_covariance:
         f = np.repeat([result[name].unit.to_internal for name in group.components], group.widths)
         halves = group.half_difference_mean_square
         joint.append(

@@ -171,7 +171,7 @@ def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredT
         return None
     pairs = np.array([[index[e.from_], index[e.to]] for e in entries])
     ids = [e.id for e in entries]
-    axes = _length_axes(points, part)
+    axes = list(length_axes(points, part))
     delta = differences(visits.nominal, pairs, ids, part.source.shown)
     nominal, along = np.linalg.norm(delta, axis=1), delta[:, axes]
     errors = visits.errors[:, :, axes]
@@ -181,10 +181,10 @@ def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredT
     return _visit_tables(points, visits, ids, length_error(nominal, along, e), r)
 
 
-def _length_axes(points: Points, part: LoadedPart) -> list[int]:
+def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
     """The axes (0, 1, 2) along which every point at an end of a length was measured."""
     ends = {name for e in part.part.lengths for name in (e.from_, e.to)}
-    return list(axes_of(only_features(points, sorted(ends))))
+    return axes_of(only_features(points, sorted(ends)))
 
 
 def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
@@ -193,7 +193,7 @@ def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
     z = {name: places[name][2] for name in points.features if name in places}
     ends = ((e.id, z.get(e.from_), z.get(e.to)) for e in part.part.lengths)
     lost = [id for id, a, b in ends if None not in (a, b) and a != b]
-    if not lost or 2 in _length_axes(points, part):
+    if not lost or 2 in length_axes(points, part):
         return []
     what, free = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
     return [finding("axis-not-measured", what=what, names=lost, axis="z", consequence=free)]

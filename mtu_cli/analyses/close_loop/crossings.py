@@ -1,30 +1,37 @@
 """Where effects cancel: the temperature at which an axis is right, the place about which it turns.
 
 The sizes of an effect and of its margins are counted from somewhere; where their sum is 0 is not.
-Along one axis errors are a sum of sizes b_i times levers. Where the levers of some of them are
-K (s_i + r_i t), K the same for all and t a covariate or coordinate, these cancel at
-t = -(sum s_i b_i)/(sum r_i b_i): the ratio of two estimated sizes.
+Along one axis errors are a sum of sizes times levers. Where all levers are linear in a covariate or
+coordinate t, the sum is v(t) = a + b t of one number, or of several: of growth and drift one that
+goes with the place and one that is alike at all places. It is 0 where all of them are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fdtri
 
-from mtu_cli.analyses.close_loop.estimate import Parameter
+from mtu_cli.analyses.close_loop.describe import described
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
+from mtu_cli.analyses.close_loop.estimate import COVERED, Parameter, estimated
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
-from mtu_cli.language import Node, evaluate, linear_form, names, parse
+from mtu_cli.files.covariates import is_temperature
+from mtu_cli.language import Node, evaluate, linear_form, parse
 from mtu_cli.model.effect_library import TableData
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.coverage import fieller
 from mtu_cli.stats.least_squares import FloatArray
 
 CELLS = 40
 """Measured cells at which levers are compared."""
 SAME = 1e-9
 """Relative; less is rounding."""
+REFERENCE_DEGC = 20.0
+"""Temperature from which on lengths are counted (ISO 1)."""
 
 
 class Term(NamedTuple):
@@ -36,82 +43,139 @@ class Term(NamedTuple):
     lever: Node
 
 
+def without_references(found: Diagnosis) -> Diagnosis:
+    """A diagnosis without the offsets that say no more than where effects are counted from: with
+    the level these are zero at a value of a covariate that was met, or at the temperature of
+    reference, which is told instead.
+    """
+    table = found.design.table
+    values = TableData.of(table).values
+    for offset in found.offsets if found.entries else ():
+        rest = replace(found, offsets=tuple(x for x in found.offsets if x is not offset))
+        sizes = estimated(rest.models, rest.model, sets=False)
+        for each in crossings(described(rest, sizes), sizes.covariance, table):
+            met, (low, high) = values[each.covariate], each.interval95
+            told = met.min() <= each.value <= met.max()
+            told |= is_temperature(each.covariate) and low <= REFERENCE_DEGC <= high
+            if told and each.covariate not in AXES and offset.name == f"offset-{each.axis}":
+                found = rest
+    return found
+
+
 def crossings(
     effects: Sequence[FoundEffect], covariance: FloatArray, table: ResidualTable
 ) -> tuple[Crossing, ...]:
-    """All that are known to within the range of the data, and not farther than it from its middle;
-    of effects that are alone in their class. `covariance` is over the `rows` of the effects.
+    """Of all effects along an axis at once, and of each that has its level; of effects that are
+    alone in their class. `covariance` is over the `rows` of the effects.
     """
-    result: dict[tuple[str, str, frozenset[int]], Crossing] = {}
-    for axis in table.axes:
-        own = [effect for effect in effects if f"E{axis}" in effect.equations]
-        terms = list[Term]()
-        for effect in own:
-            if effect.candidate.over is None and effect.table is None and effect.rows:
-                pairs = zip(effect.parameters, effect.rows, strict=True)
-                sizes = {p.name: (p, row) for p, row in pairs}
-                form = linear_form(parse(effect.equations[f"E{axis}"]), sizes)
-                terms += [Term(effect, *sizes[x], lever) for x, lever in form.coefficients.items()]
-        smooth = any(effect.table is not None for effect in own)
-        for name in dict.fromkeys(name for term in terms for name in names(term.lever)):
-            for group, centre, half, s, r in _groups(terms, name, table, smooth):
-                if any(len(term.effect.classes) > 1 for term in group):
-                    continue
-                J, rows = np.array([-s, r]), [term.row for term in group]
-                above, below = J @ [term.size.value for term in group]
-                C = J @ covariance[np.ix_(rows, rows)] @ J.T
-                dof = min(term.size.dof for term in group)
-                value, u, ends = fieller(above, below, C, dof)
-                if ends is None or ends[1] - ends[0] > 2 or abs(value) > 2:
-                    continue
-                low, high = (centre + half * end for end in ends)
-                result[axis, name, frozenset(rows)] = Crossing(
-                    axis=axis,
-                    covariate=name,
-                    effect=max(group, key=lambda term: bool(names(term.lever))).effect.name,
-                    whole=len(group) == len(terms) and not smooth,
-                    value=centre + half * value,
-                    u=half * u,
-                    interval95=(low, high),
-                )
-    return tuple(result.values())
-
-
-def _groups(
-    terms: Sequence[Term], name: str, table: ResidualTable, smooth: bool
-) -> Iterator[tuple[list[Term], float, float, FloatArray, FloatArray]]:
-    """Terms that are K (s + r t) with one K, t = (name - centre)/half of its range: the first of
-    them rises with t, another does not in proportion to it. What is the same at all other places
-    and times (K = 1) is so by itself alone where all terms are of the group.
-    """
+    result = list[Crossing]()
     # Coordinates and covariates at some of the measured cells, and their ends.
     cells = np.linspace(0, int(table.there.sum()) - 1, CELLS).astype(int)
     columns = {
         name: np.broadcast_to(v, table.there.shape)[table.there][cells]
         for name, v in TableData.of(table).values.items()
     }
-    if name.startswith("dir_") or name not in columns:
-        return
+    for axis in table.axes:
+        groups = [
+            _terms(effect, f"E{axis}") for effect in effects if f"E{axis}" in effect.equations
+        ]
+        if len(groups) > 1:
+            groups.insert(0, [x for own in groups for x in own] if all(groups) else [])
+        for name in (name for name in columns if not name.startswith("dir_")):
+            for i, group in enumerate(groups):
+                levels = [
+                    x.size.role == "level" or x.effect.candidate.kind == "offset" for x in group
+                ]
+                freed = table.fitted_degree >= 0 or table.datum != "none"
+                classes = [x for term in group for x in term.effect.class_names[1:]]
+                if not group or classes or not (freed or any(levels)):
+                    continue
+                rows = [x.row for x in group]
+                zero = _zero(group, covariance[np.ix_(rows, rows)], columns, name)
+                if zero is not None:
+                    value, u, ends = zero
+                    result.append(
+                        Crossing(
+                            axis=axis,
+                            covariate=name,
+                            effect=group[0].effect.name,
+                            whole=i == 0,
+                            value=value,
+                            u=u,
+                            interval95=ends,
+                        )
+                    )
+                    break
+    return tuple(result)
+
+
+def _terms(effect: FoundEffect, key: str) -> list[Term]:
+    """Of an effect that is a sum of sizes times levers, but for sizes of which nothing is left."""
+    if effect.candidate.over is not None or effect.table is not None:
+        return []
+    pairs = zip(effect.parameters, effect.rows, strict=True)
+    sizes = {p.name: (p, row) for p, row in pairs if p.u > 0}
+    form = linear_form(parse(effect.equations[key]), [p.name for p in effect.parameters])
+    return [Term(effect, *sizes[x], k) for x, k in form.coefficients.items() if x in sizes]
+
+
+def _zero(
+    group: Sequence[Term], C: FloatArray, columns: dict[str, FloatArray], name: str
+) -> tuple[float, float, tuple[float, float]] | None:
+    """Where the sum of sizes with covariance C is zero, with u and the 95 % interval: the values t
+    at which v(t) = 0 is not rejected (of one number that of Fieller, 1954). None where there is no
+    such value, or none that is known to within the range of the data, at most that from its middle.
+    """
     low, high = columns[name].min(), columns[name].max()
     centre, half = (low + high) / 2, (high - low) / 2
     if not half > SAME * max(abs(low), abs(high)):
-        return
-    there = [columns | {name: centre + t * half} for t in (-1.0, 0.0, 1.0)]
-    ends = [np.array([evaluate(x.lever, own) * np.ones(CELLS) for x in terms]) for own in there]
-    middle, rise, bend = ends[1], (ends[2] - ends[0]) / 2, ends[2] - 2 * ends[1] + ends[0]
-    for first in range(len(terms)):
-        K = rise[first]
-        there = np.abs(K) > SAME * np.abs(K).max(initial=0.0)
-        if not there.any():
-            continue
-        K = K[there]
-        s, r = middle[:, there] / K, rise[:, there] / K
-        size = np.abs(s).max(axis=1) + np.abs(r).max(axis=1)
-        alike = np.ptp(s, axis=1) + np.ptp(r, axis=1) + np.abs(bend[:, there] / K).max(axis=1)
-        chosen = np.flatnonzero(alike <= SAME * size).tolist()
-        alone = np.ptp(K) <= SAME * np.abs(K).max()
-        if first not in chosen or (alone and (smooth or len(chosen) < len(terms))):
-            continue
-        s, r = s[chosen].mean(axis=1), r[chosen].mean(axis=1)
-        if np.linalg.matrix_rank(np.array([s, r]), tol=SAME) == 2:
-            yield [terms[i] for i in chosen], centre, half, s, r
+        return None
+    u = np.array([x.size.u for x in group])
+    ends = [
+        np.array(
+            [
+                evaluate(x.lever, columns | {name: centre + t * half}) + np.zeros(CELLS)
+                for x in group
+            ]
+        )
+        for t in (-1, 0, 1)
+    ]
+    M, R = ends[1].T * u, (ends[2] - ends[0]).T / 2 * u
+    largest = np.abs(M) + np.abs(R)
+    if np.abs((ends[2] - 2 * ends[1] + ends[0]).T * u).max() > 1e-6 * largest.max():
+        return None
+    U, s, _ = np.linalg.svd(np.hstack([M, R]), full_matrices=False)
+    M, R = (U[:, s > 1e-6 * s[0]].T @ X for X in (M, R))
+    # What is zero there whatever its sizes has no zero of its own.
+    if np.linalg.matrix_rank(np.array([M.ravel(), R.ravel()]), tol=1e-6 * s[0]) < 2:
+        return None
+    b, C = np.array([x.size.value for x in group]) / u, C / u / u[:, None]
+
+    def tests(t: FloatArray) -> FloatArray:
+        """v' V^-1 v, and the inverse of the variance of t."""
+        J = M + t[:, None, None] * R
+        V = J @ C @ np.swapaxes(J, 1, 2)
+        V = V + 1e-14 * s[0] ** 2 * np.eye(len(M))
+        both = np.stack([J @ b, np.broadcast_to(R @ b, (len(t), len(M)))], axis=-1)
+        return np.einsum("tki,tki->it", both, np.linalg.solve(V, both))
+
+    t, step = np.zeros(1), 3.0
+    while step > 1e-9:
+        t = t[np.argmin(tests(t)[0])] + np.linspace(-step, step, 201)
+        step /= 50
+    t = t[[np.argmin(tests(t)[0])]]
+    dof = min(min(x.size.dof for x in group), 1e9)
+    limit = len(M) * fdtri(len(M), max(dof, 1.0), COVERED)
+    (least,), (information,) = tests(t)
+    around = np.array([-1e3, t[0] - 2, t[0] + 2, 1e3])
+    if least > limit or abs(t[0]) > 2 or (tests(around)[0] <= limit).any():
+        return None
+    inside, outside = np.repeat(t, 2), t[0] + np.array([-2.0, 2.0])
+    for _ in range(50):
+        middle = (inside + outside) / 2
+        held = tests(middle)[0] <= limit
+        inside, outside = np.where(held, middle, inside), np.where(held, outside, middle)
+    if np.ptp(inside) > 2:
+        return None
+    first, last = (centre + half * inside).tolist()
+    return centre + half * float(t[0]), half * float(information**-0.5), (first, last)

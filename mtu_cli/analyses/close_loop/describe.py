@@ -69,7 +69,7 @@ def described(
         if compare:
             effect = replace(
                 effect,
-                explained_share=_explained(found.likelihood, sizes, member),
+                explained_share=_explained(found.likelihood, sizes, estimate),
                 aliases=aliases(design, sizes.fit.weights, member),
                 experiment=experiment(found, entry, sizes.fit.weights),
             )
@@ -198,10 +198,14 @@ def _equations(estimate: Estimate) -> dict[str, str]:
     return {key: " + ".join(texts) for key, texts in terms.items()}
 
 
-def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> float:
-    """The share of the errors' weighted squares that an effect's own columns explain."""
+def _explained(likelihood: Likelihood, sizes: Estimates, effect: Estimate) -> float:
+    """The share of the errors' weighted squares that an effect explains with its margins, but for
+    those that are other effects.
+    """
     fit, strata = sizes.fit, likelihood.design.strata
-    at = [fit.columns.index(i) for i in member.own if i in fit.columns]
+    others = {i for x in sizes.effects if x is not effect for i in x.member.own}
+    mine = {*effect.member.own, *effect.member.low} - (others - {*effect.member.own})
+    at = [k for k, i in enumerate(fit.columns) if i in mine]
     x = fit.beta[at] @ likelihood.design.columns.dense([fit.columns[i] for i in at])
     w = np.repeat(fit.weights, strata.sizes.astype(int))
     total = float(np.sum(w * likelihood.y**2))

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mtu_cli.analyses.close_loop.design import Design
-from mtu_cli.analyses.close_loop.estimate import estimated, levers_on, without_aliases
+from mtu_cli.analyses.close_loop.estimate import without_aliases
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
 from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of
-from mtu_cli.model.effect_library import Candidate, TableData
+from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
 
-DIRECTION = "dir_"
-"""Names of directions begin so: their middle is no direction, and where they are counted from."""
 OF_PARTS = {"rotation-scatter", "scale-scatter"}
 """Scatter effects that make a pattern of part x feature."""
 
@@ -38,7 +33,7 @@ class Offset:
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
     """What one table says: the model, its entries the strongest first, scatter effects with their p
-    and ratio of deviations, offsets, checks that fired, and the verdict.
+    and ratio of deviations, offsets, and checks that fired.
     """
 
     likelihood: Likelihood
@@ -51,7 +46,6 @@ class Diagnosis:
     fired: tuple[str, ...]
     nameless: bool
     outliers: BoolArray
-    verdict: str
 
     @property
     def design(self) -> Design:
@@ -64,6 +58,18 @@ class Diagnosis:
         named = [entry.name for entry in self.entries]
         named += [name for name, _, _ in self.scatter]
         return named + [offset.name for offset in self.offsets]
+
+    @property
+    def verdict(self) -> str:
+        """Whether all that was found has a name, and one name."""
+        if self.fired or self.nameless:
+            return "unexplained"
+        if not self.names:
+            return "none"
+        several = any(len(x.credible) > 1 for x in self.entries)
+        several |= any(len(x.credible) > 1 for x in self.offsets)
+        several |= any(entry.nameless > 1 - SHARE for entry in self.entries)
+        return "class" if several else "named"
 
 
 def diagnosed(
@@ -97,22 +103,11 @@ def diagnosed(
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
         for c in candidates
         if c.kind == "offset" and p.get(c.name, 1.0) <= alpha
-        if not _counted_from_elsewhere(models, model, models.design.axis(c))
     ]
     checks = tuple((name, p[name]) for name in CHECKS if name in p)
     # Whole parts that move at random make a pattern, too.
     known = {"pattern"} if moving else set[str]()
     fired = tuple(name for name, value in checks if value <= alpha and name not in known)
-    nameless = any(entry.overtaken for entry in entries) or models.nameless_wins(model)
-    classes = [*(entry.credible for entry in entries), *(offset.credible for offset in offsets)]
-    if fired or nameless:
-        verdict = "unexplained"
-    elif not (entries or scatter or offsets):
-        verdict = "none"
-    else:
-        several = any(len(names) > 1 for names in classes)
-        several |= any(entry.nameless > 1 - SHARE for entry in entries)
-        verdict = "class" if several else "named"
     return Diagnosis(
         likelihood=likelihood,
         models=models,
@@ -122,42 +117,9 @@ def diagnosed(
         offsets=tuple(offsets),
         checks=checks,
         fired=fired,
-        nameless=nameless,
+        nameless=any(x.overtaken for x in entries) or models.nameless_wins(model),
         outliers=hit,
-        verdict=verdict,
     )
-
-
-def _counted_from_elsewhere(models: ModelSet, model: Model, a: int) -> bool:
-    """Whether the errors of effects that are linear in columns of the data are zero along axis `a`
-    at some place and time within twice their range, about its middle and that of the directions:
-    counted from there these have no offset beside them, which is a margin of theirs.
-    """
-    members = [models.design.members[m] for m in models.members(model)]
-    linear = [
-        member.value is None and not (member.form.covariate or DIRECTION).startswith(DIRECTION)
-        for member in members
-    ]
-    if not any(linear):
-        return False
-    data = TableData.of(models.design.table)
-    wide = dict[str, FloatArray]()
-    for name, values in data.values.items():
-        middle = (values.min() + values.max()) / 2
-        wide[name] = middle + (0 if name.startswith(DIRECTION) else 2) * (values - middle)
-    sizes = estimated(models, model, sets=False)
-    shape = models.design.strata.shape[:2]
-    J, level = np.zeros((len(sizes.covariance), *shape)), sizes.levels[a]
-    J[a - len(sizes.levels)] = 1
-    errors = np.full(shape, level.value)
-    for effect in itertools.compress(sizes.effects, linear):
-        levers = levers_on(effect.member, replace(data, values=wide))
-        for row, size, lever in zip(effect.rows, effect.sizes, levers, strict=False):
-            J[row] = lever.get(a, 0.0)
-            errors += size.value * J[row]
-    u = np.sqrt(np.einsum("rph,rs,sph->ph", J, sizes.covariance, J, optimize=True))
-    nearest = (np.abs(errors) / u).min()
-    return bool(errors.min() < 0 < errors.max() or nearest < stdtrit(max(level.dof, 1.0), 0.975))
 
 
 def _offset_class(

@@ -7,6 +7,7 @@ checks, on null tables made from the model's own residual.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -270,27 +271,38 @@ class Gate:
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
             checks["pattern"] = calibrated(share)
-        places = self.design.table.mean_places
-        places = places[:, np.isfinite(places).all(axis=0)]
-        lag = np.abs(np.subtract.outer(np.arange(P), np.arange(P)))
-        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
-        near = {
-            "walk": (PART, np.exp(-lag / 2)),
-            "field": (FEATURE, np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))),
-        }
-        for name, (kind, K) in near.items():
-            group = [s for s in strata.of(kind) if rough[s]]
+        for name, near in self._near.items():
+            group = [s for s in near if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
                 continue
             total = np.zeros(len(Y))
             for s in group:
-                own, a = Y[:, strata.slices[s]], strata.axis[s]
-                _, i, j = np.unravel_index(strata.place[strata.slices[s]], (A, P, H))
-                basis = strata.of_parts[:, i] if kind == PART else strata.of_features[a][:, j]
-                form = np.einsum("bn,bn->b", own @ (basis.T @ K @ basis), own)
+                own = Y[:, strata.slices[s]]
+                form = np.einsum("bn,bn->b", own @ near[s], own)
                 total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
             checks[name] = calibrated(total)
         return checks
+
+    @cached_property
+    def _near(self) -> dict[str, dict[int, FloatArray]]:
+        """Covariances (n, n) of the coordinates of strata, if parts walk or features near one
+        another err alike.
+        """
+        strata, places = self.strata, self.design.table.mean_places
+        P, H, A = strata.shape
+        places = places[:, np.isfinite(places).all(axis=0)]
+        lag = np.abs(np.subtract.outer(np.arange(P), np.arange(P)))
+        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        walk, field = np.exp(-lag / 2), np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))
+        near = dict[str, dict[int, FloatArray]]()
+        for name, kind, K in (("walk", PART, walk), ("field", FEATURE, field)):
+            near[name] = {}
+            for s in strata.of(kind):
+                _, i, j = np.unravel_index(strata.place[strata.slices[s]], (A, P, H))
+                of_features = strata.of_features[strata.axis[s]]
+                basis = strata.of_parts[:, i] if kind == PART else of_features[:, j]
+                near[name][s] = basis.T @ K @ basis
+        return near
 
 
 class Partial(NamedTuple):

@@ -126,7 +126,12 @@ class Likelihood:
         """
         k, shared = models.shape[1], np.array([*beside, *self.design.common], int)
         models = np.hstack([models, np.tile(shared, (len(models), 1))])
-        G = self.design.columns.cross(models[:, :, None], models[:, None, :])
+        G = np.empty((len(self.n), *models.shape, models.shape[1]))
+        own, cross = models[:, :k], self.design.columns.cross
+        G[:, :, :k, :k] = cross(own[:, :, None], own[:, None, :])
+        G[:, :, :k, k:] = cross(own[:, :, None], shared)
+        G[:, :, k:, :k] = np.swapaxes(G[:, :, :k, k:], 2, 3)
+        G[:, :, k:, k:] = cross(shared[:, None], shared)[:, None]
         b, own, ridge = self.b[:, models], np.einsum("smii->smi", G), self.ridge(models)
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
         R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))

@@ -138,7 +138,7 @@ class Crossing:
     covariate: str
     value: float
     u: float
-    interval95: tuple[float, float] | None
+    interval95: tuple[float, float]
     effect: str = ""
     whole: bool = True
 

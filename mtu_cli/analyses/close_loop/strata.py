@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,11 +48,13 @@ class Strata:
     the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
     `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
     deviations relative to the stratum's; `bends` (H,) the variance of bends that parts have of
-    their own, by direction of the features (mean 1).
+    their own, by direction of the features (mean 1). `short` is, by axis, a basis of the features
+    as (s, L, R) where it is diag(s) - L R with few columns L: rows are turned in less time.
     """
 
     of_parts: FloatArray
     of_features: FloatArray
+    short: tuple[tuple[FloatArray, FloatArray, FloatArray] | None, ...]
     place: IntArray
     at: IntArray
     slices: tuple[slice, ...]
@@ -90,7 +93,13 @@ class Strata:
         """
         P, H, _ = self.shape
         p, h = values.shape[-2:]
-        turned = values @ self.of_features[a] if h == H else values * np.sqrt(H)
+        if h < H:
+            turned = values * np.sqrt(H)
+        elif (short := self.short[a]) is None:
+            turned = values @ self.of_features[a]
+        else:
+            signs, left, right = short
+            turned = values * signs - (values @ left) @ right
         return to_contrasts(turned) if p == P else turned * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
@@ -144,21 +153,28 @@ def strata_of(
     A, H = len(lines), len(lines[0])
     bases, spreads, shape = np.zeros((A, H, H)), np.ones((A, 1, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
-    first = 1 if features_scatter else 0
+    first, shorts = 1 if features_scatter else 0, list[Any]()
     for a, own in enumerate(lines):
         begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), own])
         k = begin.shape[1]
         basis, R = np.linalg.qr(begin, mode="complete")
-        basis[:, :k] *= np.sign(np.diag(R))
+        # k reflections: I - basis is of rank k, its first columns and rows make all of it.
+        rest, signs = np.eye(H) - basis, np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
+        basis *= signs
+        if roughness is None and k < H:
+            left = rest[:, :k] @ np.linalg.inv(rest[:k, :k])
+            shorts.append((signs, left, rest[:k] * signs))
+        else:
+            shorts.append(None)
         if roughness is not None and k < H:
             values, turn = np.linalg.eigh(basis[:, k:].T @ roughness @ basis[:, k:])
             basis[:, k:] = basis[:, k:] @ turn[:, ::-1]
             shape[k:] = np.maximum(values[::-1], 0.0) / values.mean()
             spreads[a, 0, k:] = np.sqrt(1 + bends * shape[k:])
         bases[a] = basis
-        rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
-        groups = [(PART, (rest, slice(0, 1)))]
-        groups += [(FEATURE, (slice(0, 1), rest))] if features_scatter else []
+        beyond, rows = slice(1, None), [first] * (k - moving) + [0] * moving
+        groups = [(PART, (beyond, slice(0, 1)))]
+        groups += [(FEATURE, (slice(0, 1), beyond))] if features_scatter else []
         groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in range(1, k)]
         groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
         for kind, where in groups:
@@ -174,6 +190,7 @@ def strata_of(
     return Strata(
         of_parts=to_contrasts(np.eye(P)).T,
         of_features=bases,
+        short=tuple(shorts),
         place=place,
         at=at.reshape(label.shape),
         slices=tuple(map(slice, ends[:-1], ends[1:])),

@@ -8,11 +8,11 @@ from itertools import cycle, islice, pairwise
 import numpy as np
 import pytest
 from effect_tables import FloatArray, shop_covariates, table
-from loop_examples import SMOOTH, effect, parameter
+from loop_examples import effect, parameter
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma
 
-from mtu_cli.analyses.close_loop.crossings import crossings
+from mtu_cli.analyses.close_loop.crossings import crossings, without_references
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import estimated
@@ -25,7 +25,7 @@ from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.coverage import coverage_factor, fieller
+from mtu_cli.stats.coverage import coverage_factor
 
 P, H = 12, 6
 NOISE_MM = 1e-3
@@ -160,30 +160,56 @@ def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
 
 
-@pytest.mark.parametrize(("reference", "shift"), [(18, 0.0), (22, 0.0), (26, 0.0), (20, 0.05)])
+@pytest.mark.parametrize("reference", [20.0, 22.0, 24.0])
+@pytest.mark.parametrize("beside", [0.0, 10 * NOISE_MM])
 def test_an_offset_is_no_effect_where_only_the_reference_is_another(
-    reference: float, shift: float
+    reference: float, beside: float
 ) -> None:
-    """An axis that grows from x = 0 and some temperature on, beside a lost motion: the level stands
-    with the growth, whose joint covariance holds at its zero. What is no zero anywhere is told.
+    """An axis that grows from x = 0 and a temperature that was met, without and with a lost motion:
+    the level stands with the growth, whose joint covariance holds at its zero; that is told.
     """
-    own, T = noise(12, parts=20), np.linspace(20.5, 25.5, 20)[:, None]
+    own, T = noise(12, parts=20), np.linspace(20, 27, 20)[:, None]
     own = replace(own, covariates={**own.covariates, "T_a_degC": T})
-    own.errors[..., 0] += 1e-4 * own.places[..., 0] * (T - reference) + shift
-    own.errors[..., 0] += 10 * NOISE_MM * own.covariates["dir_x"]
+    own.errors[..., 0] += 1e-4 * own.places[..., 0] * (T - reference)
+    own.errors[..., 0] += beside * own.covariates["dir_x"]
     found = diagnosis(own, "offset", "scale", "backlash", "thermal-drift", "thermal-growth")
-    effects = {e.name: e for e in described(found, estimated(found.models, found.model))}
-    assert effects.keys() - {"offset-x"} == {"backlash-x", "thermal-growth-x"}
-    assert ("offset-x" in effects) == (shift > 0)
+    found = without_references(found)
+    sizes = estimated(found.models, found.model)
+    effects = {e.name: e for e in described(found, sizes, compare=True)}
+    assert effects.keys() == {"thermal-growth-x"} | ({"backlash-x"} if beside else set())
     growth = effects["thermal-growth-x"]
-    assert bool(growth.of_role("level")) == (shift == 0)
-    if not shift:
-        levers = linear_form(
-            parse(growth.equations["Ex"]), [p.name for p in growth.parameters]
-        ).coefficients
-        J = np.array([evaluate(x, {"x": 0.0, "T_a_degC": reference}) for x in levers.values()])
+    assert 0.5 < growth.explained_share < 1.05
+    told = crossings([*effects.values()], sizes.covariance, own)
+    zeros = {each.covariate: each for each in told}
+    assert zeros.keys() == {"T_a_degC", "x"}
+    assert abs(zeros["T_a_degC"].value - reference) < 3 * zeros["T_a_degC"].u < 0.5
+    assert abs(zeros["x"].value) < 3 * zeros["x"].u < 10
+    assert {(each.effect, each.whole) for each in told} == {("thermal-growth-x", not beside)}
+    texts = linear_form(parse(growth.equations["Ex"]), [p.name for p in growth.parameters])
+    for x in (0.0, 100.0):
+        at = {"x": x, "T_a_degC": reference}
+        J = np.array([evaluate(lever, at) for lever in texts.coefficients.values()])
         error = J @ [p.value for p in growth.parameters]
         assert abs(error) < 3 * np.sqrt(J @ growth.covariance @ J) < 10 * NOISE_MM
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("column", ["sequence", "T_a_degC"])
+@pytest.mark.parametrize("times", [15, 25])
+def test_an_offset_beside_a_drift_is_told(seed: int, column: str, times: float) -> None:
+    """Of 15 and 25 u, and of both signs: as an effect of its own, or by the one place that was met
+    where both together are zero.
+    """
+    own = noise(seed, parts=20, part=0.5 * NOISE_MM)
+    order = np.arange(20.0)[:, None]
+    own = replace(own, covariates={column: 20 + 0.3 * order if column == "T_a_degC" else order})
+    shift = times * NOISE_MM * np.hypot(0.5 / np.sqrt(20), 1 / np.sqrt(H))
+    drift = 0.4 * NOISE_MM * (order - order.mean()) * (1 if seed % 2 else -1)
+    own.errors[..., 0] += shift + drift
+    found = diagnosis(own, "offset", "trend", "thermal-drift", "covariate")
+    assert len(found.names) == 2
+    met = np.ptp(np.sign(shift + drift)) > 0
+    assert ("offset-x" in without_references(found).names) == (not met)
 
 
 def turning(
@@ -244,30 +270,9 @@ DRIFT = effect(
     LEVEL,
     equations={"Ex": "drift*(T_a_degC - 20) + level_x"},
 )
-GROWTH = effect(
-    "thermal-growth-x",
-    parameter("growth", "um/m/K", 10.0, 0.5),
-    parameter("scale", "um/m", -30.0, 2.0, "margin"),
-    parameter("drift", "um/K", 1.0, 0.05, "margin"),
-    parameter("level_x", "um", 4.0, 0.4, "level"),
-    equations={
-        "Ex": "growth*(x - 75)*(T_a_degC - 20) + scale*(x - 75) + drift*(T_a_degC - 20) + level_x"
-    },
-)
+TO_20 = {"Ex": "drift*(T_a_degC - 20)"}
 T = np.linspace(18, 26, 12)[:, None]
 TABLE = replace(table(12, 9), covariates={"T_a_degC": T, "dir_x": np.tile([[-1.0], [1.0]], (6, 1))})
-
-
-def test_a_ratio_has_fiellers_interval() -> None:
-    a, b, V = 4.0, 2.0, np.array([[0.16, 0.02], [0.02, 0.01]])
-    value, u, ends = fieller(a, b, V, 12.0)
-    assert value == 2.0
-    assert u == pytest.approx(np.sqrt((0.16 - 4 * 0.02 + 4 * 0.01) / 4))
-    assert ends is not None
-    for x in ends:
-        s = np.sqrt(V[0, 0] - 2 * x * V[0, 1] + x**2 * V[1, 1])
-        assert abs(a - x * b) / s == pytest.approx(coverage_factor(0.95, 12.0))
-    assert fieller(a, 0.1, V)[2] is None
 
 
 def test_an_axis_is_right_where_its_drift_and_level_cancel() -> None:
@@ -275,22 +280,61 @@ def test_an_axis_is_right_where_its_drift_and_level_cancel() -> None:
     assert (found.axis, found.covariate, found.whole) == ("x", "T_a_degC", True)
     assert found.value == pytest.approx(22.0)
     assert found.u == pytest.approx(np.sqrt(0.4**2 + 2**2 * 0.1**2) / 2)
+    # The interval is Fieller's.
+    for end in found.interval95:
+        s = np.sqrt(0.4**2 + (end - 20) ** 2 * 0.1**2)
+        assert abs(4 - 2 * (end - 20)) / s == pytest.approx(coverage_factor(0.95, 20.0))
+
+
+def grown(drift: float, level: float) -> FoundEffect:
+    """A growth by 10 um/m/K from 23 degC on about some place, beside a level."""
+    text = "growth*(x - 75)*(T_a_degC - 20) + scale*(x - 75) + drift*(T_a_degC - 20) + level_x"
+    return effect(
+        "thermal-growth-x",
+        parameter("growth", "um/m/K", 10.0, 0.5),
+        parameter("scale", "um/m", -30.0, 2.0, "margin"),
+        parameter("drift", "um/K", drift, 0.05, "margin"),
+        parameter("level_x", "um", level, 0.2, "level"),
+        equations={"Ex": text},
+    )
 
 
 def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
-    found = {each.covariate: each for each in crossings([GROWTH], GROWTH.covariance, TABLE)}
+    own = grown(1.0, -3.0)
+    found = {each.covariate: each for each in crossings([own], own.covariance, TABLE)}
     assert found["T_a_degC"].value == pytest.approx(23.0)
     assert found["x"].value == pytest.approx(-25.0)
-    assert not any(each.whole for each in found.values())
+    assert all(each.whole for each in found.values())
+
+
+@pytest.mark.parametrize("level", [0.0, 4.0])
+def test_a_growth_beside_a_level_of_its_own_is_zero_nowhere(level: float) -> None:
+    own = grown(1.0, level)
+    assert crossings([own], own.covariance, TABLE) == ()
+
+
+def test_an_effect_is_zero_with_its_level_though_another_is_not() -> None:
+    other = effect("backlash-x", parameter("b", "um", 9, 1), equations={"Ex": "b*dir_x"}, rows=(2,))
+    C = np.diag([p.u**2 for e in (DRIFT, other) for p in e.parameters])
+    (found,) = crossings([DRIFT, other], C, TABLE)
+    assert (found.effect, found.whole) == ("thermal-drift-x", False)
+    assert found.value == pytest.approx(22.0)
 
 
 @pytest.mark.parametrize(
     "effects",
     [
-        # Another effect along the axis depends on something else, or its name is not certain.
-        (DRIFT, effect("scale-x", parameter("b", "um/m", 9, 1), equations={"Ex": "b*(x - 200)"})),
-        (DRIFT, SMOOTH),
+        # Its name is not certain, or the level is not with it.
         (replace(DRIFT, classes=(("thermal-drift-x", 0.6), ("warm-up-x", 0.4))),),
+        (
+            effect("thermal-drift-x", parameter("drift", "um/K", -2.0, 0.1), equations=TO_20),
+            effect(
+                "backlash-x",
+                parameter("b", "um", 9, 1),
+                LEVEL,
+                equations={"Ex": "b*dir_x + level_x"},
+            ),
+        ),
         # A direction; the level's sign is all that is known.
         (replace(DRIFT, equations={"Ex": "drift*dir_x + level_x"}),),
         (replace(DRIFT, equations={"Ex": "drift*1e-3*(T_a_degC - 20) + level_x"}),),

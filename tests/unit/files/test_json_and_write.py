@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support import write_files
 
 from mtu_cli.files.reports_read import read_json
-from mtu_cli.files.write import report_bytes, write_files
+from mtu_cli.files.write import report_bytes
 from mtu_cli.findings import InputError
 
 
@@ -81,15 +82,21 @@ def test_files_are_written_with_nothing_left_behind(tmp_path: Path) -> None:
     assert Path("/dev/null").is_char_device()
 
 
-def test_all_or_nothing(tmp_path: Path) -> None:
-    (tmp_path / "a").write_bytes(b"old")
-    full = Path("/dev/full")
-    if not full.exists():
-        pytest.skip("there is no /dev/full")
-    with pytest.raises(InputError, match="full: cannot be written: no space left on device"):
-        write_files({tmp_path / "a": b"new", tmp_path / "b": b"new", full: b"new"})
-    assert (tmp_path / "a").read_bytes() == b"old"
-    assert os.listdir(tmp_path) == ["a"]
+def test_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("a", "c"):
+        (tmp_path / name).write_bytes(b"old")
+    replace = os.replace
+
+    def failing(source: Path, target: Path) -> None:
+        if Path(target).name == "c" and Path(source).suffix == ".tmp":
+            raise OSError(28, "No space left on device")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", failing)
+    with pytest.raises(InputError, match="c: cannot be written: no space left on device"):
+        write_files({tmp_path / name: b"new" for name in ("a", "b", "c")})
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "c").read_bytes() == b"old"
+    assert sorted(os.listdir(tmp_path)) == ["a", "c"]
 
 
 def test_what_no_system_takes(tmp_path: Path) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from support import write_files
 
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.reports_read import read_json
 from mtu_cli.files.source import check_text, read_source, shown_path
-from mtu_cli.files.write import write_files
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import InputError
 

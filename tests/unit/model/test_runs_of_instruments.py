@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from reading_examples import only
 
 from mtu_cli.analyses.fit_components import fit_result
-from mtu_cli.files.reports_read import components_from
+from mtu_cli.files.reports_read import report_from
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
@@ -79,7 +79,7 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
     own = estimates_from_fit(known, fit)
     results = document(fit_result("m", fit, own)).record()
     source = Source(role="components", path=tmp_path, shown="c.json", sha256="", rows=0)
-    report = components_from(source, {"schema": SCHEMA, "results": results})
+    report = report_from(source, {"schema": SCHEMA, "results": results})
     K = own.components["a"].run_covariance
     assert K is not None
     assert np.linalg.eigvalsh(K)[0] > 0
@@ -95,7 +95,7 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
     for damaged, told in (([[None, 0], [0, 0]], "wrong value: 'null'"), ([[1.0]], "another size")):
         results["components"]["a"]["run_covariance"] = damaged
         with pytest.raises(InputError, match=told):
-            components_from(source, {"schema": SCHEMA, "results": results})
+            report_from(source, {"schema": SCHEMA, "results": results})
 
 
 @pytest.mark.parametrize("way", [1, -1])

@@ -76,7 +76,7 @@ def test_what_is_left_what_separates_and_what_cancels_is_said() -> None:
     assert "turn the part (then 6.3 standard deviations apart)" in verdict_text(
         on_table(CLASS, verdict="class"), 0.05
     )
-    zero = Crossing(axis="x", covariate="T_a_degC", value=22.2, u=0.8, interval95=None)
+    zero = Crossing(axis="x", covariate="T_a_degC", value=22.2, u=0.8, interval95=(20.6, 23.8))
     assert "X is right at T_a_degC = 22.20 ± 0.80 degC." in verdict_text(
         on_table(BACKLASH, crossings=(zero,)), 0.05
     )
