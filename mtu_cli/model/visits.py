@@ -319,13 +319,6 @@ class Cells:
     count: IntArray
     there: IntArray
 
-    @cached_property
-    def index(self) -> IntArray:
-        """The place (n,) of each measurement's cell among the m."""
-        place = np.zeros(self.parts * self.columns, np.int64)
-        place[self.there] = np.arange(len(self.there))
-        return place[self.cell]
-
     @property
     def part(self) -> IntArray:
         """The part of each measurement."""
