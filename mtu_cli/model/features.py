@@ -86,7 +86,7 @@ def guess_warnings(model: MachineModel, points: FloatArray, values: Covariates) 
     whole = {**values, **places(model, points)}
     known = {name: value for name, value in whole.items() if name not in model.constants}
     seen = outside_seen(model.effects, known, model.file)
-    return [*temperature_warnings(model, values), *seen]
+    return [*temperature_warnings(model, points, values), *seen]
 
 
 def prediction_warnings(

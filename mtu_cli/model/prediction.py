@@ -265,16 +265,16 @@ SLACK = 0.05
 
 
 def _by_sensor(
-    model: MachineModel, points: FloatArray, levers: FloatArray
+    model: MachineModel, points: FloatArray, levers: FloatArray, *, noise: bool
 ) -> dict[str, dict[float, FloatArray]]:
-    """dE/dT u(T) (rows,) in mm by sensor and lag in min, over all drifts."""
+    """dE/dT (rows,) by sensor and lag in min, over all drifts; with `noise` times u(T)."""
     place, n = places(model, points), len(points)
     result: dict[str, dict[float, FloatArray]] = {}
     for lever, drift in zip(levers.T, (term.drift for term in model.terms), strict=True):
         if drift is None:
             continue
         gradients = drift.gradients(np.zeros(n) if drift.of is None else place[drift.of])
-        gradients = gradients * drift.sensor_u[:, None]
+        gradients = gradients * (drift.sensor_u[:, None] if noise else 1.0)
         for sensor, tau, each in zip(
             drift.sensors, drift.time_constants.tolist(), gradients, strict=True
         ):
@@ -284,15 +284,15 @@ def _by_sensor(
     return result
 
 
-def temperature_noise(
-    model: MachineModel, points: FloatArray, levers: FloatArray
+def temperature_gradients(
+    model: MachineModel, points: FloatArray, levers: FloatArray, *, noise: bool = False
 ) -> dict[str, FloatArray]:
-    """dE/dT_s u(T_s) (rows,) in mm of every sensor, dE/dT_s = lever sum_m g[m, s] p^m over all
-    drifts: what one standard uncertainty of a reading does to the errors once they have settled.
+    """dE/dT_s (rows,) in mm per degC of every sensor: lever sum_m g[m, s] p^m over all drifts.
 
-    `points` (n, 3), `levers` (rows, terms) as `design` gives them.
+    `points` (n, 3), `levers` (rows, terms) as `design` gives them. With `noise` times u(T_s), in
+    mm: what one standard uncertainty of a reading does to the errors once they have settled.
     """
-    found = _by_sensor(model, points, levers)
+    found = _by_sensor(model, points, levers, noise=noise)
     return {sensor: np.sum([*by_lag.values()], axis=0) for sensor, by_lag in found.items()}
 
 
@@ -312,7 +312,7 @@ def temperature_blocks(
     which, result = np.zeros(n, np.int64), list[Block]()
     if each:
         which = np.unique(np.column_stack(each), axis=0, return_inverse=True)[1].reshape(-1)
-    for sensor, by_lag in _by_sensor(model, points, levers).items():
+    for sensor, by_lag in _by_sensor(model, points, levers, noise=True).items():
         live = {tau: column for tau, column in by_lag.items() if column.any()}
         readings = int(which.max()) + 1 if np.ndim(covariates[sensor]) else 1
         lagged = times is not None and readings > 1 and any(live)
@@ -335,11 +335,13 @@ def temperature_blocks(
     return result
 
 
-def temperature_warnings(model: MachineModel, covariates: Covariates) -> list[Finding]:
+def temperature_warnings(
+    model: MachineModel, points: FloatArray, covariates: Covariates
+) -> list[Finding]:
     """Temperatures beyond those of the fit, one warning a sensor and range for all drifts that were
     read in it, and lags without a history.
 
-    `covariates` hold one value for all or one a point.
+    `points` (n, 3) in mm, `covariates` one value for all or one a point.
     """
     beyond: dict[tuple[str, float, float], list[str]] = {}
     for drift in model.drifts():
@@ -348,11 +350,16 @@ def temperature_warnings(model: MachineModel, covariates: Covariates) -> list[Fi
             given = np.asarray(covariates[sensor], float)
             if max(low - given.min(), given.max() - high) > max(SLACK * (high - low), 1e-9):
                 beyond.setdefault((sensor, low, high), []).append(drift.component)
-    warnings = []
+    warnings, gradients = [], {}
+    if beyond:
+        levers = design(model, points, covariates).levers
+        gradients = temperature_gradients(model, points, levers)
     for (sensor, low, high), names in beyond.items():
         given = np.atleast_1d(np.asarray(covariates[sensor], float))
-        worst = int(np.argmax(np.maximum(low - given, given - high)))
-        what = f"{sensor} at {given[worst]:.4g} degC"
+        away = np.maximum(low - given, given - high)
+        worst = int(np.argmax(away))
+        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * float(away[worst])
+        what = f"{sensor} at {given[worst]:.4g} degC (up to {wrong:.2g} um)"
         facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
         of = [f"the drift of {listed(names)}"]
         warnings.append(finding("outside-measured-range", what=what, names=of, **facts))

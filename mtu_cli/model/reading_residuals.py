@@ -102,7 +102,7 @@ def _table(
         model = component_alone(name, of or AXES[0], own, drift)
         wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in wanted if key in columns}
-        warned += temperature_warnings(model, values)
+        warned += temperature_warnings(model, layout.nominal, values)
         predicted, common, drawn = cell_model(model, layout.nominal, values, layout.cells, shown)
         errors = errors - predicted[:, 0]
         if estimate is not None and np.any(estimate.pass_covariance):

@@ -35,7 +35,7 @@ from mtu_cli.model.measured import (
     not_measured,
     roundings,
 )
-from mtu_cli.model.prediction import constant_effects, predict, temperature_noise
+from mtu_cli.model.prediction import constant_effects, predict, temperature_gradients
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
     BoolArray,
@@ -334,7 +334,7 @@ def _evaluated(
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: shown[name].shape if name in shown else (1, 1) for name in sensors_of(model)}
     if any(shape[1] == 1 for shape in read.values()):
-        gradients = temperature_noise(model, places, centre.levers)
+        gradients = temperature_gradients(model, places, centre.levers, noise=True)
         for sensor, column in gradients.items():
             # The noise of a reading of its own at every cell is none of the two.
             if read[sensor][1] == 1:
