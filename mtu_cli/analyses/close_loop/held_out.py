@@ -34,10 +34,10 @@ def held_out(
     diagnose: Callable[[ResidualTable], Diagnosis],
     done: Callable[[int, int], None],
 ) -> tuple[Diagnosis, tuple[str, FloatArray] | None]:
-    """The diagnosis of all; and what was held out, ``parts`` in blocks that follow each other or, of
-    few parts, every n-th of the ``columns``, with its errors (3, P, H, A), mm: before, after the
-    correction by the machine as it would be written, and by the model average. None where there are
-    too few of both.
+    """The diagnosis of all; and what was held out, ``parts`` in blocks that follow each other or,
+    of few parts, every n-th of the ``columns``, with its errors (3, P, H, A), mm: before, after the
+    correction by the machine as it would be written, and by the model average. None where there
+    are too few of both.
     """
     P, H, _ = table.errors.shape
     by = "parts" if P >= FEWEST else "columns"
