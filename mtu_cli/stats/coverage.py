@@ -55,34 +55,6 @@ def t_quantile(probability: FloatArray, dof: float) -> FloatArray:
     return np.asarray(result, dtype=np.float64)
 
 
-def fieller(
-    a: float,
-    b: float,
-    covariance: FloatArray,
-    dof: float = math.inf,
-    probability: float = PROBABILITY,
-) -> tuple[float, float, tuple[float, float] | None]:
-    """a/b of two estimates with their `covariance` (2, 2): its value, u (JCGM 100:2008, 5.2.2) and
-    interval, None where b may be 0 and it is unbounded (Fieller, J. R. Stat. Soc. B 16 (1954) 175).
-
-    The ends are the roots of (a - x b)^2 = t^2 (V_aa - 2 x V_ab + x^2 V_bb).
-
-    >>> value, u, ends = fieller(2.0, 1.0, np.diag([0.01, 0.0]))
-    >>> print(value, round(u, 3), np.round(ends, 3))
-    2.0 0.1 [1.804 2.196]
-    """
-    value = a / b if b else math.nan
-    J = np.array([1.0, -value])
-    u = math.sqrt(max(float(J @ covariance @ J), 0.0)) / abs(b) if b else math.inf
-    aa, ab, bb = coverage_factor(probability, dof) ** 2 * covariance[[0, 0, 1], [0, 1, 1]]
-    square = b**2 - bb
-    if square <= 0:
-        return value, u, None
-    middle = (a * b - ab) / square
-    half = math.sqrt(max(middle**2 - (a**2 - aa) / square, 0.0))
-    return value, u, (middle - half, middle + half)
-
-
 def few_blocks_factor(blocks: int) -> float:
     """t(h - 1)/z at 97.5 %, by which two standard errors from the scatter of h blocks fall short:
     1.07 for 20 blocks; 1 for one, whose standard errors do not come from a scatter.

@@ -83,8 +83,7 @@ def close_loop(
             return without_references(found)
 
         done(0, 1)
-        result = diagnose(table)
-        held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
+        result, held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
         return _result(result, held, table, rate=rate, tables=len(tables))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.

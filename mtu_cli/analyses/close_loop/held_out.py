@@ -33,16 +33,17 @@ def held_out(
     table: ResidualTable,
     diagnose: Callable[[ResidualTable], Diagnosis],
     done: Callable[[int, int], None],
-) -> tuple[str, FloatArray] | None:
-    """What was held out, ``parts`` in blocks that follow each other or, of few parts, every n-th of
-    the ``columns``, and its errors (3, P, H, A), mm: before, after the correction by the machine as
-    it would be written, and by the model average. None where there are too few of both.
+) -> tuple[Diagnosis, tuple[str, FloatArray] | None]:
+    """The diagnosis of all; and what was held out, ``parts`` in blocks that follow each other or,
+    of few parts, every n-th of the ``columns``, with its errors (3, P, H, A), mm: before, after the
+    correction by the machine as it would be written, and by the model average. None where there
+    are too few of both.
     """
     P, H, _ = table.errors.shape
     by = "parts" if P >= FEWEST else "columns"
     size = P if by == "parts" else H
     if size < FEWEST:
-        return None
+        return diagnose(table), None
     count = min(FOLDS, size)
     number = np.arange(size) * count // size if by == "parts" else np.arange(size) % count
     errors = np.full((3, *table.errors.shape), np.nan)
@@ -56,10 +57,11 @@ def held_out(
         for i, values in enumerate((*predicted, averaged(found, effects, table))):
             errors[i][cells] = corrected(table, values, ~cells)[cells]
 
-    with workers(min(count, available_threads())) as executor:
+    with workers(min(count + 1, available_threads())) as executor:
+        whole = executor.submit(diagnose, table)
         for fold, _ in enumerate(executor.map(predict, range(count))):
             done(fold + 1, count)
-    return by, errors
+    return whole.result(), (by, errors)
 
 
 def corrected(table: ResidualTable, predicted: FloatArray, seen: BoolArray) -> FloatArray:

@@ -8,7 +8,6 @@ from scipy.special import fdtrc, stdtrit
 
 from mtu_cli.stats.coverage import (
     coverage_factor,
-    fieller,
     numerical_tolerance,
     welch_satterthwaite,
 )
@@ -60,18 +59,6 @@ def test_coverage_factor_of_gum_table_g2(probability: float, dof: float, printed
 )
 def test_numerical_tolerance(u: float, digits: int, tolerance: float) -> None:
     assert numerical_tolerance(u, digits) == pytest.approx(tolerance, rel=1e-12)
-
-
-def test_a_ratio_of_two_estimates() -> None:
-    """Fieller: ends with (a - x b)^2 = k^2 (V_aa - 2 x V_ab + x^2 V_bb); none where b may be 0."""
-    V = np.array([[0.04, 0.01], [0.01, 0.09]])
-    value, u, ends = fieller(2.0, 4.0, V)
-    assert (value, u) == pytest.approx((0.5, math.sqrt(0.04 - 0.01 + 0.0225) / 4))
-    assert ends is not None
-    for x in ends:
-        spread = V[0, 0] - 2 * x * V[0, 1] + x**2 * V[1, 1]
-        assert (2 - 4 * x) ** 2 == pytest.approx(coverage_factor(0.95) ** 2 * spread)
-    assert fieller(2.0, 0.1, V)[2] is None
 
 
 def test_hotelling_of_one_estimate_is_students_t() -> None:
