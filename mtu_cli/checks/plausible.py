@@ -18,6 +18,10 @@ LEAST_REPEAT_MM = 5e-5
 """Standard deviation of the repeats of the best CMM."""
 TOLERANCE_UM = 0.2
 """Least tolerance of a length."""
+TRAVEL_MM = 5.0
+"""Least travel of an axis."""
+CONSTANT_TRAVELS = 20.0
+"""Largest constant of a machine, in travels of its longest axis."""
 NEARLY = 0.83
 """Likeness of names of which one is a slip of the other; of operator and operation it is 0.82."""
 NARROW = 0.02

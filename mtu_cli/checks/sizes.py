@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from mtu_cli.checks import Data, DocumentData, Floats, Odd, PointsData, ReadingsData, Rows, check
 from mtu_cli.checks.plausible import (
     BEYOND,
+    CONSTANT_TRAVELS,
     NARROW,
     NEARLY,
     POSITIONS,
     TOLERANCE_UM,
+    TRAVEL_MM,
     kind_of,
     largest,
 )
@@ -139,9 +141,25 @@ def tolerances(data: DocumentData) -> Iterator[Odd]:
 
 
 @check("implausible-size", of="machine")
-def coefficients(data: DocumentData) -> Iterator[Odd]:
-    """Coefficients that make errors of no machine over the travel."""
-    for name, component in data.loaded.machine.components.items():
+def machine_sizes(data: DocumentData) -> Iterator[Odd]:
+    """Travels and constants in another unit, and coefficients that make errors of no machine over
+    the travel.
+    """
+    machine = data.loaded.machine
+    travels = {axis: abs(high - low) for axis, (low, high) in machine.travels.items()}
+    known = [
+        (("axes", axis, "travel_mm"), f"a travel of {travel:g} mm", "metres")
+        for axis, travel in travels.items()
+        if travel < TRAVEL_MM
+    ]
+    most = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
+    for name, constant in machine.constants.items():
+        value = float(getattr(constant, "value", constant))
+        if abs(value) > most:
+            known.append((("constants", name, ""), f"a constant of {value:g} mm", "um"))
+    for path, what, meant in known:
+        yield Odd(NONE, {"what": what, "meant": meant}, path=tuple(filter(None, path)))
+    for name, component in machine.components.items():
         low, high = data.travels.get(component.of, (0.0, 0.0))
         position, unit = np.linspace(low, high, 9), UNITS[component.unit]
         errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))

@@ -86,15 +86,7 @@ def monte_carlo(
     Raises InputError for fewer than 2/(1 - p) trials, or model values that are not finite, which
     are counted and never dropped.
     """
-    least = math.ceil(round(2.0 / (1.0 - probability), 6))
-    if (max_trials if trials is None else trials) < least:
-        expected = f"{least} or more for a {100 * probability:g} % interval"
-        raise error("out-of-range", path="trials", value=str(trials), expected=expected)
-    smooth = bool(getattr(model, "smooth", False))
-    plan = BlockPlan.adaptive(probability, smooth=smooth)
-    # A count that adapts needs room for a first look.
-    if trials is not None or max_trials < FIRST_LOOK * plan.size:
-        plan = BlockPlan.fixed(trials or max_trials, probability, smooth=smooth)
+    plan = _planned(model, trials, max_trials, probability)
     single, total = plan.blocks == 1, plan.total
     exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
     summariser, pool = None if single else BlockSummariser(model, plan), Pool(exists)
@@ -148,6 +140,24 @@ def monte_carlo(
         samples=samples[:, : min(keep, done)],
         **{field.name: getattr(found, field.name) for field in fields(Estimates)},
     )
+
+
+def _planned(
+    model: TrialModel, trials: int | None, max_trials: int, probability: float
+) -> BlockPlan:
+    """The blocks of a fixed count, or of one that adapts and has room for a first look.
+
+    Raises InputError for fewer trials than an interval has ends of.
+    """
+    least = math.ceil(round(2.0 / (1.0 - probability), 6))
+    if (max_trials if trials is None else trials) < least:
+        expected = f"{least} or more for a {100 * probability:g} % interval"
+        raise error("out-of-range", path="trials", value=str(trials), expected=expected)
+    smooth = bool(getattr(model, "smooth", False))
+    plan = BlockPlan.adaptive(probability, smooth=smooth)
+    if trials is None and max_trials >= FIRST_LOOK * plan.size:
+        return plan
+    return BlockPlan.fixed(trials or max_trials, probability, smooth=smooth)
 
 
 def _refuse(names: Sequence[str], not_finite: IntArray, trials: int) -> None:

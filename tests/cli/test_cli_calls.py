@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_runner import prepared, refused
+from cli_runner import done, mtu, prepared, refused
 
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 
@@ -59,3 +59,12 @@ def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, w
     message = refused(work, *call, env={"COLUMNS": "30"})
     assert message.startswith(f"mtu: {words}")
     assert len(message.splitlines()) == 1
+
+
+def test_sizes_of_a_machine_in_another_unit_are_asked_about(work: Path) -> None:
+    text = (work / "machine.yaml").read_text().replace("travel_mm: [0, 300]", "travel_mm: [0, 3]")
+    text = text.replace("components:", "constants: {z0: 127000}\ncomponents:")
+    (work / "machine.yaml").write_text(text.replace("of: y", "of: x"))
+    told = done(mtu("fit-components", ".", "-q", cwd=work)).stderr
+    for words in ("axes.y.travel_mm: a travel of 3 mm", "constants.z0: a constant of 127000 mm"):
+        assert f"{words} is hardly meant; probably " in told

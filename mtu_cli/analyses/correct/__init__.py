@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 
@@ -137,27 +137,7 @@ def correct(
     for order, item in enumerate(wanted):
         own = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
         warnings += item.warnings(own) if own and item.kind != "length" else []
-    names = [f"{size.id} of {size.part}" for size in sizes]
-    warnings += dof_warnings(names, np.array([size.dof for size in sizes]))
-    if scatter is None:
-        consequence = "u holds the machine model only; that takes repeats of "
-        consequence += f"{FEWEST} degrees of freedom, or a circle of 4 points"
-        facts = {"what": "probing", "names": ["the points"], "consequence": consequence}
-        warnings.append(finding("no-scatter-known", **facts))
-    if exact := [name for name, size in zip(names, sizes, strict=True) if size.error[0] == 0]:
-        given = {"names": exact, "reason": "no error before the correction"}
-        warnings.append(finding("not-estimable", quantity="reduction_percent", **given))
-    # A ring of no calibration may have the form that it was made with; 95 % of all together
-    # (Bonferroni).
-    calibrated = [form for form in forms if form.calibrated]
-    left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
-    if left:
-        most = max(left, key=lambda form: form.F)
-        called = {form: f"{form.operation} {form.id}".strip() for form in left}
-        warnings.append(finding(
-            "form-left", names=[*dict.fromkeys(called.values())], worst=called[most],
-            rms_um=most.rms / UM, explained_um=most.explained / UM,
-        ))  # fmt: skip
+    warnings += [*_size_warnings(sizes, scatter), *form_warnings(forms)]
     return CorrectResult(
         points=points,
         part=[points.parts[i] for i in points.part],
@@ -175,6 +155,38 @@ def correct(
         independent=settings.independent,
         warnings=tuple(warnings),
     )
+
+
+def _size_warnings(sizes: Sequence[Size], scatter: PointScatter | None) -> Iterator[Finding]:
+    """Of what is not known of sizes, or of the scatter that they share."""
+    names = [f"{size.id} of {size.part}" for size in sizes]
+    yield from dof_warnings(names, np.array([size.dof for size in sizes]))
+    if scatter is None:
+        consequence = "u holds the machine model only; that takes repeats of "
+        consequence += f"{FEWEST} degrees of freedom, or a circle of 4 points"
+        facts = {"what": "probing", "names": ["the points"], "consequence": consequence}
+        yield finding("no-scatter-known", **facts)
+    if exact := [name for name, size in zip(names, sizes, strict=True) if size.error[0] == 0]:
+        given = {"names": exact, "reason": "no error before the correction"}
+        yield finding("not-estimable", quantity="reduction_percent", **given)
+
+
+def form_warnings(forms: Collection[FormLeft]) -> Iterator[Finding]:
+    """Of calibrated rings whose form is more than is explained, at 95 % of all together
+    (Bonferroni): a ring of no calibration may have the form that it was made with.
+    """
+    calibrated = [form for form in forms if form.calibrated]
+    left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
+    if left:
+        most = max(left, key=lambda form: form.F)
+        called = {form: f"{form.operation} {form.id}".strip() for form in left}
+        yield finding(
+            "form-left",
+            names=[*dict.fromkeys(called.values())],
+            worst=called[most],
+            rms_um=most.rms / UM,
+            explained_um=most.explained / UM,
+        )
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> Iterator[Finding]:
