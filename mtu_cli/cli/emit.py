@@ -228,6 +228,8 @@ def asked_gates(options: Options) -> dict[str, float]:
             expected = "a probability from 0 to below 1, such as 0.01 for 1 %"
             place = {"path": f"--fail-if {name}", "value": text}
             problems.append(finding("out-of-range", **place, expected=expected))
+        elif equals and name in result:
+            problems.append(finding("appears-twice", what=f"--fail-if {name}", value=text))
         result[name] = share or 0.0
     if problems:
         raise InputError(problems)
