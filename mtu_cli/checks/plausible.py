@@ -18,6 +18,8 @@ LEAST_REPEAT_MM = 5e-5
 """Standard deviation of the repeats of the best CMM."""
 TOLERANCE_UM = 0.2
 """Least tolerance of a length."""
+NEARLY = 0.83
+"""Likeness of names of which one is a slip of the other; of operator and operation it is 0.82."""
 NARROW = 0.02
 """Positions of passes span more than this share of a travel ..."""
 BEYOND = 3.0

@@ -7,14 +7,24 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.polynomial import polynomial
+from numpy.typing import NDArray
 
 from mtu_cli.checks import Data, DocumentData, Floats, Odd, PointsData, ReadingsData, Rows, check
-from mtu_cli.checks.plausible import BEYOND, NARROW, POSITIONS, TOLERANCE_UM, kind_of, largest
+from mtu_cli.checks.plausible import (
+    BEYOND,
+    NARROW,
+    NEARLY,
+    POSITIONS,
+    TOLERANCE_UM,
+    kind_of,
+    largest,
+)
+from mtu_cli.files.headers import meant_by
 from mtu_cli.files.points import SAME_MM
 from mtu_cli.units import UNITS
 
 Position = tuple[Sequence[str], str, Floats, Rows, str]
-NONE = np.arange(0)
+NONE, FIRST = np.arange(0), np.arange(1)
 
 
 @check("alike", of="part")
@@ -41,6 +51,27 @@ def names_alike(data: PointsData) -> Iterator[Odd]:
             names = [f"{other!r} and {name!r}" for other, name in pairs]
             facts = {"what": "names that differ by case or blanks only", "names": names}
             yield Odd(rows, facts, column)
+
+
+@check("alike", of=("readings", "drift", "points"))
+def columns_alike(data: ReadingsData | PointsData) -> Iterator[Odd]:
+    """Covariates that are nearly called as a column of the contract that is not there."""
+    given: dict[str, NDArray[np.bool_]] = {"time": ~np.isnan(data.table.time_min)}
+    if isinstance(data, PointsData):
+        points = data.table
+        order = points.sequence != points.part + 1
+        given |= {"operation": points.operation >= 0, "repeat": points.repeat >= 0}
+        given |= {f"dir_{axis}": ~np.isnan(points.direction[:, i]) for i, axis in enumerate("xyz")}
+        given |= {"sequence": order, "z_mm": ~np.isnan(points.measured[:, 2])}
+    else:
+        readings = data.table
+        given |= {"pass": readings.has_pass, "direction": readings.direction != 0}
+        given |= {"cycle": readings.cycle >= 0}
+    for name, there in given.items():
+        near = None if there.any() else meant_by(name, [*data.table.covariates], NEARLY)
+        if near:
+            what = "a covariate is nearly called as a column that is not there"
+            yield Odd(FIRST, {"what": what, "names": [repr(name)]}, near)
 
 
 @check("position-beyond-travel", of=("readings", "drift", "points", "part"))

@@ -27,7 +27,7 @@ from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, num
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.source import SYNTHETIC
-from mtu_cli.findings import InputError, error
+from mtu_cli.findings import InputError, error, listed
 from mtu_cli.formats.base import Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.formats.renishaw import run_file
@@ -136,11 +136,15 @@ def _simulated(
     inputs: Inputs, model: MachineModel, seed: int, only: str | None = None
 ) -> SimulatedReadings:
     read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
-    needed = {estimate.of for estimate in read if estimate.of is not None}
+    wanted = [estimate for estimate in read if only in (None, estimate.name)]
+    needed = {estimate.of for estimate in wanted if estimate.of is not None}
+    positions = _positions(inputs, model, needed)
+    # Of components that are not asked for only the draws matter, not where they are read.
+    other = next(iter(positions.values()), np.zeros(1))
     plan = ReadingsPlan(
         passes=inputs.options.passes,
         directions=(1,) if inputs.options.one_way else (1, -1),
-        positions=_positions(inputs, model, needed),
+        positions={axis: positions.get(axis, other) for axis in AXES},
     )
     return simulate_readings(model, plan, seed, only)
 
@@ -165,8 +169,12 @@ def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[st
         within(option, result[axis], travels[axis], f"mm of {axis}")
     if needed <= result.keys():
         return result
+    left = sorted(needed - result.keys())
+    if not inputs.files("part"):
+        expected = f"{option} {SPAN}, or a part (-p)"
+        raise error("missing-input", what=f"the range along {listed(left)}", expected=expected)
     _, points, _ = feature_points(inputs.part, model)
-    for axis in needed - result.keys():
+    for axis in left:
         column = points[:, AXES.index(axis)]
         low, high = np.nanmin(column), np.nanmax(column)
         if not low < high:

@@ -220,8 +220,15 @@ def _counted(lost: BoolArray, what: str, measured: Points | Readings, rows: IntA
 
 
 def text_warnings(measured: Points | Readings) -> list[Finding]:
-    """One warning of all columns that are texts."""
-    texts = [repr(name) for name, x in measured.covariates.items() if x.dtype == object]
+    """One warning of all columns that are texts, by some of their cells or all."""
+    texts = []
+    for name, column in measured.covariates.items():
+        if column.dtype == object:
+            filled = column[column != ""]
+            words = filled[np.isnan(_numbers(filled))]
+            some = f"{len(words)} of {len(filled)} cells"
+            part = f" ({some}, such as {words[0]!r})" if 0 < len(words) < len(filled) else ""
+            texts.append(repr(name) + part)
     facts = {"what": "effects", "items": texts, "reason": "text, not numbers"}
     return [finding("not-tested", **facts)] if texts else []
 

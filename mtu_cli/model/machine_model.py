@@ -248,22 +248,23 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
     shown = machine.source.shown
     if not terms and not missing:
         raise error("not-applicable", reason="no equation contains a component", file=shown)
-    known = "readings of it (--lbb, --laser), coefficients here, or a components report (-c)"
+    known = "readings (--lbb, --laser), coefficients here, or a components report (-c)"
     known += "; with -m no study is read"
-    needs = [(name, "missing-input", f"an estimate of {name}", known) for name in missing]
-    more = "more readings of it, best in several passes"
+    problems = []
+
+    def add(name: str, code: str, what: str, expected: str) -> None:
+        place = {"path": f"components.{name}", "line": machine.line_of("components", name)}
+        problems.append(finding(code, what=what, expected=expected, file=shown, **place))
+
+    missing = sorted(missing, key=lambda name: machine.line_of("components", name) or 0)
+    if missing:
+        add(missing[0], "missing-input", f"an estimate of {listed(missing)}", known)
     for item in (term.estimate for term in terms):
         if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat)):
             what = f"as many readings of {item.name!r} as coefficients"
-            needs.append((item.name, "too-little-data", what, more))
-    if needs:
-        raise InputError(
-            finding(
-                code, what=what, expected=expected, file=shown, path=f"components.{name}",
-                line=machine.line_of("components", name),
-            )
-            for name, code, what, expected in needs
-        )  # fmt: skip
+            add(item.name, "too-little-data", what, "more readings of it, best in several passes")
+    if problems:
+        raise InputError(problems)
 
 
 def missing_covariates(

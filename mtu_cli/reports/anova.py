@@ -27,8 +27,8 @@ from mtu_cli.units import ARCSEC, UM
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-SHOWN = 24
-"""Tables of a kind that are listed without ``--detail``."""
+SHOWN, WORST = 24, 10
+"""Tables of a kind that are listed without ``--detail``; of more features those so many."""
 DRAWN, RUNS = 6, 4
 """Features whose parts are drawn, and charts of what has a tolerance."""
 KINDS = {"feature": "feature", "length": "length", "angle": "orthogonality"}
@@ -267,6 +267,10 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
         Table("Right angles", entry("angle"), angles, detail=len(angles) > SHOWN),
         Table("Features", entry("feature"), features, of_features, detail=len(features) > SHOWN),
     ]
+    if (n := len(features)) > SHOWN:
+        worst = [features[i] for i in result.features.order[:WORST]]
+        title = f"Features: the {WORST} of {n} with the largest errors"
+        tables.insert(-1, Table(title, entry("feature"), worst, of_features))
     tested = sum(item.tested for item in result.totals)
     differ = sum(item.differ for item in result.totals)
     said = [f"F test: parts differ significantly in {differ} of {tested} features and axes."]

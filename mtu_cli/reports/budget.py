@@ -98,6 +98,13 @@ ONE = declare(
         for name in ("u", "se_mean", "se_u", "se_low", "se_high")
     },
 )
+INPUTS = declare(
+    """
+    input_correlation.inputs | names() | names of the inputs
+    input_correlation.matrix | given.correlation | their correlation coefficients
+    """,
+    names=lambda result: [item.name for item in result.given.quantities],
+)
 OUTPUTS = declare(
     """
     outputs{} | by_name() | *output
@@ -111,7 +118,7 @@ NAME = declare("""
     name | outputs.0.name | name of the output; of a single one its figures stand here, \
         without `outputs`
 """)
-RESULTS: Fields = (*NAME, *OUTPUTS)
+RESULTS: Fields = (*NAME, *OUTPUTS, *INPUTS)
 ESTIMATE = declare("""
     - | output.name | | output, text
     - | method | | method, text
@@ -170,7 +177,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         partial(monte_carlo_figures.budget, result),
         _verdict(result, percent, digits),
         digits,
-        [(NAME, result)] * single,
+        [(INPUTS, result), *[(NAME, result)] * single],
     )
 
 

@@ -8,13 +8,13 @@ they are in sample): everything is refitted without it. `rms` pools all coordina
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, TableResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.reports.close_loop_figures import figure, ranked
 from mtu_cli.reports.close_loop_words import effect_text, verdict_text
@@ -148,13 +148,13 @@ SMALLEST = """
         times in five | would be found / from rms UNIT, sig2()
 """
 SHOWN = """
-    - | 0 | | effect, text
-    - | 1.name | | parameter, text
-    - | 1.value | | value ± u, plus-minus, u=1.u, size=size(1.unit), unit=
-    - | 1.unit | | unit, text
-    - | 1.interval95 | | 95 % / interval, interval, u=1.u, size=size(1.unit)
-    - | 2.p_familywise | | p family- / wise, p
-    - | 2.explained_share | | of squares / %, percent1
+    - | effect | | effect, text
+    - | name | | parameter, text
+    - | value | | value ± u, plus-minus, u=u, size=size(unit), unit=
+    - | unit | | unit, text
+    - | interval95 | | 95 % / interval, interval, u=u, size=size(unit)
+    - | p_familywise | | p family- / wise, p
+    - | explained_share | | of squares / %, percent1
 """
 SCORED_TABLE = """
     - | table.component | | component, text
@@ -271,13 +271,9 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     """The effects, errors before and after, and the likeliest candidates; CSV of all of these."""
     first = next(item for item in result.tables if item.verdict == result.verdict)
     units = dict.fromkeys(item.table.unit for item in result.tables)
-    rows = []
-    for effect, item in _each("effects", result):
-        name = " ".join(filter(None, (item.table.component, effect.name)))
-        for i, own in enumerate(effect.of_role("own", "margin", "level")):
-            rows.append((name, own, effect) if i == 0 else ("", own, None))
-    scored = []
-    for unit in units:
+    rows = [row for item in result.tables for effect in item.effects for row in _rows(effect, item)]
+    scored = [_before_after(first)] if len(result.tables) == 1 else []
+    for unit in units if len(result.tables) > 1 else ():
         items = [item for item in result.tables if item.table.unit == unit]
         by = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
         title = f"Rms error of {listed(by)}"
@@ -300,6 +296,49 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     )
 
 
+def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
+    """A row a parameter and value that was searched; of a scatter effect its ratio."""
+    keys = ("name", "unit", "value", "u", "interval95")
+    rows: list[tuple[Any, ...]] = [
+        (p.name, p.unit, p.value, p.u, p.interval95) for p in effect.of_role("own")
+    ]
+    if (searched := effect.searched) is not None:
+        word, _, unit = searched.name.rpartition("_")
+        rows.append(
+            (word or unit, unit if word else "", searched.value, None, _ends(searched.intervals))
+        )
+    if effect.ratio is not None:
+        rows.append(("ratio of s", "", round(effect.ratio, 2), None, None))
+    lower = effect.of_role("margin", "level")
+    rows += [(p.name, p.unit, p.value, p.u, p.interval95) for p in lower]
+    first = {
+        "effect": " ".join(filter(None, (item.table.component, effect.name))),
+        "p_familywise": effect.p_familywise,
+        "explained_share": effect.explained_share or None,
+    }
+    for row in rows:
+        yield {"effect": ""} | first | dict(zip(keys, row, strict=True))
+        first = {}
+
+
+def _before_after(item: TableResult) -> Table:
+    lines = [("all data", item.in_sample_before, item.in_sample_after)]
+    if item.held_out is not None:
+        lines.insert(0, (f"held-out {item.held_out}", item.before, item.after))
+    rows = [(f"{label}, before", before) for label, before, _ in lines]
+    if item.effects:
+        rows = [
+            (f"{label}, {side}", scores)
+            for label, *pair in lines
+            for side, scores in zip(("before", "after"), pair, strict=True)
+        ]
+    fields = declare("- | 0 | | errors, text\nscores. | 1 | *scores", scores=_scores(item))
+    footer = "95 % and largest: of the error vector's length"
+    return Table(
+        "Before and after", fields, rows, footer, [f"checks of what is left: {_checks(item)}"]
+    )
+
+
 def _candidates(item: TableResult) -> Table:
     reasons: dict[str, list[str]] = {}
     for each in item.candidates:
@@ -308,5 +347,12 @@ def _candidates(item: TableResult) -> Table:
     notes = [f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()]
     of = "" if item.table.component is None else f" of {item.table.component}"
     fields = _candidate("candidate", item.table.unit)
-    rows, footer = [Of(x, item) for x in ranked(item)[:BEST]], "*: in the class of an effect"
-    return Table(f"Likeliest candidates{of}", fields, rows, footer * bool(item.effects), notes)
+    tested = ranked(item)
+    footer = f"{len(tested)} candidates tested, each alone beside the known model"
+    footer += "; p: of the effect beyond its margins, ln BF: with them"
+    if item.effects:
+        footer += "; *: found, or in the class of an effect"
+    if reasons:
+        footer += f"; {sum(map(len, reasons.values()))} could not be (--detail: why)"
+    rows = [Of(x, item) for x in tested[:BEST]]
+    return Table(f"Likeliest candidates{of}", fields, rows, footer, notes)

@@ -52,6 +52,18 @@ def test_a_clean_study(measured: Path, tmp_path: Path) -> None:
     assert again.stdout == out.read_text()
 
 
+def test_lengths_in_space_without_a_measured_z(tmp_path: Path) -> None:
+    part = "schema: mtu/part/1\nname: step\nfeatures:\n"
+    part += "  a: {x_mm: 0, y_mm: 0, z_mm: 0}\n  b: {x_mm: 100, y_mm: 0, z_mm: 50}\n"
+    (tmp_path / "part.yaml").write_text(part + "lengths: [{id: ab, from: a, to: b}]\n", "utf-8")
+    lines = ["part,feature,repeat,x_mm,y_mm"]
+    for i, repeat in ((i, repeat) for i in range(4) for repeat in (1, 2)):
+        lines += [f"{i},a,{repeat},0.00{i},0.001", f"{i},b,{repeat},100.00{repeat},0.00{i}"]
+    (tmp_path / "cmm.csv").write_text("\n".join(lines), "utf-8")
+    said = mtu("anova", "--cmm", "cmm.csv", "-p", "part.yaml", cwd=tmp_path).stderr
+    assert "ends of ab have no z_mm: the lengths are taken as free of error along z" in said
+
+
 def test_an_unusual_part_meets_the_gate(measured: Path, tmp_path: Path) -> None:
     rows = rows_of(measured.read_text())
     for row in rows:

@@ -40,3 +40,5 @@ def test_options() -> None:
     assert results["monte_carlo"]["probability"] == pytest.approx(0.9545, abs=5e-5)
     assert results["rows"] == other["rows"]
     assert results["monte_carlo"]["mean"] != other["monte_carlo"]["mean"]
+    assert results["input_correlation"]["inputs"] == [row["name"] for row in results["rows"]]
+    assert results["input_correlation"]["matrix"][0][0] == 1.0

@@ -178,3 +178,58 @@ def test_a_warming_measuring_machine(ring_day: Path) -> None:
         assert abs(value["value"] - true) < 4 * value["u"], parameter
     again = closed(ring_day, *EXTENDED, *NO_WAVES, "--cmm", "ring.csv")
     assert again["verdict"] == "none"
+
+
+MILL = """schema: mtu/machine/1
+name: mill
+components:
+  dx_x: {of: x, unit: um, coefficients: [0, 0], u_future: 1}
+  dy_y: {of: y, unit: um, coefficients: [0, 0], u_future: 1}
+equations: {Ex: dx_x, Ey: dy_y}
+"""
+PLATE = """schema: mtu/part/1
+name: plate
+features:
+  A: {x_mm: 100, y_mm: 20}
+  B: {x_mm: 200, y_mm: 120}
+  C: {x_mm: 310, y_mm: 40}
+  D: {x_mm: 400, y_mm: 150}
+"""
+
+
+def simulated(folder: Path, parts: int, *effects: str) -> tuple[str, ...]:
+    """Parts of a mill whose temperature goes from 20 to 27 degC and back."""
+    (folder / "mill.yaml").write_text(MILL)
+    (folder / "plate.yaml").write_text(PLATE)
+    warm = ("--covariate", "T_mill_degC: 23.5 + 3.5*sin(time_min/9)")
+    made = [word for effect in effects for word in ("--effect", effect)]
+    day = ("--parts", parts, "--repeats", 1, "--minutes", 1, "--cmm-u-um", 0.3, "--seed", 4, *warm)
+    files = ("-m", "mill.yaml", "-p", "plate.yaml")
+    done(mtu("simulate", *files, *day, *made, "-q", "--write-cmm", "cmm.csv", cwd=folder))
+    return (*files, "--cmm", "cmm.csv")
+
+
+def test_parts_that_grow_from_another_temperature_than_20(tmp_path: Path) -> None:
+    """From 22 degC and x = 0: one effect, right there, that the extended machine has with its joint
+    covariance.
+    """
+    args = simulated(tmp_path, 24, "Ex: 23e-6*x*(T_mill_degC - 22)")
+    text = done(mtu("close-loop", *args, *NO_WAVES, *EXTEND, "-o", "o.json", cwd=tmp_path)).stdout
+    assert "X is right at T_mill_degC = 22." in text or "X is right at T_mill_degC = 21.9" in text
+    (growth,) = json.loads((tmp_path / "o.json").read_text())["results"]["effects"]
+    assert growth["name"] == "thermal-growth-x"
+    assert 0.9 < growth["explained_share"] < 1.05
+    for T in (20, 22, 27):
+        extended = ("-m", "extended.yaml", "-c", "extended.json", "-p", "plate.yaml")
+        at = ("--at", f"T_mill_degC={T}")
+        for point in report("predict-points", *extended, *at, cwd=tmp_path)["results"]["points"]:
+            true, u = 23e-3 * point["x_mm"] * (T - 22), point["u_x_um"]
+            assert abs(point["Ex_um"] - true) < 4 * u < 8
+
+
+@pytest.mark.parametrize("datum", ["none", "offset,rotation"])
+def test_few_parts_and_a_datum_that_hides_effects_are_told(tmp_path: Path, datum: str) -> None:
+    args = simulated(tmp_path, 4)
+    told = done(mtu("close-loop", *args, *NO_WAVES, "--datum", datum, cwd=tmp_path)).stderr
+    assert "too few parts (4 parts for all features)" in told
+    assert ("takes these effects with it: trend, step, rotation" in told) == (datum != "none")

@@ -145,3 +145,27 @@ def test_a_gate_that_nothing_can_be_tested_for_is_refused(parts: Rows, tmp_path:
     assert {item["verdict"] for item in found["results"]["features"]} == {None}
     assert "not-tested" in {item["code"] for item in found["warnings"]}
     assert found["results"]["summary"]["features"][0]["verdict_text"] == "features: not tested"
+
+
+def test_ranges_are_judged_at_every_row(tmp_path: Path) -> None:
+    """Of a load whose mean lies within the range that its effect was found on."""
+    (tmp_path / "m.yaml").write_text(
+        "schema: mtu/machine/1\nname: m\ncovariates: [load]\ncomponents:\n"
+        "  a: {unit: um, coefficients: [1], u_future: 0.5}\nequations: {Ex: a}\neffects:\n"
+        "  - name: by-load\n    parameters: {b: {value: 3.0, u: 0.2, unit: um}}\n"
+        "    equations: {Ex: b*(load - 5)}\n    seen: {load: [4, 6]}\n"
+    )
+    (tmp_path / "p.yaml").write_text(
+        "schema: mtu/part/1\nname: p\nfeatures: {f: {x_mm: 0, y_mm: 0}, g: {x_mm: 9, y_mm: 0}}\n"
+    )
+
+    def told(loads: tuple[float, ...]) -> str:
+        rows = [f"{i},{f},{x + (load - 5) * 3e-3:.4f},0,{load}" for i, load in enumerate(loads)
+                for f, x in (("f", 0), ("g", 9))]  # fmt: skip
+        text = "\n".join(["part,feature,x_mm,y_mm,load", *rows])
+        (tmp_path / "c.csv").write_text(text + "\n")
+        call = ("compare", "-m", "m.yaml", "-p", "p.yaml", "--cmm", "c.csv", "-q")
+        return done(mtu(*call, cwd=tmp_path)).stderr
+
+    assert "[outside-effect-range]" not in told((4.0, 5.0, 6.0))
+    assert "extrapolated to 8" in told((2.5, 5.0, 8.0))

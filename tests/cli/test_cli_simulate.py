@@ -174,4 +174,19 @@ def test_faulty_simulations(call: list[str], words: str, work: Path) -> None:
 
 def test_a_study_has_no_truth_to_simulate_without_readings(work: Path) -> None:
     message = refused(work, *SIMULATE, "-m", TRUTH)
-    assert message.startswith("mtu: the part file is missing; expected -p FILE")
+    assert message.startswith("mtu: the range along x, y is missing")
+
+
+def test_a_laser_needs_the_positions_of_its_axis_alone(tmp_path: Path) -> None:
+    known = "unit: um, coefficients: [1, 0.01], s_repeat: 0.3"
+    (tmp_path / "m.yaml").write_text(
+        "schema: mtu/machine/1\nname: m\n"
+        "axes: {x: {travel_mm: [0, 400]}, y: {travel_mm: [0, 300]}}\n"
+        f"components: {{a: {{of: x, {known}}}, b: {{of: y, {known}}}}}\n"
+        "equations: {Ex: a, Ey: b}\n"
+    )
+    call = ["simulate", "-m", "m.yaml", "--write-laser", "a.rtl", "--laser-component", "a"]
+    for positions in ("x=0:400:11", "0:350:8"):
+        done(mtu(*call, "--positions", positions, cwd=tmp_path))
+    words = "the range along x is missing; expected --positions LOW:HIGH:COUNT, or a part (-p)"
+    assert words in done(mtu(*call, cwd=tmp_path), 2).stderr

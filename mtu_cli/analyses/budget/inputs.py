@@ -132,6 +132,11 @@ class Inputs:
     sources: list[Source]
 
     @property
+    def correlation(self) -> FloatArray:
+        """Their correlation coefficients (n, n), 0 of exact ones."""
+        return np.nan_to_num(correlation_of(self.covariance))
+
+    @property
     def u(self) -> FloatArray:
         """Standard uncertainties (n,)."""
         return np.array([item.u for item in self.quantities])

@@ -42,8 +42,14 @@ from mtu_cli.stats.threads import one_blas_thread
 
 __all__ = ["CloseLoopResult", "TableResult", "close_loop", "judged_tables", "loop_warnings"]
 
-
-FEWEST_ENTRIES = 4
+FEW_PARTS, FEWEST_ENTRIES = 5, 4
+WITHIN = "drift and warm-up but for what changes within a part"
+FREES = {
+    "offset": f"trend, step, and {WITHIN}",
+    "offset,rotation": f"trend, step, rotation, squareness, and {WITHIN}",
+    "offset,diameter": f"trend, step, a scale of both axes alike, and {WITHIN}",
+}
+"""What cannot be seen any more where a best-fit alignment is removed from each part."""
 
 
 def close_loop(
@@ -221,9 +227,17 @@ def judged_tables(tables: Sequence[ResidualTable]) -> tuple[list[ResidualTable],
 def loop_warnings(result: CloseLoopResult, most: int) -> Iterator[Finding]:
     """Warnings of a search for `most` effects in each table."""
     for item in result.tables:
-        of = "" if item.table.component is None else f" of {item.table.component}"
+        component, row = item.table.component, item.nouns[0]
+        of = "" if component is None else f" of {component}"
+        if len(item.table.parts) < FEW_PARTS:
+            number = counted(len(item.table.parts), row, "passes" if row == "pass" else "")
+            hard = f"what changes from {row} to {row} can hardly be separated from its scatter"
+            items = component or "all features"
+            yield finding("few-parts", parts=number, items=items, consequence=hard)
         if item.excluded:
             entries = [f"{feature} of {part}" for feature, part, *_ in item.excluded]
             yield finding("outliers-set-aside", entries=entries, of=of)
         if item.stopped:
             yield finding("max-effects", most=counted(most, "effect"), of=of)
+    if result.datum in FREES:
+        yield finding("datum-freed", datum=result.datum, unseen=FREES[result.datum])

@@ -52,7 +52,8 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
     assert codes(warned) == ["not-tested", "missing-values"]
     assert "gap (1 of" in warned[1].message
     assert "hole (5 of" in warned[1].message
-    assert warned[0].facts["items"] == ["'who'", "'worn'"]
+    mixed = f"'worn' (2 of {n - 2} cells, such as 'n/a')"
+    assert warned[0].facts["items"] == ["'who'", mixed]
     # Cells without a reading hold the mean of their part's cells.
     means = np.full((4, 3), np.nan)
     for p, h in {*zip(points.part.tolist(), points.feature.tolist(), strict=True)}:
