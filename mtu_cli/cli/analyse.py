@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     """Readings to the components of a machine."""
     from mtu_cli.analyses.fit_components import fit_result
-    from mtu_cli.model.fit import estimates_from_fit, fit_machine, fit_warnings
+    from mtu_cli.model.fit import estimates_from_fit, fit_machine, fit_warnings, machine_warnings
 
     machine, readings = inputs.machine, inputs.readings
     if readings is None:
@@ -33,10 +33,8 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     k = settings.coverage_factor
     result = fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
-    warnings, gates = (
-        (*machine.warnings, *fit_warnings(fit)),
-        {"drift": lambda _: _drifting(result)},
-    )
+    warnings = [*machine_warnings(machine, estimates), *fit_warnings(fit)]
+    gates = {"drift": lambda _: _drifting(result)}
     return Outcome.reported(inputs, result, warnings, gates=gates)
 
 

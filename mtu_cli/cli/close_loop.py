@@ -22,6 +22,7 @@ from mtu_cli.model.fit import (
     estimates_from_fit,
     estimates_from_report,
     fit_machine,
+    machine_warnings,
 )
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
@@ -105,7 +106,7 @@ def _tables(
     warnings += [finding("option-not-used", path=name, why=why) for name in unused]
     thermal, doubts = drift_estimates(inputs)
     tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)
-    warnings = [*machine.warnings, *warnings, *doubts, *odd]
+    warnings = [*machine_warnings(machine, before), *warnings, *doubts, *odd]
     return tables, before.effects, warnings
 
 

@@ -18,6 +18,7 @@ from mtu_cli.model.fit import (
     estimates_from_report,
     fit_machine,
     fit_warnings,
+    machine_warnings,
 )
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 
@@ -52,7 +53,7 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
     Raises InputError for components that nothing is known of.
     """
     machine, report, fit = inputs.machine, inputs.reports.components, None
-    warnings = [*machine.warnings, *searched_warnings(machine)]
+    warnings = searched_warnings(machine)
     if report is not None:
         estimates = estimates_from_report(machine, report)
         warnings += effect_warnings(machine, estimates.effects, report.source.shown)
@@ -63,7 +64,7 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
     else:
         estimates = estimates_from_fit(machine, None)
     thermal, of_drift = drift_estimates(inputs)
-    warnings += of_drift
+    warnings = [*machine_warnings(machine, estimates), *warnings, *of_drift]
     model = build_model(machine, replace(estimates, thermal=thermal))
     # What u of a part does not contain, from the fit or from the report of it.
     terms = {term.estimate.name for term in model.terms}

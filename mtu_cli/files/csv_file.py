@@ -221,8 +221,11 @@ def inflated(raw: bytes, shown: str) -> bytes:
 
 
 def _separator(line: str, place: dict[str, Any]) -> str:
-    """The separator of the columns, by the header; raises InputError for another one."""
+    """The separator of the columns, by the header; raises InputError for what is no header."""
     bare = re.sub(r'"[^"]*"', "", line)
+    if re.match(r"[{\[]|---|[A-Za-z_]+:\s|sep=", line.strip()):
+        expected = "a header row, and rows of values below it"
+        raise error("other-table", kind="no table", value=line.strip(), expected=expected, **place)
     if "," not in bare and ";" not in bare and re.search(r"[\t|]", bare.strip()):
         reason = "the columns are separated by tabs or bars"
         facts = {"value": line.strip(), "expected": "commas or semicolons"}

@@ -90,8 +90,11 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     Raises InputError for a missing file (with the closest name in its folder), a folder, a
     device, a file that may not be read, is empty or is larger than `max_bytes`.
     """
-    shown = shown_path(path)
-    expected = None if path.parent.is_dir() else "a path to an existing folder"
+    shown, expected = shown_path(path), None
+    if not path.parent.is_dir():
+        expected = "a path to an existing folder"
+    elif role == "study" and path.suffix not in (".yaml", ".yml"):
+        expected = "a study or its folder"
     # What is wrong is the path that was written: of /dev/null its last name alone says nothing.
     place = {"file": given_path(path) if path.is_absolute() else shown}
     try:

@@ -147,6 +147,9 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
 
 def _not_yaml(fault: yaml.MarkedYAMLError, shown: str) -> InputError:
     problem, mark = fault.problem or "unknown fault", fault.problem_mark or fault.context_mark
+    # A text whose end is missing is at fault where it begins.
+    if problem.startswith(("found unexpected end", "could not find")) and fault.context_mark:
+        mark = fault.context_mark
     line = None if mark is None else mark.line + 1
     if "nesting depth" in str(fault):
         return error("too-large", most=MAX_DEPTH, what="levels", file=shown, line=line)

@@ -261,6 +261,21 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
     return Estimates(components=result, joint=fit.joint)
 
 
+def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
+    """What the machine file makes one ask; not of coefficients that readings, or a report, beat."""
+    own, used = from_machine_file(machine), estimates.components
+    beaten = {
+        name
+        for name, item in own.items()
+        # A report may do no more than carry the file's own.
+        if not np.array_equal(used[name].coefficients, item.coefficients)
+    }
+    return [
+        x for x in machine.warnings
+        if x.code != "no-uncertainty" or not beaten.issuperset(x.facts["names"])
+    ]  # fmt: skip
+
+
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
     """The components whose coefficients the machine file states."""
     entries = machine.machine.components.items()

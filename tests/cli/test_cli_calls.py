@@ -40,6 +40,10 @@ def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
             ["lengths", "--fail-if", "nonconforming=1"],
             "--fail-if nonconforming: out of range: 'nonconforming=1'; expected a probability",
         ),
+        (
+            ["lengths", "--fail-if", "nonconforming=0.5,nonconforming=0.1"],
+            "--fail-if nonconforming appears twice: 'nonconforming=0.1'",
+        ),
         (["lengths", "--fail-if", "nonconforming"], "unknown gate: 'nonconforming'; expected susp"),
         (["graph", "sweep", "g.yaml"], "missing option '--vary'"),
         (["graph", "chek"], "no such command 'chek'. Did you mean 'check' (see mtu graph --help)"),

@@ -64,3 +64,13 @@ def test_what_limits_u_comes_with_predictions_too(work: Path) -> None:
     assert told("reported", **report) == [f"c.json: {drift}"]
     edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
     assert told("passes-drift", **readings) == []
+
+
+def test_coefficients_that_readings_beat_are_not_asked_for_their_uncertainty(work: Path) -> None:
+    readings = {"lbb": [Path("lbb.csv")]}
+    edited(work / "machine.yaml", "axy: {unit: urad,", "axy: {unit: urad, coefficients: [5],")
+    assert told("no-uncertainty", **readings) == []
+    lines = (work / "lbb.csv").read_text().splitlines()
+    (work / "lbb.csv").write_text("\n".join(x for x in lines if not x.startswith("axy")) + "\n")
+    (asked,) = told("no-uncertainty", **readings)
+    assert "components.axy" in asked

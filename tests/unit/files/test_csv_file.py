@@ -69,6 +69,8 @@ def test_covariates_are_numbers_or_texts(tmp_path: Path) -> None:
             "name,value\na,9007199254740993000000000000000\n",
             "'9007199254740993000000000000000'; expected at most 1e+12 in size",
         ),
+        ('{"name": 1}', "holds no table: '{\"name\": 1}'; expected a header row"),
+        ("sep=;\nname;value\n", "holds no table: 'sep=;'; expected a header row"),
         ("name,value\nd,1_0\n", "not a number: '1_0'; expected a number"),
         ("name,value\nd,0x1\n", "not a number: '0x1'; expected a number"),
     ],

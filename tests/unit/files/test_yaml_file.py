@@ -78,6 +78,7 @@ def test_every_duplicate_key_and_tag_is_reported_with_its_lines() -> None:
     ("text", "words"),
     [
         ("a: &a [*a]", "m.yaml:1: an alias inside its own anchor is not accepted"),
+        ("a: 1\nb: 'c\nd: 2\n", "m.yaml:2: cannot be read: no YAML: found unexpected end"),
         ("a: 1\nb: *x", "m.yaml:2: cannot be read: no YAML: found undefined alias"),
         ("\n".join(" " * i + "k:" for i in range(99)), "m.yaml:61: more than 60 levels"),
         ("a:\n\t- b", "m.yaml:2: cannot be read: no YAML: found character that cannot start"),
