@@ -13,7 +13,14 @@ from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Sheet, Side
-from mtu_cli.reports.document import DAGGER, KIND, OUTSIDE, Document, Table
+from mtu_cli.reports.document import (
+    DAGGER,
+    KIND,
+    OUTSIDE,
+    Document,
+    Table,
+    least_conforming,
+)
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, rows_of
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import plus_minus, significant
@@ -122,6 +129,8 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
         f"The largest predicted error is {names[0]}, {plus_minus(E[row], U[row], digits)} um; the "
         f"largest expanded uncertainty {significant(U[worst], digits)} um, of {names[1]}."
     )
+    if least := least_conforming(ids, result.conformance):
+        verdict += f" {least}."
     shown = results(fields, with_covariance=with_covariance), result
     table = Table(title, fields, _rows(result), footer)
     return Document(title, shown, [table], partial(figure, result), verdict, digits)
