@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from mtu_cli.reports.numbers import MISSING, cut, words
 from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHOWN, WORST = 24, 10
 """Tables of a kind that are listed without ``--detail``; of more those of the largest errors."""
@@ -301,7 +298,7 @@ class Chart(NamedTuple):
 
 
 @figures.styled
-def figure(result: AnovaResult) -> Figure:
+def figure(result: AnovaResult) -> figures.Figure:
     """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and what has a tolerance."""
     charts = list(_charts(result))
     columns = min(len(charts), 2)

@@ -24,9 +24,6 @@ from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.units import ARCSEC, LENGTH, UM
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from mtu_cli.model.estimates import ComponentEstimate
     from mtu_cli.model.estimation import InstrumentFit
 
@@ -244,7 +241,7 @@ def document(result: FitResult, digits: int = 2) -> Document:
 
 
 @figures.styled
-def figure(result: FitResult) -> Figure:
+def figure(result: FitResult) -> figures.Figure:
     """All components on one sheet (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction,
     the fitted line, and the band of a future part: k times the root of
     x'(C + D)x + s_repeat^2 about the line.
@@ -284,7 +281,7 @@ def figure(result: FitResult) -> Figure:
 
 
 def _readings(
-    panel: Axes, item: InstrumentFit, estimate: ComponentEstimate, colours: dict[int, Any]
+    panel: figures.Axes, item: InstrumentFit, estimate: ComponentEstimate, colours: dict[int, Any]
 ) -> None:
     """A line a pass and direction; of a constant the passes side by side."""
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group

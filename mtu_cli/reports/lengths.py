@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,9 +13,6 @@ from mtu_cli.reports.fields import declare, rows_of
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import chance, significant, with_u
 from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ROW = declare(
     """
@@ -88,7 +84,7 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
 
 
 @figures.styled
-def figure(result: LengthsResult, digits: int = 2) -> Figure:
+def figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
     """A row a length, error and U beside it to the places of the table."""
     k, value = result.coverage_factor, result.error / UM
     u, apart = (np.sqrt(v) / UM for v in (result.variance, result.independent_variance))

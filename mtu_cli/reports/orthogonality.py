@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 from mtu_cli.analyses.orthogonality import OrthogonalityResult
 from mtu_cli.findings import listed
@@ -13,9 +12,6 @@ from mtu_cli.reports.fields import declare
 from mtu_cli.reports.monte_carlo_figures import Trials, histograms
 from mtu_cli.reports.numbers import interval, significant, with_u
 from mtu_cli.units import ARCSEC
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DRAWN = 6
 """Angles drawn on one sheet."""
@@ -84,7 +80,7 @@ def document(result: OrthogonalityResult, digits: int = 2) -> Document:
 
 
 @figures.styled
-def figure(result: OrthogonalityResult) -> Figure:
+def figure(result: OrthogonalityResult) -> figures.Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     shown = []
     for item in result.angles[:DRAWN]:

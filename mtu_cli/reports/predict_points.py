@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, rows_of
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 POINT = """
     id | prediction.ids | name of the feature | feature, text, mark=mark()
@@ -137,7 +134,7 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
 
 
 @figures.styled
-def figure(result: PointsResult) -> Figure:
+def figure(result: PointsResult) -> figures.Figure:
     """Arrows of the errors at the features, ellipses of k standard uncertainties about their tips;
     without Ex, Ey or their places intervals row by row.
     """

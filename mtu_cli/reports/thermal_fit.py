@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +18,6 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, declare
 from mtu_cli.reports.numbers import cut, fixed, significant, spread
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LEADING, NAME = 3, 26
 """Sensors named in the table of models, and characters of a component's name above a panel."""
@@ -205,7 +201,7 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
 
 
 @figures.styled
-def figure(fit: ThermalFit) -> Figure:
+def figure(fit: ThermalFit) -> figures.Figure:
     """Measured and modelled drift, a panel a component, its cycles one after the other; where the
     drift differs along an axis a colour a position.
     """
@@ -219,7 +215,7 @@ def figure(fit: ThermalFit) -> Figure:
     return page
 
 
-def _curves(panel: Axes, item: ComponentDrift) -> None:
+def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
     every = list(dict.fromkeys(curve.position for curve in item.curves))
     drawn = [every[i] for i in spread(len(every), POSITIONS)]
     along, start = item.estimate.degree > 0 and len(drawn) > 1, 0.0
