@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,14 +24,12 @@ from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 SHOWN, WORST = 24, 10
-"""Tables of a kind that are listed without ``--detail``; of more features those so many."""
+"""Tables of a kind that are listed without ``--detail``; of more those of the largest errors."""
 DRAWN, RUNS = 6, 4
 """Features whose parts are drawn, and charts of what has a tolerance."""
-KINDS = {"feature": "feature", "length": "length", "angle": "orthogonality"}
+KINDS: dict[Kind, str] = {"feature": "feature", "length": "length", "angle": "orthogonality"}
+TITLES = {"feature": "Features", "length": "Lengths", "angle": "Right angles"}
 PLACE = """
     operation | stated(LABEL.0) | null: not stated | operation, text
     NAME | stated(LABEL.1) | its name; null: all together | item, text
@@ -240,7 +238,7 @@ ROW = _row()
 
 def document(result: AnovaResult, digits: int = 2) -> Document:
     """A row an operation and axis; then outliers, trends, capability, lengths, angles, features."""
-    features, lengths, angles = (_rows(result, kind) for kind in ("feature", "length", "angle"))
+    rows = {kind: _rows(result, kind) for kind in KINDS}
     trending = [item for item in result.trends if item.p <= FAMILY_RATE]
     datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
     of_totals = (
@@ -258,19 +256,19 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     k = result.features.coverage_factor
     of_features = f"mean and its u; U future = {k:g} u of a future part{papers}; p of the F test"
     tables = [
-        Table("", ROW, [*features, *lengths, *angles], shown=()),
+        Table("", ROW, [row for of_kind in rows.values() for row in of_kind], shown=()),
         Table(f"Features by operation and axis{datum}", TOTAL, result.totals, of_totals),
         Table("Outlying parts", UNUSUAL, result.unusual or (), of_unusual),
         Table("Trends over the sequence", TREND, trending, of_trends),
         Table("Capability", CAPABILITY, result.capabilities, of_capability),
-        Table("Lengths", entry("length"), lengths, detail=len(lengths) > SHOWN),
-        Table("Right angles", entry("angle"), angles, detail=len(angles) > SHOWN),
-        Table("Features", entry("feature"), features, of_features, detail=len(features) > SHOWN),
     ]
-    if (n := len(features)) > SHOWN:
-        worst = [features[i] for i in result.features.order[:WORST]]
-        title = f"Features: the {WORST} of {n} with the largest errors"
-        tables.insert(-1, Table(title, entry("feature"), worst, of_features))
+    for found in (*result.kinds[1:], result.features):
+        title, items = TITLES[found.kind], rows[found.kind]
+        few, footer = items, of_features if found.kind == "feature" else ""
+        if len(items) > SHOWN:
+            few = [items[i] for i in found.order[:WORST]]
+            title += f": the {WORST} of {len(items)} with the largest errors"
+        tables.append(Table(title, entry(found.kind), items, footer, shown=few))
     tested = sum(item.tested for item in result.totals)
     differ = sum(item.differ for item in result.totals)
     said = [f"F test: parts differ significantly in {differ} of {tested} features and axes."]
@@ -300,7 +298,7 @@ class Chart(NamedTuple):
 
 
 @figures.styled
-def figure(result: AnovaResult) -> Figure:
+def figure(result: AnovaResult) -> figures.Figure:
     """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and what has a tolerance."""
     charts = list(_charts(result))
     columns = min(len(charts), 2)

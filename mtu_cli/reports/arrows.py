@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,10 +15,6 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.figures import LETTER
 from mtu_cli.reports.numbers import cut, significant, spread
 from mtu_cli.stats.least_squares import FloatArray
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
 
 MOST, FEW = 9, 4
 """Levels on one sheet; of more than the second a level needs three features on average."""
@@ -131,7 +127,7 @@ class Sheet:
         fits = apart / inch > LETTER * max(map(len, maps.ids)) + 0.1
         self.named = fits and max(map(len, levels)) <= NAMED
 
-    def draw(self, page: Figure | SubFigure, title: str) -> None:
+    def draw(self, page: figures.Figure | figures.SubFigure, title: str) -> None:
         """The panels, each with its scale; title and sides above."""
         from matplotlib.lines import Line2D
 
@@ -150,7 +146,7 @@ class Sheet:
             )  # fmt: skip
             panel.set_title(what.title, pad=20, fontsize=9)
 
-    def _draw_panel(self, panel: Axes, what: Panel) -> None:
+    def _draw_panel(self, panel: figures.Axes, what: Panel) -> None:
         """Arrows over ellipses; names stand opposite to the arrows."""
         from matplotlib.collections import EllipseCollection
         from matplotlib.patheffects import withStroke

@@ -6,12 +6,15 @@ import math
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.findings import listed
 from mtu_cli.reports import monte_carlo_figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, rows_of
 from mtu_cli.reports.numbers import degrees_of_freedom, interval, plus_minus, significant, with_u
+from mtu_cli.stats.covariance import correlation_of
 
 SHOWN = 4
 """Outputs of which the verdict states the value."""
@@ -114,6 +117,14 @@ OUTPUTS = declare(
     output=ONE,
     by_name=lambda result: {x.name: x for x in result.outputs},
 )
+INPUTS = declare(
+    """
+    input_correlation.inputs | names() | names of the inputs
+    input_correlation.matrix | matrix() | their correlation coefficients, 0 of exact ones
+    """,
+    names=lambda result: [item.name for item in result.given.quantities],
+    matrix=lambda result: np.nan_to_num(correlation_of(result.given.covariance)),
+)
 NAME = declare("""
     name | outputs.0.name | name of the output; of a single one its figures stand here, \
         without `outputs`
@@ -160,6 +171,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     fields = row(units.pop() if len(units) == 1 else "", several=not single)
     lines = [line for item in outputs for line in rows_of(item, len(item.inputs))]
     footer = "share of u^2: half of every covariance belongs to each of its two inputs"
+    footer *= any(math.isfinite(line.share) for line in lines if line.inputs.u)
     contributions = Table(f"{result.name}: contributions", fields, lines, footer)
     rows = [each for item in outputs for each in _estimates(item)]
     footer = f"intervals for {percent:.4g} %; of first order: value ± k u with "

@@ -6,7 +6,6 @@ Range widths are 2 (|mean| + k u), as in Gilsinn & Ling 2004, Table 10.
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import MISSING, p_value, significant, span, words
 from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHOWN, DRAWN = 40, 18
 """Features listed, and items of a kind drawn, one by one; of more the most interesting."""
@@ -183,7 +179,7 @@ def document(result: CompareResult, digits: int = 2) -> Document:
 
 
 @figures.styled
-def figure(result: CompareResult) -> Figure:
+def figure(result: CompareResult) -> figures.Figure:
     """Means measured less those predicted, with U, item by item, the verdict beside each: faults
     and the largest E_n first.
     """

@@ -6,7 +6,6 @@ A correction is minus the modelled error; u of a mean over repeats is that of on
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import significant, words
 from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SHOWN = 40
 """Points, and sizes of several parts, that are listed without ``--detail``."""
@@ -177,7 +173,7 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
 
 
 @figures.styled
-def figure(result: CorrectResult) -> Figure:
+def figure(result: CorrectResult) -> figures.Figure:
     """Errors of the sizes before and after with 95 % intervals of one part; without any the errors
     of the points.
     """

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from mtu_cli import __version__
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, plain, record
-from mtu_cli.reports.numbers import MISSING
+from mtu_cli.reports.numbers import MISSING, chance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,6 +29,18 @@ OUTSIDE = f"; {DAGGER} outside the measured range of a component"
 """Its meaning, for a footer."""
 KIND = {True: "components and points independent", False: "covariance included"}
 """Of correlation, by whether it was asked to be independent."""
+
+
+def least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
+    """The least probability of conformance and of what it is; empty without any tolerance."""
+    known = [(name, c) for name, c in zip(names, conformances, strict=True) if c]
+    if not known:
+        return ""
+    low = min((c for _, c in known), key=lambda c: c.probability)
+    least = listed(name for name, c in known if c.probability == low.probability)
+    # Those of Monte Carlo have a standard error.
+    shown = chance(low.probability, getattr(low, "se", 0.0))
+    return f"The least probability of conformance is {shown} %, of {least}"
 
 
 def MARK(item: Any) -> str:

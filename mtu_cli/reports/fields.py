@@ -89,6 +89,7 @@ SHOWN: dict[str, Show] = {
     "count": lambda value, u, digits: str(value),
     "text": lambda value, u, digits: str(value),
     "decision": lambda value, u, digits: "yes" if value else "no*",
+    "yes_no": lambda value, u, digits: "yes" if value else "no",
     "tolerance": _tolerance,
     "share": _share,
 }

@@ -17,8 +17,9 @@ from mtu_cli.reports.numbers import cut, spread
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure, SubFigure
+    from matplotlib.axes import Axes as Axes  # for modules that draw
+    from matplotlib.figure import Figure as Figure
+    from matplotlib.figure import SubFigure as SubFigure
 
 P = ParamSpec("P")
 

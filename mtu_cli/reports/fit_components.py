@@ -24,9 +24,6 @@ from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.units import ARCSEC, LENGTH, UM
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from mtu_cli.model.estimates import ComponentEstimate
     from mtu_cli.model.estimation import InstrumentFit
 
@@ -201,6 +198,14 @@ RESULTS = results(ROW)
 """Of components of degree 1."""
 
 
+KNOT = declare("""
+    - | of.label | | component, text, names
+    - | of.unit.name | | unit, text
+    - | at | | at / mm, mm
+    - | value | | value / unit, plus-minus, u=u, size=of.unit.to_internal
+""")
+
+
 def document(result: FitResult, digits: int = 2) -> Document:
     """One row a component, and one for each of several instruments that read it."""
     components = list(result.components.values())
@@ -214,6 +219,14 @@ def document(result: FitResult, digits: int = 2) -> Document:
         footer += f"; not fitted, without readings: {missing}"
     shown = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]
     table = Table(f"Components of {result.machine}", fields, components, footer, shown=shown)
+    knots = [
+        {"of": x, "at": at, "value": value, "u": math.sqrt(u2)}
+        for x in components
+        if (of := x.estimate.table)
+        for at, value, u2 in zip(of.at, x.coefficients, np.diag(x.covariance), strict=True)
+    ]
+    footer = "natural cubic interpolation between the positions; ± one standard uncertainty"
+    tables = [table, Table("Values of the tables", KNOT, knots, footer)]
     tests = [(x.label, own.tests) for x in components for own in x.instruments]
     found, untested = [], []
     for name, words in TESTS.items():
@@ -226,11 +239,11 @@ def document(result: FitResult, digits: int = 2) -> Document:
         verdict += f" Not tested, as the readings do not allow it: {', '.join(untested)}."
     shown_as = results(fields), result
     figure_ = partial(figure, result)
-    return Document("Components", shown_as, [table], figure_, verdict, digits)
+    return Document("Components", shown_as, tables, figure_, verdict, digits)
 
 
 @figures.styled
-def figure(result: FitResult) -> Figure:
+def figure(result: FitResult) -> figures.Figure:
     """All components on one sheet (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction,
     the fitted line, and the band of a future part: k times the root of
     x'(C + D)x + s_repeat^2 about the line.
@@ -270,7 +283,7 @@ def figure(result: FitResult) -> Figure:
 
 
 def _readings(
-    panel: Axes, item: InstrumentFit, estimate: ComponentEstimate, colours: dict[int, Any]
+    panel: figures.Axes, item: InstrumentFit, estimate: ComponentEstimate, colours: dict[int, Any]
 ) -> None:
     """A line a pass and direction; of a constant the passes side by side."""
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group

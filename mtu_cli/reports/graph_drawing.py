@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from graphlib import TopologicalSorter
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,6 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 Arcs = Sequence[tuple[int, int]]
 
@@ -212,7 +208,7 @@ def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatAr
 
 
 @figures.styled
-def drawing(net: Net) -> Figure:
+def drawing(net: Net) -> figures.Figure:
     """The graph, left to right; with shares, thicker arcs and percents where variance comes in."""
     layout = lay_out(net)
     kinds = {node.kind for node in net.nodes}
@@ -237,7 +233,9 @@ def drawing(net: Net) -> Figure:
     return page
 
 
-def _draw_arc(panel: Axes, before: float, after: float, route: FloatArray, share: float) -> None:
+def _draw_arc(
+    panel: figures.Axes, before: float, after: float, route: FloatArray, share: float
+) -> None:
     """A curve level at both ends that turns only where its points do (Fritsch & Butland 1984)."""
     from matplotlib.patches import FancyArrowPatch
     from matplotlib.path import Path
@@ -256,7 +254,7 @@ def _draw_arc(panel: Axes, before: float, after: float, route: FloatArray, share
     )  # fmt: skip
 
 
-def _draw_node(panel: Axes, node: Node, x: float, y: float, share: float) -> None:
+def _draw_node(panel: figures.Axes, node: Node, x: float, y: float, share: float) -> None:
     """A circle, or a bar, with its name below; a share to the left."""
     ring: dict[str, Any] = {"ls": "", "marker": "o", "ms": 144 * RADIUS, "mec": figures.INK}
     if node.kind:

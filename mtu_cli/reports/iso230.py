@@ -140,12 +140,11 @@ ROW = declare(
     verdict | 1.verdict | conforming, not proven or nonconforming | verdict, text
     before | 1.before.value | earlier test | before, u=1.before.u_sampling, size=1.size
     difference | 1.difference | now minus earlier | change, u=1.before.u_sampling, size=1.size
-    differs | 1.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | differs, yes_no()
+    differs | 1.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | differs, yes_no
     meaning | meaning(1.name) | what it is | -
     """,
     scale=_scale,
     meaning=MEANINGS.get,
-    yes_no=lambda value, u, digits: "yes" if value else "no",
 )
 TARGETS = [*declare("- | name | | axis, text, names"), *declare(AT_TARGET)]
 PLAN_ROW = declare("""

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.analyses.lengths import LengthsResult
-from mtu_cli.findings import listed
 from mtu_cli.reports import figures
-from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
+from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table, least_conforming
 from mtu_cli.reports.fields import declare, rows_of
 from mtu_cli.reports.figures import Intervals
-from mtu_cli.reports.numbers import percent, plus_minus, significant
+from mtu_cli.reports.numbers import chance, significant, with_u
 from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 ROW = declare(
     """
@@ -77,14 +72,10 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
     footer = f"U = {result.coverage_factor:g} u of one future part; error = actual minus nominal"
     rows = rows_of(result, len(result.ids))
     table = Table("Lengths", ROW, rows, footer + OUTSIDE * any(result.outside))
-    known = {x: c.probability for x, c in zip(result.ids, result.conformance, strict=True) if c}
-    if known:
-        low, joint = min(known.values()), result.joint_conformance
-        names = listed(name for name, probability in known.items() if probability == low)
-        verdict = f"The least probability of conformance is {percent(low)} %, of {names}"
-        if joint is not None:
-            verdict += f"; of all in one part {percent(joint.probability)} %"
-    else:
+    verdict = least_conforming(result.ids, result.conformance)
+    if (joint := result.joint_conformance) is not None:
+        verdict += f"; of all in one part {chance(joint.probability, joint.se)} %"
+    if not verdict:
         worst = int(np.argmax(result.variance))
         U = significant(result.coverage_factor * np.sqrt(result.variance[worst]) / UM)
         verdict = f"The largest expanded uncertainty is {U} um, of {result.ids[worst]}"
@@ -93,20 +84,23 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
 
 
 @figures.styled
-def figure(result: LengthsResult, digits: int = 2) -> Figure:
-    """A row a length, error and U beside it."""
+def figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
+    """A row a length, error and U beside it to the places of the table."""
     k, value = result.coverage_factor, result.error / UM
-    U, apart = (k * np.sqrt(v) / UM for v in (result.variance, result.independent_variance))
+    u, apart = (np.sqrt(v) / UM for v in (result.variance, result.independent_variance))
     none = np.nan, np.nan
     limits = [(c.tolerance.low, c.tolerance.high) if c else none for c in result.conformance]
     return figures.listing(
         f"Predicted errors of the lengths ± {k:g} u",
         [f"{name}, {x:.2f} mm" for name, x in zip(result.ids, result.nominal, strict=True)],
         [
-            Intervals("with shared covariance", figures.BLUE, value, U),
-            Intervals("independent ends and components", figures.ORANGE, value, apart, 0.28),
+            Intervals("with shared covariance", figures.BLUE, value, k * u),
+            Intervals("independent ends and components", figures.ORANGE, value, k * apart, 0.28),
         ],
         "actual minus nominal length, um",
         limits=list(np.array(limits).T),
-        beside=[f"{plus_minus(x, each, digits)} um" for x, each in zip(value, U, strict=True)],
+        beside=[
+            " ± ".join(with_u(each, scale, digits)[0] for each in (x, k * scale)) + " um"
+            for x, scale in zip(value, u, strict=True)
+        ],
     )

@@ -15,9 +15,6 @@ from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from mtu_cli.analyses.budget import BudgetResult
     from mtu_cli.analyses.graph import GraphSimulation, GridPoint, Sweep
 
@@ -48,7 +45,7 @@ class Trials(NamedTuple):
     probability: float = PROBABILITY
 
 
-def histogram(panel: Axes, item: Trials) -> None:
+def histogram(panel: figures.Axes, item: Trials) -> None:
     """The density of the trials and the curve of first order."""
     (value, u, dof), percent = item.first, f"{100 * item.probability:.4g} %"
     half = coverage_factor(item.probability, dof) * u if u > 0.0 else 0.0
@@ -75,7 +72,7 @@ def histogram(panel: Axes, item: Trials) -> None:
     panel.locator_params(axis="x", nbins=5)
 
 
-def histograms(text: str, shown: Sequence[Trials]) -> Figure:
+def histograms(text: str, shown: Sequence[Trials]) -> figures.Figure:
     """A page of histograms."""
     count, columns = max(1, len(shown)), max(1, min(len(shown), 3))
     page = figures.blank(max(6.5, 3.7 * columns), 1.2 + 2.6 * math.ceil(count / columns))
@@ -87,7 +84,7 @@ def histograms(text: str, shown: Sequence[Trials]) -> Figure:
 
 
 @figures.styled
-def budget(result: BudgetResult) -> Figure:
+def budget(result: BudgetResult) -> figures.Figure:
     """For every output a bar an input, and beside it the histogram of the trials."""
     shown, run = result.outputs[:OUTPUTS], result.run
     height = max(2.4, 0.26 * (1 + min(SHARES, len(result.given.quantities))) + 1.2)
@@ -111,7 +108,7 @@ def budget(result: BudgetResult) -> Figure:
 
 
 @figures.styled
-def simulated(result: GraphSimulation) -> Figure:
+def simulated(result: GraphSimulation) -> figures.Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
     varying = [item for item in result.coordinates if not item.fixed]
     most = [max(y.u for y in varying if y.output.unit == x.output.unit) for x in varying]
@@ -129,7 +126,7 @@ def simulated(result: GraphSimulation) -> Figure:
 
 
 @figures.styled
-def swept(result: Sweep) -> Figure:
+def swept(result: Sweep) -> figures.Figure:
     """u by Monte Carlo with two standard errors against the first of what is varied, a line for
     each value of the rest.
     """

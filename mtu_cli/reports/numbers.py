@@ -91,6 +91,19 @@ def percent(probability: float | None) -> str:
     return f"{value:.2f}" if value < 1 or value > 99 else f"{value:.1f}"
 
 
+def chance(probability: float, se: float) -> str:
+    """A probability and its standard error in percent, such as "97.2 ± 0.3"; the far end of three
+    standard errors, such as ">99.99", where one of them reaches 0 or 100.
+    """
+    if se == 0:
+        return percent(probability)
+    if probability + se >= 1:
+        return ">" + percent(probability - 3 * se).removeprefix(">")
+    if probability - se <= 0:
+        return "<" + percent(probability + 3 * se).removeprefix("<")
+    return plus_minus(100 * probability, 100 * se, 1)
+
+
 def degrees_of_freedom(dof: float) -> str:
     """Degrees of freedom, one decimal where they are few; "inf" where they are infinite."""
     if math.isinf(dof):

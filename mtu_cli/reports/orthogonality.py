@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 from mtu_cli.analyses.orthogonality import OrthogonalityResult
 from mtu_cli.findings import listed
 from mtu_cli.reports import figures
-from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
+from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table, least_conforming
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.monte_carlo_figures import Trials, histograms
 from mtu_cli.reports.numbers import interval, significant, with_u
 from mtu_cli.units import ARCSEC
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DRAWN = 6
 """Angles drawn on one sheet."""
@@ -77,12 +73,14 @@ def document(result: OrthogonalityResult, digits: int = 2) -> Document:
             f"its 95 % interval {interval(low, high, scale, digits)} "
             f"{'does not contain' if out else 'contains'} 0."
         )
+    if least := least_conforming([x.id for x in angles], [x.conformance for x in angles]):
+        verdict += f" {least}."
     table = Table(title, ROW, angles, footer)
     return Document(title, (RESULTS, result), [table], partial(figure, result), verdict, digits)
 
 
 @figures.styled
-def figure(result: OrthogonalityResult) -> Figure:
+def figure(result: OrthogonalityResult) -> figures.Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     shown = []
     for item in result.angles[:DRAWN]:

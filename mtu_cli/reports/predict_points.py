@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,14 +13,18 @@ from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Sheet, Side
-from mtu_cli.reports.document import DAGGER, KIND, OUTSIDE, Document, Table
+from mtu_cli.reports.document import (
+    DAGGER,
+    KIND,
+    OUTSIDE,
+    Document,
+    Table,
+    least_conforming,
+)
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, rows_of
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import UM
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 POINT = """
     id | prediction.ids | name of the feature | feature, text, mark=mark()
@@ -131,13 +135,15 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
         f"The largest predicted error is {names[0]}, {plus_minus(E[row], U[row], digits)} um; the "
         f"largest expanded uncertainty {significant(U[worst], digits)} um, of {names[1]}."
     )
+    if least := least_conforming(ids, result.conformance):
+        verdict += f" {least}."
     shown = results(fields, with_covariance=with_covariance), result
     table = Table(title, fields, _rows(result), footer)
     return Document(title, shown, [table], partial(figure, result), verdict, digits)
 
 
 @figures.styled
-def figure(result: PointsResult) -> Figure:
+def figure(result: PointsResult) -> figures.Figure:
     """Arrows of the errors at the features, ellipses of k standard uncertainties about their tips;
     without Ex, Ey or their places intervals row by row.
     """

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +18,6 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, declare
 from mtu_cli.reports.numbers import cut, fixed, significant, spread
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LEADING, NAME = 3, 26
 """Sensors named in the table of models, and characters of a component's name above a panel."""
@@ -96,25 +92,26 @@ RESULTS = declare(
 )
 ROW = declare(
     """
-    - | drift.name | name of the component | -, csv=component
+    - | drift.name | name of the component | component, text, csv=component
     - | drift.estimate.of | its axis | -, csv=of
-    - | drift.unit.name | of the figures | -, csv=unit
+    - | drift.unit.name | of the figures | unit, text, csv=unit
     - | drift.model | stepwise, ridge or lagged | -, csv=model
     - | drift.estimate.degree | of the polynomial in position | -, csv=degree
-    - | at.position | observed position | -, csv=position_mm
-    - | sensor | of the model; empty: it has none | -, csv=sensor
+    - | at.position | observed position | position, exact, unit=mm, csv=position_mm
+    - | sensor | of the model; empty: it has none | sensor, text, csv=sensor
     - | stands_for | sensors that move as it does | -, csv=stands_for
-    - | at.value | drift per degC | -, size=drift.unit.to_internal, csv=gradient_per_degC
+    - | at.value | drift per degC | gradient / per degC, plus-minus, u=at.u, \
+        size=drift.unit.to_internal, csv=gradient_per_degC
     - | at.u | its standard uncertainty | -, size=drift.unit.to_internal, csv=u_gradient_per_degC
-    - | at.interval | its 95 % interval \
-        | -, interval, size=drift.unit.to_internal, csv=interval95_gradient
+    - | at.interval | its 95 % interval | 95 % interval / per degC, interval, u=at.u, \
+        size=drift.unit.to_internal, csv=interval95_gradient
     - | separable | false: its gradient is known together with other sensors' only \
-        | -, csv=separable
-    - | at.by | u from the scatter of cycles, or the model of the errors | -, csv=u_by
+        | sepa- / rable, yes_no, csv=separable
+    - | at.by | u from the scatter of cycles, or the model of the errors | u by, text, csv=u_by
     - | share | rms of its part of the modelled drift \
-        | -, size=drift.unit.to_internal, csv=share_rms
-    - | lag | time constant; 0: none | -, csv=time_constant_min
-    - | vif | variance inflation factor; empty: infinite | -, csv=vif
+        | rms / part, sig3, size=drift.unit.to_internal, csv=share_rms
+    - | lag | time constant; 0: none | lag, unit=min, csv=time_constant_min
+    - | vif | variance inflation factor; empty: infinite | VIF, sig3, csv=vif
     - | temperatures.0 | lowest temperature read | -, csv=temperature_low_degC
     - | temperatures.1 | highest temperature read | -, csv=temperature_high_degC
     """
@@ -179,14 +176,14 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     )
     if any(item.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
-    models = Table(
-        "Thermal models",
-        ROW,
-        [row for item in items for row in rows(item)],
-        footer,
-        shown=items,
-        shown_fields=MODEL,
+    every = [row for item in items for row in rows(item)]
+    models = Table("Thermal models", ROW, every, footer, shown=items, shown_fields=MODEL)
+    footer = (
+        "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
+        "separable: known together with other sensors only"
     )
+    known = [row for row in every if "sensor" in row]
+    sensors = Table("Gradients of the sensors", ROW, known, footer, detail=True)
     held = {item.name: item.held_out.reduction for item in items if item.held_out is not None}
     held = {name: reduction for name, reduction in held.items() if math.isfinite(reduction)}
     verdict = "No cycle is held out: the fit alone does not validate the models."
@@ -199,11 +196,12 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
             f"{f'; not validated: {others}' if others else ''}."
         )
     figure_ = partial(figure, fit)
-    return Document("Thermal models", (RESULTS, fit), [models], figure_, verdict, digits)
+    tables = [models, sensors]
+    return Document("Thermal models", (RESULTS, fit), tables, figure_, verdict, digits)
 
 
 @figures.styled
-def figure(fit: ThermalFit) -> Figure:
+def figure(fit: ThermalFit) -> figures.Figure:
     """Measured and modelled drift, a panel a component, its cycles one after the other; where the
     drift differs along an axis a colour a position.
     """
@@ -217,7 +215,7 @@ def figure(fit: ThermalFit) -> Figure:
     return page
 
 
-def _curves(panel: Axes, item: ComponentDrift) -> None:
+def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
     every = list(dict.fromkeys(curve.position for curve in item.curves))
     drawn = [every[i] for i in spread(len(every), POSITIONS)]
     along, start = item.estimate.degree > 0 and len(drawn) > 1, 0.0

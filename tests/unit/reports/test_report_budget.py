@@ -120,3 +120,13 @@ def test_the_factor_of_the_interval_stands_beside_a_stated_one() -> None:
     assert "95.45 %; of first order: value ± k u with k = 2.87 (t of 4 dof)" in lines
     normal = evaluated(text.replace(", dof: 4", ""))
     assert "with k = 2.00 (normal)" in " ".join(shown(normal).split())
+
+
+def test_correlations_of_inputs_are_reported_and_a_footer_explains_no_missing_column() -> None:
+    text = "equation: a*b\ninputs: {a: {value: 2, u: 1}, b: {value: 3, u: 1}, c: 7}\n"
+    found = document(evaluated(text + "correlations: [[a, b, 0.5]]\n"))
+    assert found.record()["input_correlation"]["inputs"] == ["a", "b", "c"]
+    matrix = np.array(found.record()["input_correlation"]["matrix"])
+    np.testing.assert_allclose(matrix[:2, :2], [[1.0, 0.5], [0.5, 1.0]])
+    assert "share" in plain_text(found.shown())
+    assert "share" not in shown(evaluated(text.replace("u: 1", "u: 0")))

@@ -154,6 +154,17 @@ def test_observability_and_verdict_of_several_instruments(tmp_path: Path) -> Non
     assert "Not tested" not in document(fitted(given)).verdict
 
 
+def test_values_of_a_table_are_listed_by_their_positions(tmp_path: Path) -> None:
+    stated = (
+        "  ez0: {of: y, unit: um, shape: table, at_mm: [0, 50, 100], coefficients: [1, 2, 4], "
+        "covariance: [[0.01, 0, 0], [0, 0.04, 0], [0, 0, 0.09]]}"
+    )
+    given = example(tmp_path, passes=3, stated=stated, equation="  Ez: ez0\n")
+    listed = text_of(given).partition("Values of the tables")[2].splitlines()[3:6]
+    rows = [("0", "1.00 ± 0.10"), ("50", "2.00 ± 0.20"), ("100", "4.00 ± 0.30")]
+    assert [line.split(maxsplit=3) for line in listed] == [["ez0", "um", *row] for row in rows]
+
+
 @pytest.mark.parametrize("case", [*CASES, "long"])
 def test_table_fits_100_columns(case: str, tmp_path: Path) -> None:
     given = example(tmp_path, **CASES.get(case, {"stated": LONG}))

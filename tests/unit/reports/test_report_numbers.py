@@ -56,6 +56,17 @@ def test_p_values_and_percents_never_claim_certainty() -> None:
     assert numbers.percent(nan) == numbers.p_value(nan) == "-"
 
 
+@pytest.mark.parametrize(
+    ("p", "se", "shown"),
+    [
+        (0.9723, 0.0026, "97.2 ± 0.3"), (0.0031, 0.0009, "0.31 ± 0.09"), (0.999995, 7e-6, ">99.99"),
+        (1.0, 0.0099, ">97.0"), (0.0, 5e-6, "<0.01"), (0.0, 0.0099, "<3.0"), (0.512, 0.0, "51.2"),
+    ],
+)  # fmt: skip
+def test_a_chance_with_its_error_stays_within_certainty(p: float, se: float, shown: str) -> None:
+    assert numbers.chance(p, se) == shown
+
+
 def test_intervals_and_degrees_of_freedom() -> None:
     assert numbers.interval(-16.46, 15.78, 8.06) == "[-16.5, 15.8]"
     assert numbers.interval(-0.01, inf, 8.06) == "-"

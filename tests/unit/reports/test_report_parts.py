@@ -121,6 +121,11 @@ def test_tables_and_verdict_of_anova(planted: AnovaResult) -> None:
     assert "Outlying parts: P6." in text
     titles = ("by operation and axis", "Outlying parts\n", "Lengths", "Right angles", "Features\n")
     assert sorted(titles, key=text.index) == list(titles)
+    cases = [(f"P{part}", i) for part in (1, 2) for i in range(20)]
+    holes = points([(p, "a", 1, 0.001 * i, 0.0) for p, i in cases], [f"h{i}" for _, i in cases])
+    many = shown(of_anova.document(analysed(holes)))
+    worst = many.partition("Features: the 10 of 40 with the largest errors\n")[2].splitlines()
+    assert [line.split()[0] for line in worst[1:12]] == ["um", *(f"h{i}" for i in range(19, 9, -1))]
     clean = shown(of_anova.document(analysed(study(21, 2, 4))), detail=True)
     assert "No part is an outlier.\n" in clean
     assert ("MS between" in clean, "MS between" in text) == (True, False)

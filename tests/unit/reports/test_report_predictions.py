@@ -12,6 +12,7 @@ from report_examples import Example, example
 
 from mtu_cli.files.write import report_bytes
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.trials import PositionConformance
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.document import Document
 from mtu_cli.reports.tables import plain_text
@@ -93,3 +94,17 @@ def test_tables_fit_and_round_to_the_uncertainty(
     assert float(u) == pytest.approx(np.sqrt(known.variance[2]) * 1e3, rel=0.05)
     assert float(error) == pytest.approx(known.error[2] * 1e3, abs=0.05)
     assert len(error.partition(".")[2]) == len(u.partition(".")[2])
+
+
+def test_the_verdict_states_the_least_conformance(paper: Example) -> None:
+    points, angles = paper.points(), paper.angles()
+    sure, less = (PositionConformance(position_um=50, probability=p, se=0.002) for p in (0.99, 0.9))
+    none: list[PositionConformance | None] = [None] * 24
+    stated = replace(points, conformance=(*none[3:], sure, less, less))
+    last = ", ".join(points.prediction.ids[-2:])
+    text = f"The least probability of conformance is 90.0 ± 0.2 %, of {last}."
+    assert predict_points.document(stated).verdict.endswith(text)
+    assert "conformance" not in predict_points.document(points).verdict
+    angle = replace(angles.angles[0], conformance=less)
+    verdict = orthogonality.document(replace(angles, angles=(angle,))).verdict
+    assert verdict.endswith(f"is 90.0 ± 0.2 %, of {angle.id}.")

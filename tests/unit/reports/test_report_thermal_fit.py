@@ -18,6 +18,7 @@ from mtu_cli.cli.options import Options
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.model.fit import thermal_from_report
+from mtu_cli.reports.tables import plain_text
 from mtu_cli.reports.thermal_fit import document, figure
 
 STUDY = CONFIGS / "valdes-ring"
@@ -97,3 +98,14 @@ def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
     assert starts == sorted(starts)
     assert (len(lines), len({*starts})) == (32, 4)
     assert lines[0].get_color() != lines[2].get_color()
+
+
+def test_details_have_the_gradient_of_every_sensor_at_every_position(fit: ThermalFit) -> None:
+    (table,) = (each for each in document(fit).tables if "Gradients" in each.title)
+    known = [each for item in fit.components.values() for each in item.gradients]
+    sheet = table.sheet(2, detail=True)
+    assert len(sheet.rows) == len(known) > 100
+    heads = [column.title for column in sheet.columns]
+    values = [row[heads.index("gradient\nper degC")] for row in sheet.rows]
+    assert all("±" in value for value in values)
+    assert "Gradients" not in plain_text(document(fit).shown())
