@@ -6,15 +6,12 @@ import math
 from functools import partial
 from typing import Any
 
-import numpy as np
-
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.findings import listed
 from mtu_cli.reports import monte_carlo_figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, rows_of
 from mtu_cli.reports.numbers import degrees_of_freedom, interval, plus_minus, significant, with_u
-from mtu_cli.stats.covariance import correlation_of
 
 SHOWN = 4
 """Outputs of which the verdict states the value."""
@@ -116,14 +113,6 @@ OUTPUTS = declare(
     """,
     output=ONE,
     by_name=lambda result: {x.name: x for x in result.outputs},
-)
-INPUTS = declare(
-    """
-    input_correlation.inputs | names() | names of the inputs
-    input_correlation.matrix | matrix() | their correlation coefficients, 0 of exact ones
-    """,
-    names=lambda result: [item.name for item in result.given.quantities],
-    matrix=lambda result: np.nan_to_num(correlation_of(result.given.covariance)),
 )
 NAME = declare("""
     name | outputs.0.name | name of the output; of a single one its figures stand here, \
