@@ -51,8 +51,8 @@ def MARK(item: Any) -> str:
 @dataclass(frozen=True, slots=True)
 class Table:
     """Fields of items under a title, with a `footer`, and with ``--detail`` the `notes`; with
-    `detail` the whole table needs it. `shown` and `shown_fields` are the items and fields of the
-    printed table where they are not those of the CSV.
+    `detail` the whole table needs it. `shown` are the items of the printed table where they are
+    not those of the CSV.
     """
 
     title: str
@@ -62,16 +62,14 @@ class Table:
     notes: Sequence[str] = ()
     _: KW_ONLY
     shown: Sequence[Any] | None = None
-    shown_fields: Fields | None = None
     detail: bool = False
 
     def sheet(self, digits: int, *, detail: bool) -> Sheet:
         """The cells as people read them, without columns that have nothing in them."""
         from mtu_cli.reports.tables import Sheet
 
-        fields = self.fields if self.shown_fields is None else self.shown_fields
         columns, cells = list[Field](), list[list[str]]()
-        for field in (f for f in leaves(fields) if f.head and (detail or not f.detail)):
+        for field in (f for f in leaves(self.fields) if f.head and (detail or not f.detail)):
             column = [field.cell(item, digits) for item in self.printed]
             if all(text in (MISSING, "") for text in column):
                 continue

@@ -177,13 +177,16 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     if any(item.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
     every = [row for item in items for row in rows(item)]
-    models = Table("Thermal models", ROW, every, footer, shown=items, shown_fields=MODEL)
-    footer = (
+    of_sensors = (
         "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
         "separable: known together with other sensors only"
     )
     known = [row for row in every if "sensor" in row]
-    sensors = Table("Gradients of the sensors", ROW, known, footer, detail=True)
+    tables = [
+        Table("", ROW, every, shown=()),
+        Table("Thermal models", MODEL, items, footer),
+        Table("Gradients of the sensors", ROW, known, of_sensors, detail=True),
+    ]
     held = {item.name: item.held_out.reduction for item in items if item.held_out is not None}
     held = {name: reduction for name, reduction in held.items() if math.isfinite(reduction)}
     verdict = "No cycle is held out: the fit alone does not validate the models."
@@ -196,7 +199,6 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
             f"{f'; not validated: {others}' if others else ''}."
         )
     figure_ = partial(figure, fit)
-    tables = [models, sensors]
     return Document("Thermal models", (RESULTS, fit), tables, figure_, verdict, digits)
 
 
