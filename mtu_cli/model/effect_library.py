@@ -407,7 +407,7 @@ def _column(raw: str, binding: Binding, data: TableData) -> str:
 # Candidates.
 
 SCATTER, OFFSET, OUTLIER = "scatter", "offset", "outlier"
-NOTHING_LEFT = "not separable from an offset on this data"
+NOTHING_LEFT = "not separable from an offset or from scatter on this data"
 CONSTANT = "a parameter of it is a constant, which is estimated with every effect: leave it out"
 
 

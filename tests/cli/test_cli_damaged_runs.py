@@ -131,3 +131,19 @@ def test_the_component_that_was_read_apart_is_named_alone(tmp_path: Path) -> Non
         x["component"] for x in found["results"]["observability"] if x["not_determined"] == what
     ]
     assert open_ == ["dx_x", "axy"]
+
+
+@pytest.mark.parametrize("numbered", [True, False], ids=["one pass", "no pass column"])
+def test_a_single_pass_tells_no_effect_from_its_scatter(numbered: bool, tmp_path: Path) -> None:
+    """What moves a whole pass is not tested; what bends it is, and is not there."""
+    fit(tmp_path, "--lbb", written(tmp_path / "r.csv", made(5, 1)))
+    file = written(tmp_path / "one.csv", made(1 if numbered else 5, 2, each=False))
+    if not numbered:
+        rows = [line.split(",") for line in file.read_text("utf-8").splitlines()]
+        file.write_text("\n".join(",".join(r[:2] + r[3:]) for r in rows) + "\n", "utf-8")
+    results = report("close-loop", "-m", "m.yaml", "--lbb", file, cwd=tmp_path)["results"]
+    assert results["verdict"] == "none"
+    tested = {item["name"]: item["p_familywise"] for item in results["candidates"]}
+    assert tested["backlash-x"] is None
+    assert tested["scale-x"] is None
+    assert tested["curvature-x"] > 0.05

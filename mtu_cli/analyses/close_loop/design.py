@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import Columns
+from mtu_cli.analyses.close_loop.columns import EMPTY, Columns
 from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
     FEATURE,
@@ -222,6 +222,7 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
         for lever in levers
     ]
     at, X = design.strata.of_levers(levers, G)
+    X[np.linalg.norm(X, axis=2) <= EMPTY * norms] = 0.0
     # What no column has is no direction: most columns are of one stratum.
     there = X.any(axis=(0, 1))
     at, X = at[there], X[:, :, there]

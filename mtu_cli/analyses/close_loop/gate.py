@@ -86,7 +86,7 @@ class Gate:
         strata, like, rng = self.strata, self.likelihood, self.rng
         up = np.sqrt(like.n / fit.dof)
         Y = np.zeros((PERMUTATIONS + 1, len(fit.residual)))
-        crossed = bool(strata.of(FEATURE)) or strata.shape[0] == 1
+        crossed = bool(strata.of(FEATURE))
         for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
             self._rotated(Y[1:], strata.of(kind), fit, up)
         inner = np.isin(strata.labels(), strata.of(INTERACTION))

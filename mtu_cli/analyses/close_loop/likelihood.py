@@ -137,7 +137,8 @@ class Likelihood:
         R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))
         for _ in range(5):
             w = self.weights(R, np.broadcast_to(n, R.shape))
-            A = np.einsum("sm,smij->mij", w, G) + ridge[:, None] * np.eye(models.shape[1])
+            held = ridge + TINY * np.einsum("sm,smi->mi", w, own)
+            A = np.einsum("sm,smij->mij", w, G) + held[:, None] * np.eye(models.shape[1])
             beta = np.linalg.solve(A, np.einsum("sm,smi->mi", w, b)[..., None])[..., 0]
             left = 2 * b - np.einsum("smij,mj->smi", G, beta)
             taken = beta**2 * ridge / np.maximum(np.einsum("sm,smi->mi", w, own), 1e-300)
@@ -189,7 +190,8 @@ class Likelihood:
         w, dof = self.weights(self.R0, self.n), self.n.copy()
         beta, V = np.zeros(0), np.zeros((0, 0))
         for _ in range(6 if columns else 1):
-            V = np.linalg.inv(np.einsum("s,sij->ij", w, G) + ridge)
+            A = np.einsum("s,sij->ij", w, G)
+            V = np.linalg.inv(A + ridge + TINY * np.diag(np.diag(A)))
             beta = V @ (w @ b)
             R = self.R0 - 2 * b @ beta + np.einsum("i,sij,j->s", beta, G, beta)
             used = w * np.einsum("ij,sji->s", V, G)

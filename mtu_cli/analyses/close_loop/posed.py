@@ -127,7 +127,11 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
                 lines[a] = np.column_stack([lines[a], rest / size])
     along = _along(table) if readings and P >= 3 else None
     if along is None:
-        return strata_of(P, lines, features_scatter=not readings, moving=len(moving))
+        # Along a line of a single part nothing is told from its scatter, unless that is known.
+        known = P > 1 or table.of_part.shape[3] > 0
+        return strata_of(
+            P, lines, features_scatter=not readings, moving=len(moving), lines_known=known
+        )
     rough = smooth_covariance(along)
     strata = strata_of(P, lines, features_scatter=False, roughness=rough)
     y = strata.coordinates(errors)

@@ -138,6 +138,7 @@ def strata_of(
     *,
     features_scatter: bool,
     moving: int = 0,
+    lines_known: bool = True,
     roughness: FloatArray | None = None,
     bends: float = 0.0,
 ) -> Strata:
@@ -145,10 +146,11 @@ def strata_of(
 
     `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with a variance of its
     own over the parts; along the last, which are `moving`, so has their mean, which scatters more
-    than the features. `features_scatter`: the features' means have one; where not, they belong to
-    the strata of the parts (V = I_P x S). The mean of all is in none: every effect has an offset
-    beside it. `roughness` (H, H) is the covariance of the bends that every part has of its own,
-    `bends` their variance over the interaction's.
+    than the features; where not `lines_known`, they are in no stratum. `features_scatter`: the
+    features' means have one; where not, they belong to the strata of the parts (V = I_P x S). The
+    mean of all is in none: every effect has an offset beside it. `roughness` (H, H) is the
+    covariance of the bends that every part has of its own, `bends` their variance over the
+    interaction's.
     """
     A, H = len(lines), len(lines[0])
     bases, spreads, shape = np.zeros((A, H, H)), np.ones((A, 1, H)), np.zeros(H)
@@ -175,7 +177,8 @@ def strata_of(
         beyond, rows = slice(1, None), [first] * (k - moving) + [0] * moving
         groups = [(PART, (beyond, slice(0, 1)))]
         groups += [(FEATURE, (slice(0, 1), beyond))] if features_scatter else []
-        groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in range(1, k)]
+        own_lines = range(1, k) if lines_known else ()
+        groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in own_lines]
         groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
         for kind, where in groups:
             if label[a][where].size:

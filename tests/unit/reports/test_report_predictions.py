@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from report_examples import Example, example
 
+from mtu_cli.files.part import Tolerance
 from mtu_cli.files.write import report_bytes
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.trials import PositionConformance
+from mtu_cli.model.trials import Conformance, PositionConformance
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.document import Document
 from mtu_cli.reports.tables import plain_text
@@ -105,6 +106,7 @@ def test_the_verdict_states_the_least_conformance(paper: Example) -> None:
     text = f"The least probability of conformance is 90.0 ± 0.2 %, of {last}."
     assert predict_points.document(stated).verdict.endswith(text)
     assert "conformance" not in predict_points.document(points).verdict
-    angle = replace(angles.angles[0], conformance=less)
+    allowed = Conformance(tolerance=Tolerance(low=-9, high=9), probability=0.9)
+    angle = replace(angles.angles[0], conformance=allowed)
     verdict = orthogonality.document(replace(angles, angles=(angle,))).verdict
-    assert verdict.endswith(f"is 90.0 ± 0.2 %, of {angle.id}.")
+    assert verdict.endswith(f"is 90.0 %, of {angle.id}.")
