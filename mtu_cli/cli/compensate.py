@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -77,23 +78,23 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     frame = Frame(zero=options.machine_zero or 0.0, reverse=bool(options.reverse_axis))
     wanted = Wanted(direction=options.direction, positions=_positions(inputs),
                     reference=options.reference, frame=frame)  # fmt: skip
-    errors, axis, first = _errors(inputs, wanted, given.get("axis", ROTARY).lower())
-    _name_axis(inputs, axis, first, control, parameters, given)
+    names = _names(inputs)
+    errors, axis, first = _errors(inputs, names, wanted, given.get("axis", ROTARY).lower())
+    _name_axis(inputs, names[0], axis, first, control, parameters, given)
     if options.current:
         wanted = replace(wanted, current=_read(inputs, options.current, control, parameters))
     # Type 0 is written where nothing is said; a file does not show which it is.
     parameters["type"] = parameters.get("type") or "0"
-    name = options.component[0]
     planned = result = analysis(
-        errors, control, parameters, wanted, component=" + ".join(options.component),
+        errors, control, parameters, wanted, component=" + ".join(names),
         seed=settings.seed, trials=settings.trials,
     )  # fmt: skip
     if readings := inputs.verify if options.verify else None:
-        if name not in readings.components:
+        if names[0] not in readings.components:
             held = ", ".join(readings.components)
-            reason = f"--verify holds readings of {held}, not of {name}"
+            reason = f"--verify holds readings of {held}, not of {names[0]}"
             raise error("not-applicable", reason=reason)
-        result = verify(result, *_columns(readings, _rows(readings, name), axis))
+        result = verify(result, *_columns(readings, _rows(readings, names[0]), axis))
 
     def files() -> dict[Path, bytes]:
         made, table = dict[Path, bytes](), options.to_file
@@ -112,14 +113,23 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome.reported(inputs, result, files=files)
 
 
+def _names(inputs: Inputs) -> list[str]:
+    """What is compensated, that of which there are readings first: all else is added to these."""
+    names = list(inputs.options.component)
+    read = [name for name in names if len(_rows(inputs.readings, name))]
+    if read[1:]:
+        reason = f"there are readings of {' and '.join(read)}: those of one are compensated"
+        raise error("not-applicable", reason=reason, expected="one of them")
+    return read + [name for name in names if name not in read]
+
+
 def _name_axis(
-    inputs: Inputs, axis: str, first: Stated | None, control: Controller,
+    inputs: Inputs, name: str, axis: str, first: Stated | None, control: Controller,
     parameters: dict[str, str], given: Parameters,
 ) -> None:  # fmt: skip
     """The axis and the ISO 230-1 name of the component, where the control wants them: `parameters`
     hold those of X, and axes that a control numbers are counted on from it.
     """
-    name = inputs.options.component[0]
     of_x = "" if "axis" in given else parameters.get("axis", "")
     if of_x.startswith("X"):
         parameters["axis"] = axis.upper() + of_x[1:]
@@ -151,11 +161,13 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
     return given
 
 
-def _errors(inputs: Inputs, wanted: Wanted, rotary: str) -> tuple[AxisErrors, str, Stated | None]:
+def _errors(
+    inputs: Inputs, names: Sequence[str], wanted: Wanted, rotary: str
+) -> tuple[AxisErrors, str, Stated | None]:
     """Readings of the first name, else what the machine states, with the others added; the axis,
     and the first as stated (None of a rotary axis).
     """
-    machine, readings, names = inputs.machine, inputs.readings, inputs.options.component
+    machine, readings = inputs.machine, inputs.readings
     component, rows = machine.machine.components.get(names[0]), _rows(readings, names[0])
     if readings and places_read(readings)[1][rows].any():
         if names[1:]:

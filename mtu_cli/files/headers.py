@@ -212,7 +212,9 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
         free = [other for other in free if other != near]
         if name in wanted:
             known = f"a column {name!r} (the columns are {listed(header, 12)})"
-            expected = f"{near!r} renamed to {name!r}" if near else known
+            unit = name.rpartition("_")[2]
+            values = f", its values in {unit}" if unit in UNITS and unit not in f"{near}" else ""
+            expected = f"{near!r} renamed to {name!r}{values}" if near else known
             yield finding("missing-column", column=name, expected=expected)
         elif near:
             expected = f"it renamed to {name!r}, or to a name of its own"

@@ -125,6 +125,28 @@ def test_what_the_loop_found_is_compensated_from_the_machine_file(tmp_path: Path
     assert read["results"]["angle_arcsec"] == pytest.approx(12, abs=0.01)
 
 
+def test_readings_count_in_any_order_of_the_names(tmp_path: Path) -> None:
+    """What the machine file states of the component that was read is not taken for it."""
+    readings = "component,position_mm,pass,direction,error,unit\n" + "".join(
+        f"dx,{x},{run},{way},{0.1 * x + 0.2 * run},um\n"
+        for run in (1, 2, 3)
+        for way in ("forward", "reverse")
+        for x in range(0, 101, 10)
+    )
+    (tmp_path / "m.yaml").write_text(MACHINE, "utf-8")
+    (tmp_path / "x.csv").write_text(readings, "utf-8")
+    call = ("compensate", "-m", "m.yaml", "--laser", "x.csv", "--for", "table")
+    one, other = (
+        report(*call, *(x for name in names for x in ("--component", name)), cwd=tmp_path)
+        for names in (("dx", "backlash-x"), ("backlash-x", "dx"))
+    )
+    assert one["results"] == other["results"]
+    steep = [point["forward"] for point in one["results"]["points"]]
+    assert steep[-1] - steep[0] == pytest.approx(10)
+    twice = ("--component", "dx", "--component", "dx")
+    assert "those of one are compensated" in refused(tmp_path, *call, *twice)
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
