@@ -195,10 +195,10 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("column", ["sequence", "T_a_degC"])
-@pytest.mark.parametrize("times", [15, 25])
+@pytest.mark.parametrize("times", [5, 20, 30])
 def test_an_offset_beside_a_drift_is_told(seed: int, column: str, times: float) -> None:
-    """Of 15 and 25 u, and of both signs: as an effect of its own, or by the one place that was met
-    where both together are zero.
+    """Of many u, and of both signs: as an effect of its own, or by the one place that was met where
+    both together are zero.
     """
     own = noise(seed, parts=20, part=0.5 * NOISE_MM)
     order = np.arange(20.0)[:, None]
