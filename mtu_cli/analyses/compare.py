@@ -599,14 +599,9 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
     return result[0], result[1] if lengths is not None else None
 
 
+SCATTER = "means are judged by the predicted scatter, and one that is off may be scatter"
 CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], ...] = (
-    (
-        "few-parts",
-        lambda x: x.one_way.parts < FEWEST_PARTS,
-        {
-            "consequence": "means are judged by the predicted scatter",
-        },
-    ),
+    ("few-parts", lambda x: x.one_way.parts < FEWEST_PARTS, {"consequence": SCATTER}),
     (
         "no-repeats",
         lambda x: (x.one_way.df_within < 1) & (x.one_way.parts > 1),

@@ -19,7 +19,7 @@ from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.csv_table import number
-from mtu_cli.files.headers import measured_in
+from mtu_cli.files.headers import is_made, measured_in
 from mtu_cli.files.source import given_path, same
 from mtu_cli.files.write import files_written, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
@@ -324,9 +324,10 @@ def check_outputs(inputs: Inputs) -> None:
             why = None
             if any(role not in own and same(file, other) for role, other in named):
                 why = "it is an input"
-            elif file.is_file() and (name == "csv" or options.command == "simulate"):
-                held = measured_in(file, None if name == "csv" else "what simulate has not made")
-                why = held and f"it holds {held}"
+            elif file.is_file() and name == "csv":
+                why = (held := measured_in(file)) and f"it holds {held}"
+            elif file.is_file() and options.command == "simulate" and not is_made(file):
+                why = f"it holds {measured_in(file) or 'what simulate has not made'}"
             if why:
                 place = {"file": given_path(file), "expected": "another name"}
                 problems.append(finding("not-overwritten", reason=why, **place))

@@ -164,18 +164,22 @@ SYNONYMS = {
 """What other programs call a column: words in any order, without unit, number and accents."""
 
 
-def measured_in(path: Path, default: str | None = None) -> str | None:
-    """What a file holds that is there and not synthetic: readings or points by its header, else
-    `default`; None of an empty one.
-    """
+def measured_in(path: Path) -> str | None:
+    """What a file holds by its header: readings or points; None of anything else."""
+    header = next((line for line in lines_of(path) if line[0] != "#"), "")
+    names = {name.strip(' "\n') for name in re.split("[,;]", header)}
+    return next((x.holds for x in (READINGS, POINTS) if {*x.required} <= names), None)
+
+
+def is_made(path: Path) -> bool:
+    """Whether a file is empty, or says that it is synthetic."""
+    return next(lines_of(path), SYNTHETIC).lstrip().startswith(SYNTHETIC)
+
+
+def lines_of(path: Path) -> Iterator[str]:
+    """The lines of a text file that are not empty, as far as it can be read."""
     with suppress(OSError), path.open(encoding="utf-8-sig", errors="replace") as file:
-        lines = [line for line in file if line.strip()]
-        if lines and not lines[0].lstrip().startswith(SYNTHETIC):
-            header = next((line for line in lines if line[0] != "#"), "")
-            names = {name.strip(' "\n') for name in re.split("[,;]", header)}
-            specs = (spec for spec in (READINGS, POINTS) if {*spec.required} <= names)
-            return next((spec.holds for spec in specs), default)
-    return None
+        yield from (line for line in file if line.strip())
 
 
 def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpec) -> None:

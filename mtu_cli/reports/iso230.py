@@ -40,11 +40,15 @@ FIGURE = """
         value | | {1} | -, size=size
         u_sampling | | its standard deviation over repeated tests | -, size=size
         u | | its standard uncertainty by the instrument, of these runs; null without a budget \
-            | -, size=size
-        before | before.value | of the earlier test; null without --before | -, size=size
-        difference | | now minus earlier | -, size=size
-        bound | | the tests differ beyond this | -, size=size
-        differs | | whether they do"""
+            | -, size=size"""
+CHANGE = """
+        {0}. | {0}
+            value | before.value | earlier test: {1} | -, size=size
+            u_sampling | before.u_sampling | its standard deviation over repeated tests \
+                | -, size=size
+            difference | | now minus earlier | -, size=size
+            bound | | the tests differ beyond this | -, size=size
+            differs | | whether they do"""
 AT_TARGET = """
         target_mm | mm | target position; null of a rotary axis | target / mm, plain
         target_deg | deg | target position of a rotary axis | target / deg, plain
@@ -75,6 +79,8 @@ AXIS = (
         f"\n    vdi3441.{name} | figures.{name}.value | {meaning} (VDI/DGQ 3441) | -, size=size"
         for name, meaning in VDI.items()
     )
+    + "\n    before. | earlier()"
+    + "".join(CHANGE.format(*each) for each in ISO.items())
 )
 
 
@@ -118,6 +124,7 @@ RESULTS = declare(
         forward=lambda x: int(x.of_runs[0][0].max()),
         reverse=lambda x: int(x.of_runs[0][1].max()),
         at_target=at_target,
+        earlier=lambda x: x.figures if x.figures["A"].before else None,
     ),
 )
 

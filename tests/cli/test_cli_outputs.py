@@ -111,6 +111,15 @@ def test_simulate_overwrites_files_of_its_own_alone(small: Path) -> None:
     assert "not overwritten" in done(mtu(*call, 3, cwd=small), 2).stderr
 
 
+def test_synthetic_readings_are_not_overwritten_by_a_table(small: Path) -> None:
+    """What simulate made is data to all other commands."""
+    done(mtu("simulate", ".", "-q", "--write-cmm", "made.csv", cwd=small))
+    made = (small / "made.csv").read_bytes()
+    told = done(mtu("lengths", ".", "--csv", "made.csv", cwd=small), 2).stderr
+    assert "not overwritten, as it holds measured points" in told
+    assert (small / "made.csv").read_bytes() == made
+
+
 @FULL
 def test_nothing_is_written_where_nothing_can_be_said(small: Path) -> None:
     before = listing(small)
