@@ -188,7 +188,7 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
                 posterior=float(share) if finite else None,
                 unavailable=None if tested else candidate.unavailable or NOTHING_LEFT,
                 notes=candidate.notes,
-                minimum_detectable=smallest.get(name) if tested else None,
+                minimum_detectable=smallest.get(name) if name in p else None,
             )
         )
     return tuple(judged)
