@@ -195,18 +195,16 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("column", ["sequence", "T_a_degC"])
-@pytest.mark.parametrize(("times", "steep"), [(20, 0.4), (30, 0.4), (20, 1.2)])
-def test_an_offset_beside_a_drift_is_told(
-    seed: int, column: str, times: float, steep: float
-) -> None:
-    """Of many u, and of both signs: as an effect of its own, or by the one place that was met where
-    both together are zero.
+@pytest.mark.parametrize("times", [15, 25])
+def test_an_offset_beside_a_drift_is_told(seed: int, column: str, times: float) -> None:
+    """Of 15 and 25 u, and of both signs: as an effect of its own, or by the one place that was met
+    where both together are zero.
     """
     own = noise(seed, parts=20, part=0.5 * NOISE_MM)
     order = np.arange(20.0)[:, None]
     own = replace(own, covariates={column: 20 + 0.3 * order if column == "T_a_degC" else order})
     shift = times * NOISE_MM * np.hypot(0.5 / np.sqrt(20), 1 / np.sqrt(H))
-    drift = steep * NOISE_MM * (order - order.mean()) * (1 if seed % 2 else -1)
+    drift = 0.4 * NOISE_MM * (order - order.mean()) * (1 if seed % 2 else -1)
     own.errors[..., 0] += shift + drift
     found = diagnosis(own, "offset", "trend", "thermal-drift", "covariate")
     assert len(found.names) == 2
