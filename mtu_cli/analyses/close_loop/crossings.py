@@ -45,8 +45,8 @@ class Term(NamedTuple):
 
 def without_references(found: Diagnosis) -> Diagnosis:
     """A diagnosis without the offsets that say no more than where effects are counted from: with
-    the level these are zero at a value of a covariate that was met, or at the temperature of
-    reference, which is told instead.
+    the level these are zero at a value of a covariate that may have been met, or at the temperature
+    of reference (its 95 % interval reaches there), which is reported instead.
     """
     table = found.design.table
     values = TableData.of(table).values
@@ -55,7 +55,7 @@ def without_references(found: Diagnosis) -> Diagnosis:
         sizes = estimated(rest.models, rest.model, sets=False)
         for each in crossings(described(rest, sizes), sizes.covariance, table):
             met, (low, high) = values[each.covariate], each.interval95
-            told = met.min() <= each.value <= met.max()
+            told = low <= met.max() and high >= met.min()
             told |= is_temperature(each.covariate) and low <= REFERENCE_DEGC <= high
             if told and each.covariate not in AXES and offset.name == f"offset-{each.axis}":
                 found = rest
