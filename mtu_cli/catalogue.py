@@ -177,6 +177,7 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "implausible-size": _warning("{what} is hardly meant; probably {meant}", True),
     "alike": _warning("{what}: {names}", True),
+    "partial-circle": _warning("a trace is an arc, no circle"),
     # Measured parts.
     "few-parts": _warning("too few parts ({parts} for {items}): {consequence}"),
     "no-repeats": _warning("no part was measured twice ({items}): {consequence}"),

@@ -31,6 +31,8 @@ TERMS = (
     *("scale-mismatch", "squareness", "servo-mismatch", "backlash-a", "backlash-b"),
     *("straightness-a", "straightness-b"),
 )
+LEAST_COVERED = 330.0
+"""Degrees that a trace covers: of less it is an arc."""
 FEWEST_CYCLES = 4.0
 """Cycles of a pitch over the diameter."""
 MEANING = {
@@ -262,7 +264,7 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
         remainder_rms=float(np.sqrt(np.nanmean(left**2))),
         remainder_range=float(np.nanmax(left) - np.nanmin(left)),
         fitted=tuple(design @ fit.beta for design in fit.designs),
-        warnings=tuple(_warnings(causes, both, timed)),
+        warnings=(*_arcs(traces), *_warnings(causes, both, timed)),
     )
 
 
@@ -296,6 +298,23 @@ def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:
     value = float(np.hypot(*pair))
     g = pair / value if value > 0 else np.full(2, math.sqrt(0.5))
     return value, math.sqrt(max(float(g @ C @ g), 0.0))
+
+
+def _arcs(traces: Traces) -> Iterator[Finding]:
+    """A warning of traces that are no whole circle: of what their largest gap leaves of it."""
+    covered = []
+    for trace in traces.traces:
+        turned = np.sort(np.mod(trace.angle, 2 * math.pi))
+        gap = np.diff(turned, append=turned[0] + 2 * math.pi).max()
+        covered.append(math.degrees(2 * math.pi - gap))
+    if min(covered) < LEAST_COVERED:
+        where = traces.traces[int(np.argmin(covered))].file
+        yield finding(
+            "partial-circle",
+            file=where,
+            value=f"{min(covered):.0f} degrees",
+            expected="360 degrees",
+        )
 
 
 def _warnings(causes: list[Cause], both: bool, timed: bool) -> Iterator[Finding]:

@@ -193,11 +193,13 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     if held:
         least = min(held, key=held.__getitem__)
         others = listed(item.name for item in items if item.name not in held)
-        verdict = (
-            "On held-out cycles the thermal models reduce the rms drift by "
-            f"{fixed(100 * held[least], 0)} %{' or more' * (len(held) > 1)} (least: {least})"
-            f"{f'; not validated: {others}' if others else ''}."
-        )
+        by = f"{fixed(100 * abs(held[least]), 0)} %"
+        if held[least] < 0:
+            change = f"increase the rms drift by up to {by} (most: {least})"
+        else:
+            change = f"reduce the rms drift by {by}{' or more' * (len(held) > 1)} (least: {least})"
+        unknown = f"; not validated: {others}" if others else ""
+        verdict = f"On held-out cycles the thermal models {change}{unknown}."
     figure_ = partial(figure, fit)
     return Document("Thermal models", (RESULTS, fit), tables, figure_, verdict, digits)
 

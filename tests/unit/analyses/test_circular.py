@@ -72,6 +72,21 @@ def test_without_a_feed_there_is_no_servo_time() -> None:
     assert [x.facts["names"] for x in result.warnings] == [["servo-mismatch"]]
 
 
+def test_an_arc_or_radians_are_reported() -> None:
+    whole = made(Causes())
+    first = whole.traces[0]
+    half = replace(
+        first,
+        angle=first.angle[first.angle < np.pi],
+        deviation=first.deviation[first.angle < np.pi],
+    )
+    radians = replace(first, angle=np.radians(first.angle))
+    for arc, degrees in ((half, "180 degrees"), (radians, "6 degrees")):
+        (found,) = diagnose(replace(whole, traces=(*whole.traces, arc))).warnings
+        assert (found.code, found.value) == ("partial-circle", degrees)
+    assert not diagnose(whole).warnings
+
+
 def test_figures_of_a_trace_are_those_of_its_circle() -> None:
     """Of an ellipse alone G is its range, about whatever centre; F is about the given one."""
     none = Causes(centre=(0.02, 0.0), scale=(1e-4, -1e-4), lean=0, lag=NONE, backlash=NONE,
