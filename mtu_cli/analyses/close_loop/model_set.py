@@ -21,7 +21,7 @@ from mtu_cli.files.effects import SCATTERS
 from mtu_cli.stats.least_squares import FloatArray
 
 BEAM = 3
-SHARE = 0.95
+SHARE = 0.98
 """Posterior of a class."""
 WINDOW = 20.0
 """Times less likely than the best, down to which a model counts (Madigan & Raftery 1994)."""
