@@ -56,7 +56,7 @@ def effect(name: str, *parameters: Parameter, **changed: Any) -> FoundEffect:
         log_bayes_factor=31.2,
         posterior=0.99,
         explained_share=0.25,
-        classes=((name, 0.99),),
+        class_names=(name,),
     )
     return replace(found, **changed)
 
@@ -83,7 +83,7 @@ CYCLIC = effect(
 )
 CLASS = replace(
     BACKLASH,
-    classes=(("backlash-x", 0.6), ("wear-approach-x", 0.3)),
+    class_names=("backlash-x", "wear-approach-x"),
     experiment=Experiment(do="turn the part", predicted_d=6.3),
 )
 SMOOTH = replace(
@@ -149,7 +149,7 @@ def on_table(
     before, after = (scores(rms, own.axes, scale) for rms in (3.6, 2.0 if effects else 3.6))
     found = TableResult(
         table=own,
-        verdict=verdict,  # type: ignore[arg-type]  # a word of the tests
+        verdict=verdict,
         effects=effects,
         candidates=(
             judged("scale-x", -1.25),

@@ -132,7 +132,7 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         tentative = "Tentative: "
     named = []
     for effect in item.effects:
-        rivals = f", or {listed(effect.class_names[1:])}" if len(effect.classes) > 1 else ""
+        rivals = f", or {listed(effect.class_names[1:])}" if len(effect.class_names) > 1 else ""
         named.append(f"{effect_text(effect, item)} ({effect.name}{rivals})")
     if named:
         held = item.held_out
@@ -144,7 +144,7 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
             worth = f"no equation corrects that: the rms error of {of} is {before} {unit}"
         yield f"{tentative}{'; '.join(named)}; {worth}{floor}."
     for effect in item.effects:
-        if len(effect.classes) > 1:
+        if len(effect.class_names) > 1:
             separates = effect.candidate.separates
             do = f": {separates}" if separates else " by more data"
             if (best := effect.experiment) is not None and best.predicted_d >= WORTH_WHILE:

@@ -19,7 +19,7 @@ from mtu_cli.analyses.close_loop.estimate import (
 from mtu_cli.analyses.close_loop.experiment import experiment
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
-from mtu_cli.analyses.close_loop.result import FoundEffect, component_of
+from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.language.tree import filled_text, names
@@ -49,7 +49,7 @@ def described(
             "p_familywise": entry.p,
             "log_bayes_factor": entry.gain,
             "posterior": entry.posterior,
-            "classes": tuple((name, p) for name, _, p in entry.credible),
+            "class_names": tuple(name for name, _, _ in entry.credible),
         }
         if (estimate := estimates.get(entry.item)) is None:
             effects.append(_smooth(found, entry, judged))
@@ -85,8 +85,8 @@ def described(
                 rows=(len(sizes.covariance) - len(table.axes) + a,),
                 equations={f"E{table.axes[a]}": level.name},
                 p_familywise=offset.p,
-                posterior=offset.credible[0][1],
-                classes=offset.credible,
+                posterior=offset.credible[offset.name],
+                class_names=tuple(offset.credible),
             )
         )
     effects = _with_levels(found, sizes, effects, {key for x in offsets for key in x.equations})
@@ -96,7 +96,7 @@ def described(
         effects.append(
             FoundEffect(
                 candidate=candidates[name], covariance=np.zeros((0, 0)), equations={},
-                chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
+                chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, class_names=(name,),
             )
         )  # fmt: skip
     return (*effects, *offsets)
@@ -253,7 +253,7 @@ def _smooth(found: Diagnosis, entry: Entry, judged: dict[str, Any]) -> FoundEffe
         candidate=candidate,
         parameters=(rms,),
         covariance=np.array([[u2]]),
-        equations={f"E{axis}": component_of(entry.name)},
+        equations={f"E{axis}": entry.name.replace("-", "_")},
         table=table,
         **judged,
     )

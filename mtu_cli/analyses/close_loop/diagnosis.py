@@ -27,7 +27,7 @@ class Offset:
 
     name: str
     p: float
-    credible: tuple[tuple[str, float], ...]
+    credible: dict[str, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,9 +122,7 @@ def diagnosed(
     )
 
 
-def _offset_class(
-    models: ModelSet, model: Model, offset: Candidate
-) -> tuple[tuple[str, float], ...]:
+def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str, float]:
     """The offset, and effects that would make the same mean: beside them no level need be left."""
     design, like, a = models.design, models.likelihood, models.design.axis(offset)
     total, best = models.additions(model)
@@ -143,4 +141,4 @@ def _offset_class(
             total[i] - models.value(model) - 0.5 * (level / u) ** 2 + paid
         )
     odds = {name: np.exp(log) for name, log in logs.items() if log > -np.log(WINDOW)}
-    return tuple((name, float(x / sum(odds.values()))) for name, x in odds.items())
+    return {name: float(x / sum(odds.values())) for name, x in odds.items()}

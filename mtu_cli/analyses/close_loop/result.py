@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 from mtu_cli.analyses.close_loop.estimate import Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.experiment import Experiment
+from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
-Verdict = Literal["none", "named", "class", "unexplained"]
-WORST: tuple[Verdict, ...] = ("unexplained", "class", "named", "none")
-
-
-def component_of(effect: str) -> str:
-    """What a smooth effect is called in equations."""
-    return effect.replace("-", "_")
+WORST = ("unexplained", "class", "named", "none")
+"""The verdicts; that on several tables is the first of theirs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,8 +26,8 @@ class FoundEffect:
     these and columns; where the candidate is `over` features, parts or operations, which no machine
     has, `chosen` is the one for which ``chosen`` is 1; a smooth effect's component stands for its
     `table` of values in mm or rad. An effect on the scatter has no equation: `ratio` is that of the
-    standard deviations. `classes` are the names that the data cannot separate, itself first, with
-    their posteriors; `aliases` names whose columns span the same, whatever the errors.
+    standard deviations. `class_names` are those that the data cannot separate, itself first;
+    `aliases` names whose columns span the same, whatever the errors.
     """
 
     candidate: Candidate
@@ -49,7 +44,7 @@ class FoundEffect:
     log_bayes_factor: float | None = None
     posterior: float | None = None
     explained_share: float = 0.0
-    classes: tuple[tuple[str, float], ...]
+    class_names: tuple[str, ...]
     aliases: tuple[str, ...] = ()
     experiment: Experiment | None = None
 
@@ -59,14 +54,9 @@ class FoundEffect:
         return self.candidate.name
 
     @property
-    def class_names(self) -> tuple[str, ...]:
-        """The names of its class."""
-        return tuple(name for name, _ in self.classes)
-
-    @property
     def component(self) -> str:
         """What a smooth effect is called in equations."""
-        return component_of(self.name)
+        return self.name.replace("-", "_")
 
     def of_role(self, *roles: str) -> tuple[Parameter, ...]:
         """Its parameters of some roles."""
@@ -154,7 +144,7 @@ class TableResult:
     """
 
     table: ResidualTable
-    verdict: Verdict
+    verdict: str
     effects: tuple[FoundEffect, ...]
     candidates: tuple[Judged, ...]
     checks: tuple[tuple[str, float], ...]
@@ -194,10 +184,11 @@ class TableResult:
 class CloseLoopResult:
     """The weakest verdict over all tables, and their results."""
 
-    verdict: Verdict
+    verdict: str
     tables: tuple[TableResult, ...]
     alpha: float
     datum: str
+    warnings: tuple[Finding, ...] = ()
 
     @property
     def effects(self) -> tuple[FoundEffect, ...]:

@@ -325,7 +325,7 @@ def test_an_effect_is_zero_with_its_level_though_another_is_not() -> None:
     "effects",
     [
         # Its name is not certain, or the level is not with it.
-        (replace(DRIFT, classes=(("thermal-drift-x", 0.6), ("warm-up-x", 0.4))),),
+        (replace(DRIFT, class_names=("thermal-drift-x", "warm-up-x")),),
         (
             effect("thermal-drift-x", parameter("drift", "um/K", -2.0, 0.1), equations=TO_20),
             effect(
