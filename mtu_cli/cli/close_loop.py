@@ -143,9 +143,6 @@ def _written(
 
 def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
     """An effect as the machine file has it; a smooth one is a component with a table of its own."""
-    from mtu_cli.language import names as names_of
-    from mtu_cli.language import parse
-
     rows, candidate, components = effect.written, effect.candidate, {}
     if (table := effect.table) is not None:
         scale = UNITS[item.table.unit].to_internal
@@ -162,8 +159,7 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
     parameters = [effect.parameters[i] for i in rows]
     f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
     C = effect.covariance[np.ix_(rows, rows)] / np.outer(f, f)
-    used = dict.fromkeys(n for text in effect.equations.values() for n in names_of(parse(text)))
-    columns = [n for n in used if n not in {*components, *(p.name for p in parameters)}]
+    columns = [x for x in effect.used if x not in {*components, *(p.name for p in parameters)}]
     judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
     sources = [source for source in inputs.sources if source.role in judged]
     found = {

@@ -22,7 +22,7 @@ from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
-from mtu_cli.language.tree import filled_text, names
+from mtu_cli.language.tree import filled_text
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
@@ -108,39 +108,34 @@ def _with_levels(
     """The effects with the level of each axis that is no offset by itself: with the effect that it
     goes with most, as in the file of a machine effects have no covariance with others.
     """
-    table, C, effects = found.design.table, sizes.covariance, list(effects)
+    table, C = found.design.table, sizes.covariance
     if table.fitted_degree >= 0 or table.datum != "none":
         return effects
-    u = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    for level, axis, row in zip(
-        sizes.levels, table.axes, range(len(C))[-len(table.axes) :], strict=True
-    ):
+    u, first = np.sqrt(np.maximum(np.diag(C), 1e-300)), len(C) - len(table.axes)
+    for row, (level, axis) in enumerate(zip(sizes.levels, table.axes, strict=True), first):
         key = f"E{axis}"
-        having = [
-            i
-            for i, effect in enumerate(effects)
-            if key in effect.equations and effect.candidate.over not in OUTLYING
-        ]
+        having = [x for x in effects if key in x.equations and x.candidate.over not in OUTLYING]
         if key in offsets or not having:
             continue
         # Of effects that it goes with as little the strongest, which stands first.
-        r = [np.abs(C[row] / u / u[row])[list(effects[i].rows)].max(initial=0.0) for i in having]
-        i = having[int(np.argmax(np.round(r, 1)))]
-        effect, text = effects[i], effects[i].equations[key]
-        taken = {p.name for p in effect.parameters} | names(parse(text)).keys()
+        r = [np.abs(C[row] / u / u[row])[list(x.rows)].max(initial=0.0) for x in having]
+        effect = having[int(np.argmax(np.round(r, 1)))]
+        taken = {*effect.used, *(p.name for p in effect.parameters)}
         level = replace(level, name=free_name(level.name, taken, "_"))
         rows, covariance = (*effect.rows, row), np.pad(effect.covariance, (0, 1))
         if len(rows) == len(covariance):
             covariance = C[np.ix_(rows, rows)]
         else:  # A smooth effect has no size among those; it is independent of its mean.
             covariance[-1, -1] = level.u**2
-        effects[i] = replace(
+        text = f"{effect.equations[key]} + {level.name}"
+        with_level = replace(
             effect,
             parameters=(*effect.parameters, level),
             rows=rows,
             covariance=covariance,
-            equations={**effect.equations, key: f"{text} + {level.name}"},
+            equations={**effect.equations, key: text},
         )
+        effects = [with_level if x is effect else x for x in effects]
     return effects
 
 
@@ -149,13 +144,12 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
     values at the places that were measured, which all of them share. Between these each makes other
     errors: a wave and what is interpolated differ by the sum of their mean squares.
     """
-    (text, *others) = effect.equations.values() or ("0",)
     sizes = [p.name for p in effect.parameters]
-    levers = linear_form(parse(text), sizes).coefficients
-    along = {name for lever in levers.values() for name in names(lever)}
-    if not effect.ambiguous or others or len(along) != 1 or not along <= {*AXES}:
+    along = {*effect.used} - {*sizes}
+    if not effect.ambiguous or len(effect.equations) > 1 or len(along) != 1 or not along <= {*AXES}:
         return effect
-    (axis,) = along
+    (text,), (axis,) = effect.equations.values(), along
+    levers = linear_form(parse(text), sizes).coefficients
     knots = np.unique(np.round(table.mean_places[:, AXES.index(axis)], 6))
     J = np.array([evaluate(levers[name], {axis: knots}) * np.ones(len(knots)) for name in sizes])
     return replace(
@@ -237,9 +231,10 @@ def _smooth(found: Diagnosis, entry: Entry, judged: dict[str, Any]) -> FoundEffe
     kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in found.model if item != entry.item)
     table = smooth_effect(like, like.fit(found.models.columns(rest)), kernel)
-    J = table.values / max(table.rms, 1e-300) / len(table.values)
+    value = float(np.sqrt(np.mean(table.values**2)))
+    J = table.values / max(value, 1e-300) / len(table.values)
     u2 = max(float(J @ table.covariance @ J), 0.0)
-    rms = Parameter(name="rms", unit=design.table.unit, value=table.rms, u=u2**0.5, dof=table.dof)
+    rms = Parameter(name="rms", unit=design.table.unit, value=value, u=u2**0.5, dof=table.dof)
     candidate = Candidate(
         name=entry.name,
         family=kernel.family,

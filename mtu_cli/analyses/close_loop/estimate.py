@@ -22,7 +22,7 @@ from mtu_cli.analyses.close_loop.design import (
     neighbours,
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
-from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Model, ModelSet
 from mtu_cli.analyses.close_loop.strata import NONE
 from mtu_cli.model.effect_library import TableData
@@ -115,23 +115,18 @@ class SmoothEffect:
     dof: float
     between: float = 0.0
 
-    @property
-    def rms(self) -> float:
-        """Root mean square of the values."""
-        return float(np.sqrt(np.mean(self.values**2)))
 
+def searched_set(models: ModelSet, model: Model, item: int) -> tuple[tuple[float, float], ...]:
+    """The 95 % set of what was searched of one effect of a model; empty where nothing was.
 
-def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
-    """What the data say of the searched parameter of one effect of a model.
-
-    The 95 % set is the union of the profile-likelihood set and of the highest-posterior set, the
-    prior uniform in the angle between columns: the first alone forgets values that the search
-    could have hit.
+    It is the union of the profile-likelihood set and of the highest-posterior set, the prior
+    uniform in the angle between columns: the first alone forgets values that the search could have
+    hit.
     """
     design, like = models.design, models.likelihood
     member = design.members[item]
     if member.value is None:
-        return None
+        return ()
     rest = tuple(x for x in models.members(model) if x != item)
     base = like.fit(like.closure(rest))
     items = evaluated(design, member.form, grid_values(member.form))
@@ -147,11 +142,7 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
     edges = (ends[1:] + ends[:-1]) / 2
     runs = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
-    return Searched(
-        name=member.form.searched,
-        value=float(values[int(np.argmax(gains))]),
-        intervals=tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in runs),
-    )
+    return tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in runs)
 
 
 def without_aliases(models: ModelSet, model: Model) -> Model:
@@ -160,8 +151,7 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
     of these each predicts other errors between the places.
     """
     for item in model:
-        found = searched_set(models, model, item) if item >= 0 else None
-        if found is None or len(found.intervals) < 2:
+        if item < 0 or len(searched_set(models, model, item)) < 2:
             continue
         axis = models.design.candidates[models.design.members[item].candidate].axis
         own = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
@@ -215,25 +205,23 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
         return item, None
     rest = tuple(x for x in models.members(model) if x != item)
     grid = np.asarray(member.form.grid)
-    low, high = float(grid.min()), float(grid.max())
-    value, best = float(member.value), item
+    best, tangent = item, _tangent(design, like, rest, item)
     top = like.log_likelihood(like.closure((*rest, item)))
     for _ in range(4):
-        tangent = _tangent(design, like, rest, best)
         if tangent is None:
-            return best, None
+            break
         closure = like.closure((*rest, best))
         change = like.fit((*closure, tangent.index)).beta[len(closure)] / tangent.norm
-        new = float(np.clip(value * np.exp(np.clip(change, -0.3, 0.3)), low, high))
-        items = evaluated(design, member.form, np.array([new]))
+        new = design.members[best].value * np.exp(np.clip(change, -0.3, 0.3))
+        items = evaluated(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
         if not items:
             break
         m = add(design, member.candidate, items[0])
         now = like.log_likelihood(like.closure((*rest, m)))
         if now <= top + 1e-9:
             break
-        value, best, top = new, m, now
-    return best, _tangent(design, like, rest, best)
+        best, tangent, top = m, _tangent(design, like, rest, m), now
+    return best, tangent
 
 
 def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) -> Tangent | None:
@@ -260,51 +248,22 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
     searched, if wanted.
     """
     design, like = models.design, models.likelihood
-    found = []
-    for item in models.members(model):
-        searched = searched_set(models, model, item) if sets else None
-        best, tangent = polished(models, model, item)
-        if searched is not None and (value := design.members[best].value) is not None:
-            searched = replace(searched, value=value)
-        found.append((best, tangent, searched))
+    items = models.members(model)
+    found = [polished(models, model, item) for item in items]
     smooth = (item for item in model if item < 0)
-    closure = models.columns((*(best for best, _, _ in found), *smooth))
-    tangents = [tangent.index for _, tangent, _ in found if tangent is not None]
+    closure = models.columns((*(best for best, _ in found), *smooth))
+    tangents = [tangent.index for _, tangent in found if tangent is not None]
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
-    axes, unit, k = design.table.axes, design.table.unit, len(fit.beta)
-    # Columns alike but for their mean are one: that of the effect counts.
-    means = design.columns.means[list(fit.columns)].reshape(k, len(axes)).copy()
-    rows, labels = list[FloatArray](), list[tuple[str, str, str]]()
-    starts, used = [0], set[int]()
-    for best, tangent, _ in found:
-        member = design.members[best]
-        form = member.form
-        labels += [(name, its, "own") for name, its in form.parameters.items()]
-        labels += [(n, its, "margin") for low in form.margins for n, its in low.parameters.items()]
-        for index, factor, mean in zip(member.indices, member.factors, member.means, strict=True):
-            rows.append(np.zeros(k))
-            if index >= 0 and index not in used:
-                at = fit.columns.index(index)
-                rows[-1][at], means[at] = 1 / factor, mean / factor
-                used.add(index)
-        if tangent is not None and tangent.index not in used:
-            rows.append(np.zeros(k))
-            norm = float(np.linalg.norm(tangent.sizes))
-            rows[-1][fit.columns.index(tangent.index)] = norm / tangent.norm
-            labels.append((f"{form.searched}_change", form.change_unit(), "searched"))
-        starts.append(len(rows))
-    n = len(rows)
-    whole = np.concatenate([np.reshape(rows, (n, k)), -means.T])
-    labels += [(f"level_{axis}", unit, "level") for axis in axes]
+    whole, labels, starts = _map(design, fit.columns, found)
     covariance, values = whole @ fit.covariance @ whole.T, whole @ fit.beta
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
     parts = np.abs(whole) * np.sqrt(np.diag(fit.covariance))
     dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
-    for a in range(len(axes)):
+    for a, row in enumerate(range(starts[-1], len(labels))):
         mean, variance, nu = mean_of(like, fit.weights, fit.dof, a)
-        values[n + a] += mean
-        covariance[n + a, n + a] += np.nan_to_num(variance)
-        dof[n + a] = float(np.nan_to_num(nu, nan=np.inf))
+        values[row] += mean
+        covariance[row, row] += np.nan_to_num(variance)
+        dof[row] = float(np.nan_to_num(nu, nan=np.inf))
     values, covariance = values * design.scale, covariance * design.scale**2
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     sizes = tuple(
@@ -313,17 +272,54 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
             labels, values.tolist(), u.tolist(), dof, strict=True
         )
     )
-    estimates = tuple(
-        Estimate(
-            member=design.members[best],
-            sizes=sizes[first:end],
-            rows=tuple(range(first, end)),
-            searched=searched,
-            tangent=tangent,
+    effects = []
+    for item, (best, tangent), ends in zip(items, found, pairwise(starts), strict=True):
+        member, searched = design.members[best], None
+        if sets and member.value is not None:
+            intervals = searched_set(models, model, item)
+            searched = Searched(name=member.form.searched, value=member.value, intervals=intervals)
+        effects.append(
+            Estimate(
+                member=member,
+                sizes=sizes[slice(*ends)],
+                rows=tuple(range(*ends)),
+                searched=searched,
+                tangent=tangent,
+            )
         )
-        for (best, tangent, searched), (first, end) in zip(found, pairwise(starts), strict=True)
-    )
-    return Estimates(effects=estimates, levels=sizes[n:], covariance=covariance, fit=fit)
+    levels = sizes[starts[-1] :]
+    return Estimates(effects=tuple(effects), levels=levels, covariance=covariance, fit=fit)
+
+
+def _map(
+    design: Design, columns: Columns, found: Sequence[tuple[int, Tangent | None]]
+) -> tuple[FloatArray, list[tuple[str, str, str]], list[int]]:
+    """The linear map (n + A, k) from the sizes of the unit columns of a fit to those of the n
+    parameters of effects and to the levels; name, unit and role of each of these; and where those
+    of each effect begin and end.
+    """
+    axes, k = design.table.axes, len(columns)
+    means = design.columns.means[list(columns)].reshape(k, len(axes)).copy()
+    rows, labels, starts = list[FloatArray](), list[tuple[str, str, str]](), [0]
+    # Of effects that share a column the first has it.
+    places = {index: at for at, index in reversed([*enumerate(columns)])}
+    for best, tangent in found:
+        member = design.members[best]
+        form = member.form
+        labels += [(name, its, "own") for name, its in form.parameters.items()]
+        labels += [(n, its, "margin") for low in form.margins for n, its in low.parameters.items()]
+        for index, factor, mean in zip(member.indices, member.factors, member.means, strict=True):
+            rows.append(np.zeros(k))
+            if (at := places.pop(index, None)) is not None:
+                # Columns alike but for their mean are one: that of the effect counts.
+                rows[-1][at], means[at] = 1 / factor, mean / factor
+        if tangent is not None and (at := places.pop(tangent.index, None)) is not None:
+            rows.append(np.zeros(k))
+            rows[-1][at] = float(np.linalg.norm(tangent.sizes)) / tangent.norm
+            labels.append((f"{form.searched}_change", form.change_unit(), "searched"))
+        starts.append(len(rows))
+    labels += [(f"level_{axis}", design.table.unit, "level") for axis in axes]
+    return np.concatenate([np.reshape(rows, (len(rows), k)), -means.T]), labels, starts
 
 
 def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:

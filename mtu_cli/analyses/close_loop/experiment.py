@@ -96,17 +96,15 @@ def follow_ups(
     forms = [rival.form for rival in rivals]
     used = {name for form in forms for name in form.used}
     used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
-    yield f"{make} {MORE} more {noun} as before", extended(table)
+    yield f"{make} {MORE} more {noun} as before", extended(table, {})
     names = [name for name in table.covariates if name in used]
     reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
     if reverse and not readings:
         yield "run the program in the reverse direction", extended(table, reverse)
-    counts = [name for name in COUNTING if name in table.covariates]
-    again: dict[str, Change | None] = dict.fromkeys(counts)
-    if again.keys() & used and again.keys() - {"sequence"}:
-        again.pop("sequence", None)
+    again = [name for name in COUNTING if name in table.covariates and name != "sequence"]
+    if again and used & {*COUNTING}:
         rest = "after a cold start" if "time_min" in used else "with a new tool"
-        yield f"{make} {MORE} more {noun} {rest}", extended(table, again)
+        yield f"{make} {MORE} more {noun} {rest}", extended(table, dict.fromkeys(again))
     hot = [name for name in names if is_temperature(name)]
     warmer: dict[str, Change] = dict.fromkeys(hot, partial(np.add, OTHER_DAY_K))
     if warmer:
@@ -118,18 +116,17 @@ def follow_ups(
         if axis in used and span > 0:
             shift = SHIFT * (pitch or span)
             what = "the positions" if readings else "the fixture"
-            yield f"shift {what} by {shift:.3g} mm along {axis}", extended(table, shift={i: shift})
+            shifted = extended(table, {}, shift * np.eye(len(AXES))[i])
+            yield f"shift {what} by {shift:.3g} mm along {axis}", shifted
 
 
 def extended(
-    table: ResidualTable,
-    changes: Mapping[str, Change | None] | None = None,
-    shift: Mapping[int, float] | None = None,
+    table: ResidualTable, changes: Mapping[str, Change | None], shift: FloatArray | float = 0.0
 ) -> ResidualTable:
     """The table with further parts, which repeat the last ones but for `changes` of columns (None:
-    as the first parts were) and a `shift` (mm) of places; those that count parts or time go on.
+    as the first parts were) and a `shift` (3,) mm of places; those that count parts or time go on.
     """
-    P, changes = len(table.parts), changes or {}
+    P = len(table.parts)
     again = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
     covariates = dict(table.covariates)
     for name, values in table.covariates.items():
@@ -143,15 +140,12 @@ def extended(
             change = changes.get(name, np.asarray)
             further = np.resize(values, further.shape) if change is None else change(further)
             covariates[name] = np.concatenate([known, further])
-    places = np.concatenate([table.places, table.places[again]])
-    for i, by in (shift or {}).items():
-        places[P:, :, i] += by
     return replace(
         table,
         parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
         errors=np.zeros((P + MORE, *table.errors.shape[1:])),
         repeats=np.ones((P + MORE, len(table.features)), np.int64),
-        places=places,
+        places=np.concatenate([table.places, table.places[again] + shift]),
         covariates=covariates,
     )
 

@@ -69,10 +69,14 @@ class FoundEffect:
         return several and bool(self.of_role("searched"))
 
     @property
+    def used(self) -> list[str]:
+        """The names in its equations, each once."""
+        return [*dict.fromkeys(n for text in self.equations.values() for n in names(parse(text)))]
+
+    @property
     def written(self) -> list[int]:
         """Which of its parameters its equations have: a table stands for sizes of its own."""
-        used = {name for text in self.equations.values() for name in names(parse(text))}
-        return [i for i, parameter in enumerate(self.parameters) if parameter.name in used]
+        return [i for i, parameter in enumerate(self.parameters) if parameter.name in self.used]
 
     @property
     def not_written(self) -> str:
