@@ -9,14 +9,16 @@ import numpy as np
 from effect_tables import readings_table
 from effect_tables import table as points_table
 
-from mtu_cli.analyses.close_loop.estimate import Parameter, Searched, SmoothEffect
-from mtu_cli.analyses.close_loop.experiment import Experiment
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
+    Experiment,
     FoundEffect,
     Judged,
+    Parameter,
     Scores,
+    Searched,
+    SmoothEffect,
     TableResult,
 )
 from mtu_cli.model.effect_library import Candidate, effect_library

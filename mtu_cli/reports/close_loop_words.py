@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.estimate import Parameter
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.numbers import p_value, plus_minus, significant

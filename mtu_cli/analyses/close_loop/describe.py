@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import (
-    Estimate,
-    Estimates,
-    Parameter,
-    SmoothEffect,
-    smooth_effect,
-)
+from mtu_cli.analyses.close_loop.estimate import Estimates, smooth_effect
 from mtu_cli.analyses.close_loop.experiment import experiment
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
-from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, SmoothEffect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
-from mtu_cli.language.tree import filled_text
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
@@ -42,38 +34,31 @@ def described(
     """
     design, table = found.design, found.design.table
     candidates = {candidate.name: candidate for candidate in design.candidates}
-    estimates = dict(zip(found.models.members(found.model), sizes.effects, strict=True))
+    both = zip(sizes.effects, sizes.members, strict=True)
+    estimates = dict(zip(found.models.members(found.model), both, strict=True))
     effects, offsets = list[FoundEffect](), list[FoundEffect]()
     for entry in found.entries:
-        judged: dict[str, Any] = {
-            "p_familywise": entry.p,
-            "log_bayes_factor": entry.gain,
-            "posterior": entry.posterior,
-            "class_names": tuple(name for name, _, _ in entry.credible),
-        }
-        if (estimate := estimates.get(entry.item)) is None:
-            effects.append(_smooth(found, entry, judged))
-            continue
-        member, rows, form = estimate.member, estimate.rows, estimate.member.form
-        effect = FoundEffect(
-            candidate=candidates[entry.name],
-            covariate=form.covariate,
-            parameters=estimate.sizes,
-            covariance=sizes.covariance[np.ix_(rows, rows)],
-            rows=rows,
-            equations=_equations(estimate),
-            chosen=None if form.chosen is None else form.chosen[member.chosen or 0],
-            searched=estimate.searched,
-            **judged,
-        )
-        if compare:
-            effect = replace(
+        if entry.item in estimates:
+            effect, member = estimates[entry.item]
+            if compare:
+                effect = replace(
+                    effect,
+                    explained_share=_explained(found.likelihood, sizes, member),
+                    aliases=aliases(design, sizes.fit.weights, member),
+                    experiment=experiment(found, entry, sizes.fit.weights),
+                )
+            effect = _as_table(effect, table)
+        else:
+            effect = _smooth(found, entry)
+        effects.append(
+            replace(
                 effect,
-                explained_share=_explained(found.likelihood, sizes, estimate),
-                aliases=aliases(design, sizes.fit.weights, member),
-                experiment=experiment(found, entry, sizes.fit.weights),
+                p_familywise=entry.p,
+                log_bayes_factor=entry.gain,
+                posterior=entry.posterior,
+                class_names=tuple(name for name, _, _ in entry.credible),
             )
-        effects.append(_as_table(effect, table))
+        )
     for offset in found.offsets:
         a = design.axis(candidates[offset.name])
         level = replace(sizes.levels[a], name="shift", role="own")
@@ -167,38 +152,13 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
     )
 
 
-def _equations(estimate: Estimate) -> dict[str, str]:
-    """The equations of an effect with its margins, and the change of what was searched: by its
-    logarithm, the sizes in proportion.
-    """
-    bound, value = estimate.member.form, estimate.member.value
-    terms: dict[str, list[str]] = {}
-    for each in (bound, *bound.margins):
-        for key, text in each.texts(value).items():
-            terms.setdefault(key, []).append(text)
-    # Two effects that have the same change have it once.
-    if value is not None and any(size.role == "searched" for size in estimate.sizes):
-        assert estimate.tangent is not None
-        name, sizes = bound.searched, estimate.tangent.sizes
-        shares = sizes / max(float(np.linalg.norm(sizes)), 1e-300) * value
-        share = dict(zip(bound.parameters, shares.tolist(), strict=False))
-        for a, slopes in bound.slopes().items():
-            parts = [
-                f"({share[parameter]!r})*({filled_text(slope, {name: value})})"
-                for parameter, slope in slopes.items()
-            ]
-            text = f"{name}_change*({' + '.join(parts)})"
-            terms.setdefault(f"E{bound.data.table.axes[a]}", []).append(text)
-    return {key: " + ".join(texts) for key, texts in terms.items()}
-
-
-def _explained(likelihood: Likelihood, sizes: Estimates, effect: Estimate) -> float:
+def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> float:
     """The share of the errors' weighted squares that an effect explains with its margins, but for
     those that are other effects.
     """
     fit, strata = sizes.fit, likelihood.design.strata
-    others = {i for x in sizes.effects if x is not effect for i in x.member.own}
-    mine = {*effect.member.own, *effect.member.low} - (others - {*effect.member.own})
+    others = {i for x in sizes.members if x is not member for i in x.own}
+    mine = {*member.own, *member.low} - (others - {*member.own})
     at = [k for k, i in enumerate(fit.columns) if i in mine]
     x = fit.beta[at] @ likelihood.design.columns.dense([fit.columns[i] for i in at])
     w = np.repeat(fit.weights, strata.sizes.astype(int))
@@ -226,7 +186,7 @@ def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, .
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in alike))
 
 
-def _smooth(found: Diagnosis, entry: Entry, judged: dict[str, Any]) -> FoundEffect:
+def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
     design, like = found.design, found.likelihood
     kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in found.model if item != entry.item)
@@ -250,5 +210,4 @@ def _smooth(found: Diagnosis, entry: Entry, judged: dict[str, Any]) -> FoundEffe
         covariance=np.array([[u2]]),
         equations={f"E{axis}": entry.name.replace("-", "_")},
         table=table,
-        **judged,
     )

@@ -5,11 +5,11 @@ profiles as tables of values along an axis with their covariance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import chdtri, logsumexp, stdtrit
+from scipy.special import chdtri, logsumexp
 
 from mtu_cli.analyses.close_loop.design import (
     DEPENDENT,
@@ -24,8 +24,9 @@ from mtu_cli.analyses.close_loop.design import (
 from mtu_cli.analyses.close_loop.gate import mean_of
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Model, ModelSet
+from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.strata import NONE
-from mtu_cli.model.effect_library import TableData
+from mtu_cli.language.tree import filled_text
 from mtu_cli.stats.kernels import smooth_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.smooth_profile import averaged
@@ -33,37 +34,6 @@ from mtu_cli.stats.smooth_profile import averaged
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""
 COVERED = 0.95
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Searched:
-    """A parameter in which an effect is not linear: its likeliest value and its 95 % set, a union
-    of intervals.
-    """
-
-    name: str
-    value: float
-    intervals: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
-    """A parameter with its standard uncertainty and degrees of freedom; `unit` to show it in.
-    `role`: own of the effect, of a margin, the level, or a change of what was searched.
-    """
-
-    name: str
-    unit: str
-    value: float
-    u: float
-    dof: float
-    role: str = "own"
-
-    @property
-    def interval95(self) -> tuple[float, float]:
-        """The 95 % interval (Student's t)."""
-        half = float(stdtrit(max(self.dof, 1.0), 0.975)) * self.u
-        return self.value - half, self.value + half
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,42 +48,17 @@ class Tangent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """One mean effect of a model: its member, sizes, and the rows of them in the covariance."""
-
-    member: Member
-    sizes: tuple[Parameter, ...]
-    rows: tuple[int, ...]
-    searched: Searched | None
-    tangent: Tangent | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """All mean effects of a model; `covariance` (k, k) of their sizes, then of the levels of all
-    axes; `levels` (A,) are what is left of the mean beside the effects. In mm or rad.
+    """All mean effects of a model, as far as it says what they are, and the `members` that they
+    are; `covariance` (k, k) of their sizes, then of the levels of all axes; `levels` (A,) are what
+    is left of the mean beside the effects. In mm or rad.
     """
 
-    effects: tuple[Estimate, ...]
+    effects: tuple[FoundEffect, ...]
+    members: tuple[Member, ...]
     levels: tuple[Parameter, ...]
     covariance: FloatArray
     fit: Fit
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SmoothEffect:
-    """Values (T,) at `knots` (T,) mm along axis `along`, about their line and the features' mean,
-    with the covariance (T, T); `roughness` is the variance of the integrated Wiener process per
-    mm^3, `between` a variance off the knots. In mm or rad.
-    """
-
-    along: str
-    knots: FloatArray
-    values: FloatArray
-    covariance: FloatArray
-    roughness: float
-    dof: float
-    between: float = 0.0
 
 
 def searched_set(models: ModelSet, model: Model, item: int) -> tuple[tuple[float, float], ...]:
@@ -272,23 +217,33 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
             labels, values.tolist(), u.tolist(), dof, strict=True
         )
     )
-    effects = []
-    for item, (best, tangent), ends in zip(items, found, pairwise(starts), strict=True):
-        member, searched = design.members[best], None
+    effects, members = [], [design.members[best] for best, _ in found]
+    for item, member, (_, tangent), ends in zip(
+        items, members, found, pairwise(starts), strict=True
+    ):
+        form, rows, searched = member.form, tuple(range(*ends)), None
         if sets and member.value is not None:
-            intervals = searched_set(models, model, item)
-            searched = Searched(name=member.form.searched, value=member.value, intervals=intervals)
+            own = searched_set(models, model, item)
+            searched = Searched(name=form.searched, value=member.value, intervals=own)
         effects.append(
-            Estimate(
-                member=member,
-                sizes=sizes[slice(*ends)],
-                rows=tuple(range(*ends)),
+            FoundEffect(
+                candidate=design.candidates[member.candidate],
+                covariate=form.covariate,
+                parameters=sizes[slice(*ends)],
+                covariance=covariance[np.ix_(rows, rows)],
+                rows=rows,
+                equations=_equations(member, tangent, sizes[slice(*ends)]),
+                chosen=None if form.chosen is None else form.chosen[member.chosen or 0],
                 searched=searched,
-                tangent=tangent,
             )
         )
-    levels = sizes[starts[-1] :]
-    return Estimates(effects=tuple(effects), levels=levels, covariance=covariance, fit=fit)
+    return Estimates(
+        effects=tuple(effects),
+        members=tuple(members),
+        levels=sizes[starts[-1] :],
+        covariance=covariance,
+        fit=fit,
+    )
 
 
 def _map(
@@ -322,15 +277,31 @@ def _map(
     return np.concatenate([np.reshape(rows, (len(rows), k)), -means.T]), labels, starts
 
 
-def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
-    """Levers of all parameters of a member on other data, the numbers of its own data in place."""
-    value = None if member.value is None else np.array([member.value])
-    result = []
-    for bound in (member.form, *member.form.margins):
-        for lever in replace(bound, data=data).columns(value):
-            g = member.chosen or 0
-            result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
-    return result
+def _equations(
+    member: Member, tangent: Tangent | None, sizes: Sequence[Parameter]
+) -> dict[str, str]:
+    """The equations of an effect with its margins, and the change of what was searched: by its
+    logarithm, the sizes in proportion.
+    """
+    bound, value = member.form, member.value
+    terms: dict[str, list[str]] = {}
+    for each in (bound, *bound.margins):
+        for key, text in each.texts(value).items():
+            terms.setdefault(key, []).append(text)
+    # Two effects that have the same change have it once.
+    changed = any(size.role == "searched" for size in sizes)
+    if changed and value is not None and tangent is not None:
+        name, own = bound.searched, tangent.sizes
+        shares = own / max(float(np.linalg.norm(own)), 1e-300) * value
+        share = dict(zip(bound.parameters, shares.tolist(), strict=False))
+        for a, slopes in bound.slopes().items():
+            parts = [
+                f"({share[parameter]!r})*({filled_text(slope, {name: value})})"
+                for parameter, slope in slopes.items()
+            ]
+            text = f"{name}_change*({' + '.join(parts)})"
+            terms.setdefault(f"E{bound.data.table.axes[a]}", []).append(text)
+    return {key: " + ".join(texts) for key, texts in terms.items()}
 
 
 def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEffect:

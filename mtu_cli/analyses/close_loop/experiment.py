@@ -10,16 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri, ndtri
 
 from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import levers_on
 from mtu_cli.analyses.close_loop.gate import partial_out
 from mtu_cli.analyses.close_loop.model_set import Entry
+from mtu_cli.analyses.close_loop.result import Experiment
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, strata_of
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
@@ -38,13 +37,6 @@ COUNTING = ("sequence", "tool_parts", "time_min")
 """Columns that go on from part to part."""
 
 Change = Callable[[FloatArray], FloatArray]
-
-
-class Experiment(NamedTuple):
-    """What to do, and the separation of the rivals in standard deviations after it."""
-
-    do: str
-    predicted_d: float
 
 
 def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
@@ -85,6 +77,17 @@ def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experimen
         if not best.do or d > ENOUGH * best.predicted_d:
             best = Experiment(do, d)
     return best
+
+
+def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
+    """Levers of all parameters of a member on other data, the numbers of its own data in place."""
+    value = None if member.value is None else np.array([member.value])
+    result = []
+    for bound in (member.form, *member.form.margins):
+        for lever in replace(bound, data=data).columns(value):
+            g = member.chosen or 0
+            result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
+    return result
 
 
 def follow_ups(

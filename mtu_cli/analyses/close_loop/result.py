@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
-from mtu_cli.analyses.close_loop.estimate import Parameter, Searched, SmoothEffect
-from mtu_cli.analyses.close_loop.experiment import Experiment
+from scipy.special import stdtrit
+
 from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.effect_library import Candidate
@@ -15,6 +16,60 @@ from mtu_cli.stats.least_squares import FloatArray
 
 WORST = ("unexplained", "class", "named", "none")
 """The verdicts; that on several tables is the first of theirs."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Searched:
+    """A parameter in which an effect is not linear: its likeliest value and its 95 % set, a union
+    of intervals.
+    """
+
+    name: str
+    value: float
+    intervals: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A parameter with its standard uncertainty and degrees of freedom; `unit` to show it in.
+    `role`: own of the effect, of a margin, the level, or a change of what was searched.
+    """
+
+    name: str
+    unit: str
+    value: float
+    u: float
+    dof: float
+    role: str = "own"
+
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """The 95 % interval (Student's t)."""
+        half = float(stdtrit(max(self.dof, 1.0), 0.975)) * self.u
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmoothEffect:
+    """Values (T,) at `knots` (T,) mm along axis `along`, about their line and the features' mean,
+    with the covariance (T, T); `roughness` is the variance of the integrated Wiener process per
+    mm^3, `between` a variance off the knots. In mm or rad.
+    """
+
+    along: str
+    knots: FloatArray
+    values: FloatArray
+    covariance: FloatArray
+    roughness: float
+    dof: float
+    between: float = 0.0
+
+
+class Experiment(NamedTuple):
+    """What to do, and the separation of the rivals in standard deviations after it."""
+
+    do: str
+    predicted_d: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,11 +95,11 @@ class FoundEffect:
     chosen: str | None = None
     ratio: float | None = None
     searched: Searched | None = None
-    p_familywise: float
+    p_familywise: float = 1.0
     log_bayes_factor: float | None = None
     posterior: float | None = None
     explained_share: float = 0.0
-    class_names: tuple[str, ...]
+    class_names: tuple[str, ...] = ()
     aliases: tuple[str, ...] = ()
     experiment: Experiment | None = None
 

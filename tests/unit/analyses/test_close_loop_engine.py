@@ -124,7 +124,7 @@ def test_sizes_are_those_of_dense_generalised_least_squares(seed: int) -> None:
     covariance = np.linalg.inv(X.T @ np.linalg.solve(V, X))
     beta = covariance @ X.T @ np.linalg.solve(V, own.errors[..., 0].ravel())
     (effect,) = sizes.effects
-    size = effect.sizes[0]
+    size = effect.parameters[0]
     assert size.value == pytest.approx(beta[0], rel=1e-6)
     assert size.u == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-3)
     assert sizes.levels[0].value == pytest.approx(beta[1], rel=1e-6)
