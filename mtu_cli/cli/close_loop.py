@@ -5,18 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mtu_cli import __version__
+from mtu_cli.analyses import close_loop as loop
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.cli.emit import Outcome, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import drift_estimates, modelled
+from mtu_cli.files.extend_machine import ExtendedMachine, extended_machine
+from mtu_cli.files.write import report_bytes
 from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
+from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
+from mtu_cli.model.estimates import EffectEstimates
 from mtu_cli.model.fit import (
     MachineFit,
     estimates_from_fit,
@@ -24,34 +31,26 @@ from mtu_cli.model.fit import (
     fit_machine,
     machine_warnings,
 )
+from mtu_cli.model.reading_residuals import reading_tables
+from mtu_cli.model.residuals import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports import close_loop as report
+from mtu_cli.reports import fit_components
+from mtu_cli.reports.document import envelope
+from mtu_cli.reports.fields import plain
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
-
-if TYPE_CHECKING:
-    from mtu_cli.analyses.close_loop.result import (
-        CloseLoopResult,
-        FoundEffect,
-        TableResult,
-    )
-    from mtu_cli.files.extend_machine import ExtendedMachine
-    from mtu_cli.model.estimates import EffectEstimates
-    from mtu_cli.model.residuals import ResidualTable
 
 ALPHA, MAX_EFFECTS = 0.05, 4
 
 
 def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
     """Asks measured data what the model lacks, and adds it to the machine."""
-    from mtu_cli.analyses.close_loop import close_loop as analysis
-    from mtu_cli.model.effect_library import effect_library
-    from mtu_cli.reports import close_loop as report
-
     chosen = inputs.chosen
     library = effect_library(inputs.files("effects"))
     tables, earlier, warnings = _tables(inputs, chosen.datum or "none")
     inputs.sources.extend(library.sources)
-    result = analysis(
+    result = loop.close_loop(
         tables,
         library,
         alpha=chosen.alpha or ALPHA,
@@ -81,21 +80,18 @@ def _tables(
     Where points are measured, readings are what the components are fitted to; else they are
     what is judged, against a components report or the machine file.
     """
-    from mtu_cli.model.reading_residuals import reading_tables
-    from mtu_cli.model.residuals import residual_table
-
     machine = inputs.machine
     if inputs.files("cmm"):
         result = modelled(inputs)
         table, more = residual_table(result.model, inputs.points, inputs.at, datum)
         return (table,), result.estimates.effects, [*result.warnings, *more]
-    readings, report = inputs.readings, inputs.reports.components
+    readings, known = inputs.readings, inputs.reports.components
     if readings is None:
         raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")
     before, warnings = estimates_from_fit(machine, None), searched_warnings(machine)
-    if report is not None:
-        before = estimates_from_report(machine, report)
-        warnings += effect_warnings(machine, before.effects, report.source.shown)
+    if known is not None:
+        before = estimates_from_report(machine, known)
+        warnings += effect_warnings(machine, before.effects, known.source.shown)
     unused = [f"--at {name}" for name in inputs.at] + ["--datum"] * (datum != "none")
     why = ": readings are judged, no points of parts (--cmm) are given"
     warnings += [finding("option-not-used", path=name, why=why) for name in unused]
@@ -114,8 +110,6 @@ def _written(
     """The files of --write-machine and --write-components, none where neither is asked for, and
     what to warn of. Raises InputError for effects that no machine file can hold.
     """
-    from mtu_cli.files.extend_machine import extended_machine
-
     asked = written_files(inputs.options)
     if not {"write_machine", "write_components"} & asked.keys():
         return {}, []
@@ -238,16 +232,10 @@ def _components(
     """The fit-components report of the call's components, with the effects of the machine: of
     readings what these leave of them is fitted.
     """
-    from mtu_cli.analyses.fit_components import fit_result
-    from mtu_cli.files.write import report_bytes
-    from mtu_cli.reports.document import envelope
-    from mtu_cli.reports.fields import plain
-    from mtu_cli.reports.fit_components import document
-
-    report, machine = inputs.reports.components, extended.machine
+    known, machine = inputs.reports.components, extended.machine
     warnings: Sequence[Finding] = ()
-    if report is not None:
-        results = dict(report.document["results"])
+    if known is not None:
+        results = dict(known.document["results"])
     else:
         readings = inputs.readings
         none = MachineFit(components={}, joint=())
@@ -255,7 +243,7 @@ def _components(
         says = {name: x.says for name, x in machine.machine.components.items() if x.says}
         estimates = estimates_from_fit(machine, fit)
         fitted = fit_result(machine.machine.name, fit, estimates, says=says)
-        results, warnings = document(fitted).record(), fitted.warnings
+        results, warnings = fit_components.document(fitted).record(), fitted.warnings
     effects = all_together(machine, earlier, extended.parameters, covariance)
     results.pop("effects", None)
     if effects is not None:

@@ -85,8 +85,8 @@ def close_loop(
             return without_references(found)
 
         done(0, 1)
-        result, held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
-        return _result(result, held, table, rate=rate, tables=len(judged))
+        found, held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
+        return _result(found, held, table, rate=rate, tables=len(judged))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
         results = tuple(one_table(number, table) for number, table in enumerate(judged))
