@@ -131,7 +131,8 @@ class FoundEffect:
     @property
     def written(self) -> list[int]:
         """Which of its parameters its equations have: a table stands for sizes of its own."""
-        return [i for i, parameter in enumerate(self.parameters) if parameter.name in self.used]
+        used = self.used
+        return [i for i, parameter in enumerate(self.parameters) if parameter.name in used]
 
     @property
     def not_written(self) -> str:
