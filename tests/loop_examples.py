@@ -9,14 +9,16 @@ import numpy as np
 from effect_tables import readings_table
 from effect_tables import table as points_table
 
-from mtu_cli.analyses.close_loop.estimate import Parameter, Searched, SmoothEffect
-from mtu_cli.analyses.close_loop.experiment import Experiment
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
+    Experiment,
     FoundEffect,
     Judged,
+    Parameter,
     Scores,
+    Searched,
+    SmoothEffect,
     TableResult,
 )
 from mtu_cli.model.effect_library import Candidate, effect_library
@@ -56,7 +58,7 @@ def effect(name: str, *parameters: Parameter, **changed: Any) -> FoundEffect:
         log_bayes_factor=31.2,
         posterior=0.99,
         explained_share=0.25,
-        classes=((name, 0.99),),
+        class_names=(name,),
     )
     return replace(found, **changed)
 
@@ -83,7 +85,7 @@ CYCLIC = effect(
 )
 CLASS = replace(
     BACKLASH,
-    classes=(("backlash-x", 0.6), ("wear-approach-x", 0.3)),
+    class_names=("backlash-x", "wear-approach-x"),
     experiment=Experiment(do="turn the part", predicted_d=6.3),
 )
 SMOOTH = replace(
@@ -149,7 +151,7 @@ def on_table(
     before, after = (scores(rms, own.axes, scale) for rms in (3.6, 2.0 if effects else 3.6))
     found = TableResult(
         table=own,
-        verdict=verdict,  # type: ignore[arg-type]  # a word of the tests
+        verdict=verdict,
         effects=effects,
         candidates=(
             judged("scale-x", -1.25),

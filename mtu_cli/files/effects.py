@@ -10,12 +10,12 @@ followed by ``0``, ``_low`` or ``3`` in the braces is a number of the data: ``{a
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from mtu_cli.files.contract import (
     IDENTIFIER,
@@ -23,6 +23,7 @@ from mtu_cli.files.contract import (
     Faults,
     Name,
     check_contract,
+    one_or_more,
     optional,
     present,
 )
@@ -68,14 +69,7 @@ EffectParameters = Annotated[dict[Name, ParameterUnitName], Field(min_length=1)]
 Kind = Literal["mean", "offset", "outlier", "scatter"]
 
 
-def _listed(value: object) -> object:
-    values = value if isinstance(value, list) else [value]
-    return [repr(item) if type(item) in (int, float) else item for item in values]
-
-
-Bounds = Annotated[
-    list[Text], BeforeValidator(_listed, json_schema_input_type=float | str | list[float | str])
-]
+Bounds = Annotated[list[EquationText], one_or_more(float | str)]
 """Numbers or expressions in `BOUNDS` of the column searched along."""
 
 
@@ -198,14 +192,14 @@ def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> EffectLi
     families: list[LoadedFamily] = []
 
     def check(effects: Effects, faults: Faults) -> None:
-        listed = present(effects.effects)
-        named = [(index, _name(family)) for index, family in listed]
-        faults.once(("effects",), named, "the name of a family's candidates")
-        for index, family in listed:
-            here: YamlPath = ("effects", index)
+        named = []
+        for index, family in present(effects.effects):
             if owner := (taken or {}).get(family.family):
-                faults.add((*here, "family"), "name-taken", taken=owner, value=family.family)
-            families.append(_loaded(family, here, faults))
+                where = ("effects", index, "family")
+                faults.add(where, "name-taken", taken=owner, value=family.family)
+            families.append(_loaded(family, ("effects", index), faults))
+            named.append((index, families[-1].name))
+        faults.once(("effects",), named, "the name of a family's candidates")
 
     document = read_yaml(path, "effects")
     check_contract(document, Effects, "effects", check)
@@ -239,27 +233,12 @@ def number_of(raw: str) -> tuple[str, str] | None:
     return ("{" + match[1] + "}" if marks(raw) else match[1]), match[2]
 
 
-def _forms(family: Family, path: YamlPath) -> list[tuple[MemberTemplate, YamlPath]]:
-    """The sound forms of a family, each with its path."""
-    result = [(own, (*path, "members", index)) for index, own in present(family.members)]
-    if family.parameters is None or family.equations is None:
-        return result
-    of_family = {key: getattr(family, key) for key in ("parameters", "equations", "search")}
-    return [(MemberTemplate.model_construct(**of_family), path), *result]
-
-
-def _texts(form: MemberTemplate) -> list[str]:
-    return [text for both in form.equations.items() for text in both]
-
-
-def _name(family: Family) -> str:
-    used = marks(*(text for form, _ in _forms(family, ()) for text in _texts(form)))
-    return family.name or family.family + ("-{a}" if "a" in used else "")
-
-
 def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
     """A family whose keys and names in braces go with each other; else their faults are added."""
-    forms, margins = _forms(family, path), []
+    forms = [(own, (*path, "members", index)) for index, own in present(family.members)]
+    if family.parameters is not None and family.equations is not None:
+        of_family = {key: getattr(family, key) for key in ("parameters", "equations", "search")}
+        forms.insert(0, (MemberTemplate.model_construct(**of_family), path))
     if family.kind == "scatter":
         if family.family not in SCATTERS:
             expected = f"a family that is one of: {', '.join(SCATTERS)}"
@@ -271,12 +250,14 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
     if family.kind == "outlier" and family.over is None:
         expected = "over: feature, part or operation"
         faults.add(path, "missing-key", key="over", expected=expected)
+    used = _marks_of(form for form, _ in forms)
+    name, margins = family.name or family.family + ("-{a}" if "a" in used else ""), []
     for index, margin in present(family.margins):
         # A margin has what is searched where its equations name it.
         held = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
         search = {name: item for name, item in family.search.items() if name in held}
         margins.append((margin.model_copy(update={"search": search}), (*path, "margins", index)))
-    used = marks(_name(family), *(text for form, _ in (*forms, *margins) for text in _texts(form)))
+    used |= marks(name) | _marks_of(margin for margin, _ in margins)
     for mark, other in (("b", "{a}"), ("n", "{b}")):
         if mark in used and other[1] not in used:
             faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)
@@ -284,10 +265,14 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
         faults.add(path, "misplaced", key="{each}", where="a family without {a} and {b}")
     return LoadedFamily(
         family=family,
-        name=_name(family),
+        name=name,
         templates=tuple(_template(form, family, where, faults) for form, where in forms),
         margins=tuple(_template(form, family, where, faults) for form, where in margins),
     )
+
+
+def _marks_of(forms: Iterable[MemberTemplate]) -> set[str]:
+    return marks(*(text for form in forms for own in form.equations.items() for text in own))
 
 
 def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faults) -> Template:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ SCORES = """
     max_UNIT | largest | length of the largest error | largest, sig2()
     chi2_per_dof | | mean square over the variance that scatter explains | chi2/dof, sig2()
 """
-AXIS = "rms_{0}_UNIT | by_axis.{0} | root mean square error of one axis | rms {0}, sig2()"
+AXIS = "rms_AXIS_UNIT | by_axis.AXIS | root mean square error of one axis | rms AXIS, sig2()"
 SCORED = """
     component | table.component | whose readings are judged; null: points
     before. | | *scores
@@ -149,10 +150,10 @@ SMALLEST = """
 """
 SHOWN = """
     - | effect | | effect, text
-    - | name | | parameter, text
-    - | value | | value ± u, plus-minus, u=u, size=size(unit), unit=
-    - | unit | | unit, text
-    - | interval95 | | 95 % / interval, interval, u=u, size=size(unit)
+    - | one.name | | parameter, text
+    - | one.value | | value ± u, plus-minus, u=one.u, size=size(one.unit), unit=
+    - | one.unit | | unit, text
+    - | one.interval95 | | 95 % / interval, interval, u=one.u, size=size(one.unit)
     - | p_familywise | | p family- / wise, p
     - | explained_share | | of squares / %, percent1
 """
@@ -177,12 +178,12 @@ def _sig2(value: Any, u: None, digits: int) -> str:
 def _fields(text: str, item: TableResult | None, **known: Any) -> Fields:
     """Of a table in its unit; of points in um where there is none."""
     unit = "um" if item is None else item.table.unit
-    return declare(text.replace("UNIT", unit), sig2=_sig2, **known)
+    return declare(text, UNIT=unit, sig2=_sig2, **known)
 
 
 def _scores(item: TableResult | None) -> Fields:
     axes = ("x", "y") if item is None else item.table.axes
-    return _fields(SCORES, item, axes=[x for a in axes for x in _fields(AXIS.format(a), item)])
+    return _fields(SCORES, item, axes=[x for a in axes for x in _fields(AXIS, item, AXIS=a)])
 
 
 def _scored(item: TableResult | None) -> Fields:
@@ -226,16 +227,16 @@ def _candidate(name: str, *units: str) -> Fields:
     def in_class(x: Of) -> bool:
         return any(x.one.name in effect.class_names for effect in x.item.effects)
 
-    sizes: list[Any] = []
-    for unit in units:
+    def smallest(unit: str, x: Of) -> Any:
+        return x.one.minimum_detectable if x.item.table.unit == unit else None
 
-        def smallest(x: Of, unit: str = unit) -> Any:
-            return x.one.minimum_detectable if x.item.table.unit == unit else None
-
-        sizes += declare(SMALLEST.replace("UNIT", unit), smallest=smallest, sig2=_sig2)
+    sizes = (
+        declare(SMALLEST, UNIT=unit, smallest=partial(smallest, unit), sig2=_sig2) for unit in units
+    )
     return declare(
-        CANDIDATE.replace("NAME", name),
-        smallest=sizes,
+        CANDIDATE,
+        NAME=name,
+        smallest=list(chain(*sizes)),
         found=lambda x: any(x.one.name == effect.name for effect in x.item.effects),
         in_class=in_class,
         star=lambda x: "*" if in_class(x) else "",
@@ -298,40 +299,30 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
 
 def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
     """A row a parameter and value that was searched; of a scatter effect its ratio."""
-    keys = ("name", "unit", "value", "u", "interval95")
-    rows: list[tuple[Any, ...]] = [
-        (p.name, p.unit, p.value, p.u, p.interval95) for p in effect.of_role("own")
-    ]
+    rows: list[Any] = [*effect.of_role("own")]
     if (searched := effect.searched) is not None:
         word, _, unit = searched.name.rpartition("_")
-        rows.append(
-            (word or unit, unit if word else "", searched.value, None, _ends(searched.intervals))
-        )
+        words = {"name": word or unit, "unit": unit if word else ""}
+        rows.append(words | {"value": searched.value, "interval95": _ends(searched.intervals)})
     if effect.ratio is not None:
-        rows.append(("ratio of s", "", round(effect.ratio, 2), None, None))
-    lower = effect.of_role("margin", "level")
-    rows += [(p.name, p.unit, p.value, p.u, p.interval95) for p in lower]
-    first = {
+        rows.append({"name": "ratio of s", "unit": "", "value": round(effect.ratio, 2)})
+    of_effect = {
         "effect": " ".join(filter(None, (item.table.component, effect.name))),
         "p_familywise": effect.p_familywise,
         "explained_share": effect.explained_share or None,
     }
-    for row in rows:
-        yield {"effect": ""} | first | dict(zip(keys, row, strict=True))
-        first = {}
+    for row in (*rows, *effect.of_role("margin", "level")):
+        yield {**of_effect, "one": row}
+        of_effect = {"effect": ""}
 
 
 def _before_after(item: TableResult) -> Table:
-    lines = [("all data", item.in_sample_before, item.in_sample_after)]
+    rows = [("all data, before", item.in_sample_before), ("all data, after", item.in_sample_after)]
     if item.held_out is not None:
-        lines.insert(0, (f"held-out {item.held_out}", item.before, item.after))
-    rows = [(f"{label}, before", before) for label, before, _ in lines]
-    if item.effects:
-        rows = [
-            (f"{label}, {side}", scores)
-            for label, *pair in lines
-            for side, scores in zip(("before", "after"), pair, strict=True)
-        ]
+        of = f"held-out {item.held_out}"
+        rows = [(f"{of}, before", item.before), (f"{of}, after", item.after), *rows]
+    if not item.effects:
+        rows = rows[::2]
     fields = declare("- | 0 | | errors, text\nscores. | 1 | *scores", scores=_scores(item))
     footer = "95 % and largest: of the error vector's length"
     return Table(

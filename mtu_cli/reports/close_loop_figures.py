@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Judged, TableResult
-from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Sheet, Side
@@ -107,9 +106,7 @@ def _errors(
     if effect is not None:
         axis, known = effect.candidate.axis, {p.name for p in effect.parameters}
         a = table.axes.index(axis) if axis in table.axes else 0
-        used = [n for text in effect.equations.values() for n in names(parse(text))]
-        if effect.table is not None:
-            used = [effect.table.along]
+        used = effect.used if effect.table is None else [effect.table.along]
         for name in sorted((n for n in used if n not in known), key=lambda n: n not in AXES):
             if name in AXES:
                 label, x = f"{name}, mm", table.places[..., AXES.index(name)]

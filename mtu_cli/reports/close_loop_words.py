@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.estimate import Parameter
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.numbers import p_value, plus_minus, significant
@@ -132,7 +131,7 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         tentative = "Tentative: "
     named = []
     for effect in item.effects:
-        rivals = f", or {listed(effect.class_names[1:])}" if len(effect.classes) > 1 else ""
+        rivals = f", or {listed(effect.class_names[1:])}" if len(effect.class_names) > 1 else ""
         named.append(f"{effect_text(effect, item)} ({effect.name}{rivals})")
     if named:
         held = item.held_out
@@ -144,7 +143,7 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
             worth = f"no equation corrects that: the rms error of {of} is {before} {unit}"
         yield f"{tentative}{'; '.join(named)}; {worth}{floor}."
     for effect in item.effects:
-        if len(effect.classes) > 1:
+        if len(effect.class_names) > 1:
             separates = effect.candidate.separates
             do = f": {separates}" if separates else " by more data"
             if (best := effect.experiment) is not None and best.predicted_d >= WORTH_WHILE:

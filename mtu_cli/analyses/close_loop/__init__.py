@@ -1,11 +1,13 @@
 """What does the model lack? The residual traced to effects, with error rates that hold.
 
-1. Errors are split into strata, each with one variance (`strata`, `posed`); single entries far off
-   are excluded (`missing`).
-2. Every candidate of the library is evaluated as columns with its margins (`forms`, `design`).
+1. Too small tables are left out; errors are split into strata, each with one variance (`strata`,
+   `posed`); single entries far off are excluded (`missing`).
+2. Every candidate of the library is evaluated as columns with its margins (`design`, `columns`).
 3. One family-wise test says whether anything is there (`gate`); a set of models is searched through
-   it, and evidence says what (`likelihood`, `model_set`).
-4. Sizes, margins, levels and what was searched are estimated together (`estimate`, `smooth`).
+   it, and evidence says what (`likelihood`, `model_set`, `diagnosis`). An offset that says no more
+   than where an effect is counted from is none (`crossings`).
+4. Sizes, margins, levels and what was searched are estimated together (`estimate`) and stated as
+   equations of the machine (`describe`).
 5. Everything is done again without each block of parts, which scores the written machine
    (`held_out`); the experiment that would separate a class is chosen (`experiment`).
 """
@@ -23,6 +25,7 @@ from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import estimated
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.held_out import averaged, contribution, corrected, held_out
+from mtu_cli.analyses.close_loop.likelihood import Fit
 from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
@@ -39,8 +42,6 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import Progress
 from mtu_cli.stats.threads import one_blas_thread
-
-__all__ = ["CloseLoopResult", "TableResult", "close_loop", "judged_tables", "loop_warnings"]
 
 FEW_PARTS, FEWEST_ENTRIES = 5, 4
 WITHIN = "drift and warm-up but for what changes within a part"
@@ -67,15 +68,16 @@ def close_loop(
     One table of points, or one a component of readings: these share the rate (Bonferroni). The
     verdict is the weakest of all tables. `progress` is called with (done, total).
 
-    Raises InputError for a name in `exclude` that the library does not have.
+    Raises InputError for a name in `exclude` that the library does not have, and where no table has
+    enough to separate an effect from scatter.
     """
+    judged, left_out = _large_enough(tables)
+    rate = alpha / len(judged)
 
     def one_table(number: int, table: ResidualTable) -> TableResult:
-        rate = alpha / len(tables)
-
         def done(part: int, parts: int) -> None:
             if progress is not None:
-                progress(number * parts + part, len(tables) * parts)
+                progress(number * parts + part, len(judged) * parts)
 
         def diagnose(some: ResidualTable) -> Diagnosis:
             candidates = candidates_of(some, library, exclude)
@@ -83,17 +85,47 @@ def close_loop(
             return without_references(found)
 
         done(0, 1)
-        result, held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
-        return _result(result, held, table, rate=rate, tables=len(tables))
+        found, held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
+        return _result(found, held, table, rate=rate, tables=len(judged))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
-        results = tuple(one_table(number, table) for number, table in enumerate(tables))
+        results = tuple(one_table(number, table) for number, table in enumerate(judged))
+    datum = judged[0].datum
     return CloseLoopResult(
         verdict=min((item.verdict for item in results), key=WORST.index),
         tables=results,
         alpha=alpha,
-        datum=tables[0].datum,
+        datum=datum,
+        warnings=(*left_out, *_warnings(results, datum, max_effects)),
     )
+
+
+def _large_enough(
+    tables: Sequence[ResidualTable],
+) -> tuple[list[ResidualTable], list[Finding]]:
+    """The tables with enough to separate an effect from scatter, and a warning of each other one.
+
+    Raises InputError where none has.
+    """
+    kept, lacking = list[ResidualTable](), list[tuple[str, str]]()
+    for table in tables:
+        P, H = table.there.shape
+        of = "" if table.component is None else f" of {table.component}"
+        part, feature = ("passes", "positions") if of else ("parts", "features")
+        alone = int((table.there.sum(axis=1) == 1).sum())
+        if max(P, H) < FEWEST_ENTRIES:
+            expected = f"{FEWEST_ENTRIES} or more of one or the other"
+            lacking.append((f"{P} by {H} {part} and {feature}{of}", expected))
+        elif min(P, H) > 1 and alone > P / 2:
+            what = f"{alone} of {P} {part}{of} have one of the {feature}"
+            expected = f"one value in column {part[:4]!r} for all {feature} measured in one go"
+            lacking.append((what, expected))
+        else:
+            kept.append(table)
+    if not kept:
+        what, expected = lacking[0] if lacking else ("no readings", "readings")
+        raise error("too-little-data", what=what, expected=expected)
+    return kept, [finding("too-few", what=what) for what, _ in lacking]
 
 
 def _result(
@@ -112,25 +144,25 @@ def _result(
     after = corrected(table, contribution(effects, table, written=True), seen)
     mean = corrected(table, averaged(found, effects, table), seen)
     by, errors = (None, (table.errors, after, mean)) if held is None else held
-    design, fit = found.design, sizes.fit
-    strata, axis = design.strata, np.array(design.strata.axis)
-    P, H, A = strata.shape
-    known = fit.weights > 0
-    total = np.bincount(axis[known], strata.sizes[known] / fit.weights[known], minlength=A)
-    variance = np.asarray(total * design.scale**2 / (P * H), float)
-    # Of single entries about the means of parts and of features, at least that of rounding.
-    inner, steps = strata.of(INTERACTION), steps_of(design.table) / design.scale
-    own = [
-        max(np.sum(fit.residual[strata.slices[s]] ** 2) / fit.dof[s], steps[axis[s]] ** 2 / 12)
-        for s in inner
-    ]
+    variance, floor = _scatter(found, sizes.fit)
 
-    def score(errors: FloatArray) -> Scores:
-        return scores(np.where(seen[..., None], errors, np.nan), table.axes, variance)
+    def rms(errors: FloatArray) -> float:
+        return float(np.sqrt(np.mean(errors**2)))
+
+    def scores(errors: FloatArray) -> Scores:
+        known = errors[seen & np.isfinite(errors).all(axis=2)]
+        length = np.sqrt((known**2).sum(axis=1))
+        return Scores(
+            rms=rms(known),
+            by_axis={axis: rms(known[:, a]) for a, axis in enumerate(table.axes)},
+            p95=float(np.quantile(length, 0.95)),
+            largest=float(length.max()),
+            chi2_per_dof=float(np.mean(known**2 / variance)) if (variance > 0).all() else None,
+        )
 
     return TableResult(
         table=table,
-        verdict=found.verdict,  # type: ignore[arg-type]
+        verdict=found.verdict,
         effects=effects,
         candidates=_judged(found, rate, tables),
         checks=tuple((name, min(1.0, p * tables)) for name, p in found.checks),
@@ -141,30 +173,35 @@ def _result(
             for p, h, a in np.argwhere(found.outliers)
         ),
         explained=table.errors - after,
-        before=score(errors[0]),
-        after=score(errors[1]),
-        after_averaged=score(errors[2]),
-        in_sample_before=score(table.errors),
-        in_sample_after=score(after),
+        before=scores(errors[0]),
+        after=scores(errors[1]),
+        after_averaged=scores(errors[2]),
+        in_sample_before=scores(table.errors),
+        in_sample_after=scores(after),
         held_out_by=by,
-        floor=design.scale * float(np.sqrt(np.mean(own))) if own else None,
+        floor=floor,
         crossings=crossings(effects, sizes.covariance, table),
         covariance=sizes.covariance,
         stopped=found.models.stopped,
     )
 
 
-def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Scores:
-    """Of errors (P, H, A), nan where they do not count."""
-    known = errors[np.isfinite(errors).all(axis=2)]
-    length = np.sqrt((known**2).sum(axis=1))
-    return Scores(
-        rms=float(np.sqrt(np.mean(known**2))),
-        by_axis={axis: float(np.sqrt(np.mean(known[:, a] ** 2))) for a, axis in enumerate(axes)},
-        p95=float(np.quantile(length, 0.95)),
-        largest=float(length.max()),
-        chi2_per_dof=float(np.mean(known**2 / variance)) if (variance > 0).all() else None,
-    )
+def _scatter(found: Diagnosis, fit: Fit) -> tuple[FloatArray, float | None]:
+    """What a fit leaves: the variance (A,) of one coordinate by all that scatters, and the
+    repeatability, of single entries about the means of parts and of features alone, at least that
+    of rounding; None where there are no such entries.
+    """
+    design, strata = found.design, found.design.strata
+    P, H, A = strata.shape
+    axis, known = np.array(strata.axis), fit.weights > 0
+    total = np.bincount(axis[known], strata.sizes[known] / fit.weights[known], minlength=A)
+    inner, steps = strata.of(INTERACTION), steps_of(design.table) / design.scale
+    own = [
+        max(np.sum(fit.residual[strata.slices[s]] ** 2) / fit.dof[s], steps[axis[s]] ** 2 / 12)
+        for s in inner
+    ]
+    variance = np.asarray(total * design.scale**2 / (P * H), float)
+    return variance, design.scale * float(np.sqrt(np.mean(own))) if own else None
 
 
 def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
@@ -194,38 +231,9 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
     return tuple(judged)
 
 
-# What is too little to close the loop, and what a user has to know.
-
-
-def judged_tables(tables: Sequence[ResidualTable]) -> tuple[list[ResidualTable], list[Finding]]:
-    """The tables with enough to separate an effect from scatter, and a warning of each other one.
-
-    Raises InputError where none has.
-    """
-    kept, lacking = list[ResidualTable](), list[tuple[str, str]]()
-    for table in tables:
-        P, H = table.there.shape
-        of = "" if table.component is None else f" of {table.component}"
-        part, feature = ("passes", "positions") if of else ("parts", "features")
-        alone = int((table.there.sum(axis=1) == 1).sum())
-        if max(P, H) < FEWEST_ENTRIES:
-            expected = f"{FEWEST_ENTRIES} or more of one or the other"
-            lacking.append((f"{P} by {H} {part} and {feature}{of}", expected))
-        elif min(P, H) > 1 and alone > P / 2:
-            what = f"{alone} of {P} {part}{of} have one of the {feature}"
-            expected = f"one value in column {part[:4]!r} for all {feature} measured in one go"
-            lacking.append((what, expected))
-        else:
-            kept.append(table)
-    if not kept:
-        what, expected = lacking[0] if lacking else ("no readings", "readings")
-        raise error("too-little-data", what=what, expected=expected)
-    return kept, [finding("too-few", what=what) for what, _ in lacking]
-
-
-def loop_warnings(result: CloseLoopResult, most: int) -> Iterator[Finding]:
-    """Warnings of a search for `most` effects in each table."""
-    for item in result.tables:
+def _warnings(results: Sequence[TableResult], datum: str, most: int) -> Iterator[Finding]:
+    """What a user has to know of a search for `most` effects in each table."""
+    for item in results:
         component, row = item.table.component, item.nouns[0]
         of = "" if component is None else f" of {component}"
         if len(item.table.parts) < FEW_PARTS:
@@ -238,5 +246,5 @@ def loop_warnings(result: CloseLoopResult, most: int) -> Iterator[Finding]:
             yield finding("outliers-set-aside", entries=entries, of=of)
         if item.stopped:
             yield finding("max-effects", most=counted(most, "effect"), of=of)
-    if result.datum in FREES:
-        yield finding("datum-freed", datum=result.datum, unseen=FREES[result.datum])
+    if datum in FREES:
+        yield finding("datum-freed", datum=datum, unseen=FREES[datum])

@@ -17,8 +17,8 @@ from scipy.special import fdtri
 
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import COVERED, Parameter, estimated
-from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
+from mtu_cli.analyses.close_loop.estimate import COVERED, estimated
+from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect, Parameter
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.language import Node, evaluate, linear_form, parse
 from mtu_cli.model.effect_library import TableData

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import (
-    Estimate,
-    Estimates,
-    Parameter,
-    SmoothEffect,
-    smooth_effect,
-)
+from mtu_cli.analyses.close_loop.estimate import Estimates, smooth_effect
 from mtu_cli.analyses.close_loop.experiment import experiment
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
-from mtu_cli.analyses.close_loop.result import FoundEffect, component_of
+from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, SmoothEffect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
-from mtu_cli.language.tree import filled_text, names
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
@@ -42,38 +34,31 @@ def described(
     """
     design, table = found.design, found.design.table
     candidates = {candidate.name: candidate for candidate in design.candidates}
-    estimates = dict(zip(found.models.members(found.model), sizes.effects, strict=True))
+    both = zip(sizes.effects, sizes.members, strict=True)
+    estimates = dict(zip(found.models.members(found.model), both, strict=True))
     effects, offsets = list[FoundEffect](), list[FoundEffect]()
     for entry in found.entries:
-        judged: dict[str, Any] = {
-            "p_familywise": entry.p,
-            "log_bayes_factor": entry.gain,
-            "posterior": entry.posterior,
-            "classes": tuple((name, p) for name, _, p in entry.credible),
-        }
-        if (estimate := estimates.get(entry.item)) is None:
-            effects.append(_smooth(found, entry, judged))
-            continue
-        member, rows, form = estimate.member, estimate.rows, estimate.member.form
-        effect = FoundEffect(
-            candidate=candidates[entry.name],
-            covariate=form.covariate,
-            parameters=estimate.sizes,
-            covariance=sizes.covariance[np.ix_(rows, rows)],
-            rows=rows,
-            equations=_equations(estimate),
-            chosen=None if form.chosen is None else form.chosen[member.chosen or 0],
-            searched=estimate.searched,
-            **judged,
-        )
-        if compare:
-            effect = replace(
+        if entry.item in estimates:
+            effect, member = estimates[entry.item]
+            if compare:
+                effect = replace(
+                    effect,
+                    explained_share=_explained(found.likelihood, sizes, member),
+                    aliases=aliases(design, sizes.fit.weights, member),
+                    experiment=experiment(found, entry, sizes.fit.weights),
+                )
+            effect = _as_table(effect, table)
+        else:
+            effect = _smooth(found, entry)
+        effects.append(
+            replace(
                 effect,
-                explained_share=_explained(found.likelihood, sizes, estimate),
-                aliases=aliases(design, sizes.fit.weights, member),
-                experiment=experiment(found, entry, sizes.fit.weights),
+                p_familywise=entry.p,
+                log_bayes_factor=entry.gain,
+                posterior=entry.posterior,
+                class_names=tuple(name for name, _, _ in entry.credible),
             )
-        effects.append(_as_table(effect, table))
+        )
     for offset in found.offsets:
         a = design.axis(candidates[offset.name])
         level = replace(sizes.levels[a], name="shift", role="own")
@@ -85,8 +70,8 @@ def described(
                 rows=(len(sizes.covariance) - len(table.axes) + a,),
                 equations={f"E{table.axes[a]}": level.name},
                 p_familywise=offset.p,
-                posterior=offset.credible[0][1],
-                classes=offset.credible,
+                posterior=offset.credible[offset.name],
+                class_names=tuple(offset.credible),
             )
         )
     effects = _with_levels(found, sizes, effects, {key for x in offsets for key in x.equations})
@@ -96,7 +81,7 @@ def described(
         effects.append(
             FoundEffect(
                 candidate=candidates[name], covariance=np.zeros((0, 0)), equations={},
-                chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
+                chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, class_names=(name,),
             )
         )  # fmt: skip
     return (*effects, *offsets)
@@ -108,39 +93,34 @@ def _with_levels(
     """The effects with the level of each axis that is no offset by itself: with the effect that it
     goes with most, as in the file of a machine effects have no covariance with others.
     """
-    table, C, effects = found.design.table, sizes.covariance, list(effects)
+    table, C = found.design.table, sizes.covariance
     if table.fitted_degree >= 0 or table.datum != "none":
         return effects
-    u = np.sqrt(np.maximum(np.diag(C), 1e-300))
-    for level, axis, row in zip(
-        sizes.levels, table.axes, range(len(C))[-len(table.axes) :], strict=True
-    ):
+    u, first = np.sqrt(np.maximum(np.diag(C), 1e-300)), len(C) - len(table.axes)
+    for row, (level, axis) in enumerate(zip(sizes.levels, table.axes, strict=True), first):
         key = f"E{axis}"
-        having = [
-            i
-            for i, effect in enumerate(effects)
-            if key in effect.equations and effect.candidate.over not in OUTLYING
-        ]
+        having = [x for x in effects if key in x.equations and x.candidate.over not in OUTLYING]
         if key in offsets or not having:
             continue
         # Of effects that it goes with as little the strongest, which stands first.
-        r = [np.abs(C[row] / u / u[row])[list(effects[i].rows)].max(initial=0.0) for i in having]
-        i = having[int(np.argmax(np.round(r, 1)))]
-        effect, text = effects[i], effects[i].equations[key]
-        taken = {p.name for p in effect.parameters} | names(parse(text)).keys()
+        r = [np.abs(C[row] / u / u[row])[list(x.rows)].max(initial=0.0) for x in having]
+        effect = having[int(np.argmax(np.round(r, 1)))]
+        taken = {*effect.used, *(p.name for p in effect.parameters)}
         level = replace(level, name=free_name(level.name, taken, "_"))
         rows, covariance = (*effect.rows, row), np.pad(effect.covariance, (0, 1))
         if len(rows) == len(covariance):
             covariance = C[np.ix_(rows, rows)]
         else:  # A smooth effect has no size among those; it is independent of its mean.
             covariance[-1, -1] = level.u**2
-        effects[i] = replace(
+        text = f"{effect.equations[key]} + {level.name}"
+        with_level = replace(
             effect,
             parameters=(*effect.parameters, level),
             rows=rows,
             covariance=covariance,
-            equations={**effect.equations, key: f"{text} + {level.name}"},
+            equations={**effect.equations, key: text},
         )
+        effects = [with_level if x is effect else x for x in effects]
     return effects
 
 
@@ -149,13 +129,12 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
     values at the places that were measured, which all of them share. Between these each makes other
     errors: a wave and what is interpolated differ by the sum of their mean squares.
     """
-    (text, *others) = effect.equations.values() or ("0",)
     sizes = [p.name for p in effect.parameters]
-    levers = linear_form(parse(text), sizes).coefficients
-    along = {name for lever in levers.values() for name in names(lever)}
-    if not effect.ambiguous or others or len(along) != 1 or not along <= {*AXES}:
+    along = {*effect.used} - {*sizes}
+    if not effect.ambiguous or len(effect.equations) > 1 or len(along) != 1 or not along <= {*AXES}:
         return effect
-    (axis,) = along
+    (text,), (axis,) = effect.equations.values(), along
+    levers = linear_form(parse(text), sizes).coefficients
     knots = np.unique(np.round(table.mean_places[:, AXES.index(axis)], 6))
     J = np.array([evaluate(levers[name], {axis: knots}) * np.ones(len(knots)) for name in sizes])
     return replace(
@@ -173,38 +152,13 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
     )
 
 
-def _equations(estimate: Estimate) -> dict[str, str]:
-    """The equations of an effect with its margins, and the change of what was searched: by its
-    logarithm, the sizes in proportion.
-    """
-    bound, value = estimate.member.form, estimate.member.value
-    terms: dict[str, list[str]] = {}
-    for each in (bound, *bound.margins):
-        for key, text in each.texts(value).items():
-            terms.setdefault(key, []).append(text)
-    # Two effects that have the same change have it once.
-    if value is not None and any(size.role == "searched" for size in estimate.sizes):
-        assert estimate.tangent is not None
-        name, sizes = bound.searched, estimate.tangent.sizes
-        shares = sizes / max(float(np.linalg.norm(sizes)), 1e-300) * value
-        share = dict(zip(bound.parameters, shares.tolist(), strict=False))
-        for a, slopes in bound.slopes().items():
-            parts = [
-                f"({share[parameter]!r})*({filled_text(slope, {name: value})})"
-                for parameter, slope in slopes.items()
-            ]
-            text = f"{name}_change*({' + '.join(parts)})"
-            terms.setdefault(f"E{bound.data.table.axes[a]}", []).append(text)
-    return {key: " + ".join(texts) for key, texts in terms.items()}
-
-
-def _explained(likelihood: Likelihood, sizes: Estimates, effect: Estimate) -> float:
+def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> float:
     """The share of the errors' weighted squares that an effect explains with its margins, but for
     those that are other effects.
     """
     fit, strata = sizes.fit, likelihood.design.strata
-    others = {i for x in sizes.effects if x is not effect for i in x.member.own}
-    mine = {*effect.member.own, *effect.member.low} - (others - {*effect.member.own})
+    others = {i for x in sizes.members if x is not member for i in x.own}
+    mine = {*member.own, *member.low} - (others - {*member.own})
     at = [k for k, i in enumerate(fit.columns) if i in mine]
     x = fit.beta[at] @ likelihood.design.columns.dense([fit.columns[i] for i in at])
     w = np.repeat(fit.weights, strata.sizes.astype(int))
@@ -232,14 +186,15 @@ def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, .
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in alike))
 
 
-def _smooth(found: Diagnosis, entry: Entry, judged: dict[str, Any]) -> FoundEffect:
+def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
     design, like = found.design, found.likelihood
     kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in found.model if item != entry.item)
     table = smooth_effect(like, like.fit(found.models.columns(rest)), kernel)
-    J = table.values / max(table.rms, 1e-300) / len(table.values)
+    value = float(np.sqrt(np.mean(table.values**2)))
+    J = table.values / max(value, 1e-300) / len(table.values)
     u2 = max(float(J @ table.covariance @ J), 0.0)
-    rms = Parameter(name="rms", unit=design.table.unit, value=table.rms, u=u2**0.5, dof=table.dof)
+    rms = Parameter(name="rms", unit=design.table.unit, value=value, u=u2**0.5, dof=table.dof)
     candidate = Candidate(
         name=entry.name,
         family=kernel.family,
@@ -253,7 +208,6 @@ def _smooth(found: Diagnosis, entry: Entry, judged: dict[str, Any]) -> FoundEffe
         candidate=candidate,
         parameters=(rms,),
         covariance=np.array([[u2]]),
-        equations={f"E{axis}": component_of(entry.name)},
+        equations={f"E{axis}": entry.name.replace("-", "_")},
         table=table,
-        **judged,
     )

@@ -27,7 +27,7 @@ class Offset:
 
     name: str
     p: float
-    credible: tuple[tuple[str, float], ...]
+    credible: dict[str, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,9 +55,8 @@ class Diagnosis:
     @property
     def names(self) -> list[str]:
         """The names of all effects."""
-        named = [entry.name for entry in self.entries]
-        named += [name for name, _, _ in self.scatter]
-        return named + [offset.name for offset in self.offsets]
+        scatter = (name for name, _, _ in self.scatter)
+        return [*(x.name for x in self.entries), *scatter, *(x.name for x in self.offsets)]
 
     @property
     def verdict(self) -> str:
@@ -83,9 +82,8 @@ def diagnosed(
     """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
     there = np.isfinite(table.errors).all(axis=2) & table.there
     hit = outliers(table.errors, there, free_lines(table), steps_of(table))
-    if hit.any():
-        errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
-        table = replace(table, errors=errors)
+    kept = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
+    table = replace(table, errors=kept)
     moving: list[tuple[str, float, float]] = []
     while True:
         likelihood = posed(table, candidates, [name for name, _, _ in moving])
@@ -105,9 +103,6 @@ def diagnosed(
         if c.kind == "offset" and p.get(c.name, 1.0) <= alpha
     ]
     checks = tuple((name, p[name]) for name in CHECKS if name in p)
-    # Whole parts that move at random make a pattern, too.
-    known = {"pattern"} if moving else set[str]()
-    fired = tuple(name for name, value in checks if value <= alpha and name not in known)
     return Diagnosis(
         likelihood=likelihood,
         models=models,
@@ -116,15 +111,14 @@ def diagnosed(
         scatter=tuple(scatter),
         offsets=tuple(offsets),
         checks=checks,
-        fired=fired,
+        # Whole parts that move at random make a pattern, too.
+        fired=tuple(n for n, value in checks if value <= alpha and not (moving and n == "pattern")),
         nameless=any(x.overtaken for x in entries) or models.nameless_wins(model),
         outliers=hit,
     )
 
 
-def _offset_class(
-    models: ModelSet, model: Model, offset: Candidate
-) -> tuple[tuple[str, float], ...]:
+def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str, float]:
     """The offset, and effects that would make the same mean: beside them no level need be left."""
     design, like, a = models.design, models.likelihood, models.design.axis(offset)
     total, best = models.additions(model)
@@ -143,4 +137,4 @@ def _offset_class(
             total[i] - models.value(model) - 0.5 * (level / u) ** 2 + paid
         )
     odds = {name: np.exp(log) for name, log in logs.items() if log > -np.log(WINDOW)}
-    return tuple((name, float(x / sum(odds.values()))) for name, x in odds.items())
+    return {name: float(x / sum(odds.values())) for name, x in odds.items()}

@@ -5,11 +5,11 @@ profiles as tables of values along an axis with their covariance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import chdtri, logsumexp, stdtrit
+from scipy.special import chdtri, logsumexp
 
 from mtu_cli.analyses.close_loop.design import (
     DEPENDENT,
@@ -22,10 +22,11 @@ from mtu_cli.analyses.close_loop.design import (
     neighbours,
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
-from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Model, ModelSet
+from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.strata import NONE
-from mtu_cli.model.effect_library import TableData
+from mtu_cli.language.tree import filled_text
 from mtu_cli.stats.kernels import smooth_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.smooth_profile import averaged
@@ -33,37 +34,6 @@ from mtu_cli.stats.smooth_profile import averaged
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""
 COVERED = 0.95
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Searched:
-    """A parameter in which an effect is not linear: its likeliest value and its 95 % set, a union
-    of intervals.
-    """
-
-    name: str
-    value: float
-    intervals: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
-    """A parameter with its standard uncertainty and degrees of freedom; `unit` to show it in.
-    `role`: own of the effect, of a margin, the level, or a change of what was searched.
-    """
-
-    name: str
-    unit: str
-    value: float
-    u: float
-    dof: float
-    role: str = "own"
-
-    @property
-    def interval95(self) -> tuple[float, float]:
-        """The 95 % interval (Student's t)."""
-        half = float(stdtrit(max(self.dof, 1.0), 0.975)) * self.u
-        return self.value - half, self.value + half
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,60 +48,30 @@ class Tangent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """One mean effect of a model: its member, sizes, and the rows of them in the covariance."""
-
-    member: Member
-    sizes: tuple[Parameter, ...]
-    rows: tuple[int, ...]
-    searched: Searched | None
-    tangent: Tangent | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """All mean effects of a model; `covariance` (k, k) of their sizes, then of the levels of all
-    axes; `levels` (A,) are what is left of the mean beside the effects. In mm or rad.
+    """All mean effects of a model, as far as it says what they are, and the `members` that they
+    are; `covariance` (k, k) of their sizes, then of the levels of all axes; `levels` (A,) are what
+    is left of the mean beside the effects. In mm or rad.
     """
 
-    effects: tuple[Estimate, ...]
+    effects: tuple[FoundEffect, ...]
+    members: tuple[Member, ...]
     levels: tuple[Parameter, ...]
     covariance: FloatArray
     fit: Fit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SmoothEffect:
-    """Values (T,) at `knots` (T,) mm along axis `along`, about their line and the features' mean,
-    with the covariance (T, T); `roughness` is the variance of the integrated Wiener process per
-    mm^3, `between` a variance off the knots. In mm or rad.
-    """
+def searched_set(models: ModelSet, model: Model, item: int) -> tuple[tuple[float, float], ...]:
+    """The 95 % set of what was searched of one effect of a model; empty where nothing was.
 
-    along: str
-    knots: FloatArray
-    values: FloatArray
-    covariance: FloatArray
-    roughness: float
-    dof: float
-    between: float = 0.0
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the values."""
-        return float(np.sqrt(np.mean(self.values**2)))
-
-
-def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
-    """What the data say of the searched parameter of one effect of a model.
-
-    The 95 % set is the union of the profile-likelihood set and of the highest-posterior set, the
-    prior uniform in the angle between columns: the first alone forgets values that the search
-    could have hit.
+    It is the union of the profile-likelihood set and of the highest-posterior set, the prior
+    uniform in the angle between columns: the first alone forgets values that the search could have
+    hit.
     """
     design, like = models.design, models.likelihood
     member = design.members[item]
     if member.value is None:
-        return None
+        return ()
     rest = tuple(x for x in models.members(model) if x != item)
     base = like.fit(like.closure(rest))
     items = evaluated(design, member.form, grid_values(member.form))
@@ -147,11 +87,7 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
     edges = (ends[1:] + ends[:-1]) / 2
     runs = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
-    return Searched(
-        name=member.form.searched,
-        value=float(values[int(np.argmax(gains))]),
-        intervals=tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in runs),
-    )
+    return tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in runs)
 
 
 def without_aliases(models: ModelSet, model: Model) -> Model:
@@ -160,8 +96,7 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
     of these each predicts other errors between the places.
     """
     for item in model:
-        found = searched_set(models, model, item) if item >= 0 else None
-        if found is None or len(found.intervals) < 2:
+        if item < 0 or len(searched_set(models, model, item)) < 2:
             continue
         axis = models.design.candidates[models.design.members[item].candidate].axis
         own = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
@@ -215,25 +150,23 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
         return item, None
     rest = tuple(x for x in models.members(model) if x != item)
     grid = np.asarray(member.form.grid)
-    low, high = float(grid.min()), float(grid.max())
-    value, best = float(member.value), item
+    best, tangent = item, _tangent(design, like, rest, item)
     top = like.log_likelihood(like.closure((*rest, item)))
     for _ in range(4):
-        tangent = _tangent(design, like, rest, best)
         if tangent is None:
-            return best, None
+            break
         closure = like.closure((*rest, best))
         change = like.fit((*closure, tangent.index)).beta[len(closure)] / tangent.norm
-        new = float(np.clip(value * np.exp(np.clip(change, -0.3, 0.3)), low, high))
-        items = evaluated(design, member.form, np.array([new]))
+        new = design.members[best].value * np.exp(np.clip(change, -0.3, 0.3))
+        items = evaluated(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
         if not items:
             break
         m = add(design, member.candidate, items[0])
         now = like.log_likelihood(like.closure((*rest, m)))
         if now <= top + 1e-9:
             break
-        value, best, top = new, m, now
-    return best, _tangent(design, like, rest, best)
+        best, tangent, top = m, _tangent(design, like, rest, m), now
+    return best, tangent
 
 
 def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) -> Tangent | None:
@@ -260,51 +193,22 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
     searched, if wanted.
     """
     design, like = models.design, models.likelihood
-    found = []
-    for item in models.members(model):
-        searched = searched_set(models, model, item) if sets else None
-        best, tangent = polished(models, model, item)
-        if searched is not None and (value := design.members[best].value) is not None:
-            searched = replace(searched, value=value)
-        found.append((best, tangent, searched))
+    items = models.members(model)
+    found = [polished(models, model, item) for item in items]
     smooth = (item for item in model if item < 0)
-    closure = models.columns((*(best for best, _, _ in found), *smooth))
-    tangents = [tangent.index for _, tangent, _ in found if tangent is not None]
+    closure = models.columns((*(best for best, _ in found), *smooth))
+    tangents = [tangent.index for _, tangent in found if tangent is not None]
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
-    axes, unit, k = design.table.axes, design.table.unit, len(fit.beta)
-    # Columns alike but for their mean are one: that of the effect counts.
-    means = design.columns.means[list(fit.columns)].reshape(k, len(axes)).copy()
-    rows, labels = list[FloatArray](), list[tuple[str, str, str]]()
-    starts, used = [0], set[int]()
-    for best, tangent, _ in found:
-        member = design.members[best]
-        form = member.form
-        labels += [(name, its, "own") for name, its in form.parameters.items()]
-        labels += [(n, its, "margin") for low in form.margins for n, its in low.parameters.items()]
-        for index, factor, mean in zip(member.indices, member.factors, member.means, strict=True):
-            rows.append(np.zeros(k))
-            if index >= 0 and index not in used:
-                at = fit.columns.index(index)
-                rows[-1][at], means[at] = 1 / factor, mean / factor
-                used.add(index)
-        if tangent is not None and tangent.index not in used:
-            rows.append(np.zeros(k))
-            norm = float(np.linalg.norm(tangent.sizes))
-            rows[-1][fit.columns.index(tangent.index)] = norm / tangent.norm
-            labels.append((f"{form.searched}_change", form.change_unit(), "searched"))
-        starts.append(len(rows))
-    n = len(rows)
-    whole = np.concatenate([np.reshape(rows, (n, k)), -means.T])
-    labels += [(f"level_{axis}", unit, "level") for axis in axes]
+    whole, labels, starts = _map(design, fit.columns, found)
     covariance, values = whole @ fit.covariance @ whole.T, whole @ fit.beta
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
     parts = np.abs(whole) * np.sqrt(np.diag(fit.covariance))
     dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
-    for a in range(len(axes)):
+    for a, row in enumerate(range(starts[-1], len(labels))):
         mean, variance, nu = mean_of(like, fit.weights, fit.dof, a)
-        values[n + a] += mean
-        covariance[n + a, n + a] += np.nan_to_num(variance)
-        dof[n + a] = float(np.nan_to_num(nu, nan=np.inf))
+        values[row] += mean
+        covariance[row, row] += np.nan_to_num(variance)
+        dof[row] = float(np.nan_to_num(nu, nan=np.inf))
     values, covariance = values * design.scale, covariance * design.scale**2
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     sizes = tuple(
@@ -313,28 +217,91 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
             labels, values.tolist(), u.tolist(), dof, strict=True
         )
     )
-    estimates = tuple(
-        Estimate(
-            member=design.members[best],
-            sizes=sizes[first:end],
-            rows=tuple(range(first, end)),
-            searched=searched,
-            tangent=tangent,
+    effects, members = [], [design.members[best] for best, _ in found]
+    for item, member, (_, tangent), ends in zip(
+        items, members, found, pairwise(starts), strict=True
+    ):
+        form, rows, searched = member.form, tuple(range(*ends)), None
+        if sets and member.value is not None:
+            own = searched_set(models, model, item)
+            searched = Searched(name=form.searched, value=member.value, intervals=own)
+        effects.append(
+            FoundEffect(
+                candidate=design.candidates[member.candidate],
+                covariate=form.covariate,
+                parameters=sizes[slice(*ends)],
+                covariance=covariance[np.ix_(rows, rows)],
+                rows=rows,
+                equations=_equations(member, tangent, sizes[slice(*ends)]),
+                chosen=None if form.chosen is None else form.chosen[member.chosen or 0],
+                searched=searched,
+            )
         )
-        for (best, tangent, searched), (first, end) in zip(found, pairwise(starts), strict=True)
+    return Estimates(
+        effects=tuple(effects),
+        members=tuple(members),
+        levels=sizes[starts[-1] :],
+        covariance=covariance,
+        fit=fit,
     )
-    return Estimates(effects=estimates, levels=sizes[n:], covariance=covariance, fit=fit)
 
 
-def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
-    """Levers of all parameters of a member on other data, the numbers of its own data in place."""
-    value = None if member.value is None else np.array([member.value])
-    result = []
-    for bound in (member.form, *member.form.margins):
-        for lever in replace(bound, data=data).columns(value):
-            g = member.chosen or 0
-            result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
-    return result
+def _map(
+    design: Design, columns: Columns, found: Sequence[tuple[int, Tangent | None]]
+) -> tuple[FloatArray, list[tuple[str, str, str]], list[int]]:
+    """The linear map (n + A, k) from the sizes of the unit columns of a fit to those of the n
+    parameters of effects and to the levels; name, unit and role of each of these; and where those
+    of each effect begin and end.
+    """
+    axes, k = design.table.axes, len(columns)
+    means = design.columns.means[list(columns)].reshape(k, len(axes)).copy()
+    rows, labels, starts = list[FloatArray](), list[tuple[str, str, str]](), [0]
+    # Of effects that share a column the first has it.
+    places = {index: at for at, index in reversed([*enumerate(columns)])}
+    for best, tangent in found:
+        member = design.members[best]
+        form = member.form
+        labels += [(name, its, "own") for name, its in form.parameters.items()]
+        labels += [(n, its, "margin") for low in form.margins for n, its in low.parameters.items()]
+        for index, factor, mean in zip(member.indices, member.factors, member.means, strict=True):
+            rows.append(np.zeros(k))
+            if (at := places.pop(index, None)) is not None:
+                # Columns alike but for their mean are one: that of the effect counts.
+                rows[-1][at], means[at] = 1 / factor, mean / factor
+        if tangent is not None and (at := places.pop(tangent.index, None)) is not None:
+            rows.append(np.zeros(k))
+            rows[-1][at] = float(np.linalg.norm(tangent.sizes)) / tangent.norm
+            labels.append((f"{form.searched}_change", form.change_unit(), "searched"))
+        starts.append(len(rows))
+    labels += [(f"level_{axis}", design.table.unit, "level") for axis in axes]
+    return np.concatenate([np.reshape(rows, (len(rows), k)), -means.T]), labels, starts
+
+
+def _equations(
+    member: Member, tangent: Tangent | None, sizes: Sequence[Parameter]
+) -> dict[str, str]:
+    """The equations of an effect with its margins, and the change of what was searched: by its
+    logarithm, the sizes in proportion.
+    """
+    bound, value = member.form, member.value
+    terms: dict[str, list[str]] = {}
+    for each in (bound, *bound.margins):
+        for key, text in each.texts(value).items():
+            terms.setdefault(key, []).append(text)
+    # Two effects that have the same change have it once.
+    changed = any(size.role == "searched" for size in sizes)
+    if changed and value is not None and tangent is not None:
+        name, own = bound.searched, tangent.sizes
+        shares = own / max(float(np.linalg.norm(own)), 1e-300) * value
+        share = dict(zip(bound.parameters, shares.tolist(), strict=False))
+        for a, slopes in bound.slopes().items():
+            parts = [
+                f"({share[parameter]!r})*({filled_text(slope, {name: value})})"
+                for parameter, slope in slopes.items()
+            ]
+            text = f"{name}_change*({' + '.join(parts)})"
+            terms.setdefault(f"E{bound.data.table.axes[a]}", []).append(text)
+    return {key: " + ".join(texts) for key, texts in terms.items()}
 
 
 def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEffect:

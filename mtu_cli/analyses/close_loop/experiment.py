@@ -10,16 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri, ndtri
 
 from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import levers_on
 from mtu_cli.analyses.close_loop.gate import partial_out
 from mtu_cli.analyses.close_loop.model_set import Entry
+from mtu_cli.analyses.close_loop.result import Experiment
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, strata_of
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
@@ -38,13 +37,6 @@ COUNTING = ("sequence", "tool_parts", "time_min")
 """Columns that go on from part to part."""
 
 Change = Callable[[FloatArray], FloatArray]
-
-
-class Experiment(NamedTuple):
-    """What to do, and the separation of the rivals in standard deviations after it."""
-
-    do: str
-    predicted_d: float
 
 
 def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
@@ -87,6 +79,17 @@ def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experimen
     return best
 
 
+def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
+    """Levers of all parameters of a member on other data, the numbers of its own data in place."""
+    value = None if member.value is None else np.array([member.value])
+    result = []
+    for bound in (member.form, *member.form.margins):
+        for lever in replace(bound, data=data).columns(value):
+            g = member.chosen or 0
+            result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
+    return result
+
+
 def follow_ups(
     table: ResidualTable, rivals: Sequence[Member]
 ) -> Iterator[tuple[str, ResidualTable]]:
@@ -96,17 +99,15 @@ def follow_ups(
     forms = [rival.form for rival in rivals]
     used = {name for form in forms for name in form.used}
     used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
-    yield f"{make} {MORE} more {noun} as before", extended(table)
+    yield f"{make} {MORE} more {noun} as before", extended(table, {})
     names = [name for name in table.covariates if name in used]
     reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
     if reverse and not readings:
         yield "run the program in the reverse direction", extended(table, reverse)
-    counts = [name for name in COUNTING if name in table.covariates]
-    again: dict[str, Change | None] = dict.fromkeys(counts)
-    if again.keys() & used and again.keys() - {"sequence"}:
-        again.pop("sequence", None)
+    again = [name for name in COUNTING if name in table.covariates and name != "sequence"]
+    if again and used & {*COUNTING}:
         rest = "after a cold start" if "time_min" in used else "with a new tool"
-        yield f"{make} {MORE} more {noun} {rest}", extended(table, again)
+        yield f"{make} {MORE} more {noun} {rest}", extended(table, dict.fromkeys(again))
     hot = [name for name in names if is_temperature(name)]
     warmer: dict[str, Change] = dict.fromkeys(hot, partial(np.add, OTHER_DAY_K))
     if warmer:
@@ -118,18 +119,17 @@ def follow_ups(
         if axis in used and span > 0:
             shift = SHIFT * (pitch or span)
             what = "the positions" if readings else "the fixture"
-            yield f"shift {what} by {shift:.3g} mm along {axis}", extended(table, shift={i: shift})
+            shifted = extended(table, {}, shift * np.eye(len(AXES))[i])
+            yield f"shift {what} by {shift:.3g} mm along {axis}", shifted
 
 
 def extended(
-    table: ResidualTable,
-    changes: Mapping[str, Change | None] | None = None,
-    shift: Mapping[int, float] | None = None,
+    table: ResidualTable, changes: Mapping[str, Change | None], shift: FloatArray | float = 0.0
 ) -> ResidualTable:
     """The table with further parts, which repeat the last ones but for `changes` of columns (None:
-    as the first parts were) and a `shift` (mm) of places; those that count parts or time go on.
+    as the first parts were) and a `shift` (3,) mm of places; those that count parts or time go on.
     """
-    P, changes = len(table.parts), changes or {}
+    P = len(table.parts)
     again = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
     covariates = dict(table.covariates)
     for name, values in table.covariates.items():
@@ -143,15 +143,12 @@ def extended(
             change = changes.get(name, np.asarray)
             further = np.resize(values, further.shape) if change is None else change(further)
             covariates[name] = np.concatenate([known, further])
-    places = np.concatenate([table.places, table.places[again]])
-    for i, by in (shift or {}).items():
-        places[P:, :, i] += by
     return replace(
         table,
         parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
         errors=np.zeros((P + MORE, *table.errors.shape[1:])),
         repeats=np.ones((P + MORE, len(table.features)), np.int64),
-        places=places,
+        places=np.concatenate([table.places, table.places[again] + shift]),
         covariates=covariates,
     )
 

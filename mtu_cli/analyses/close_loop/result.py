@@ -4,22 +4,72 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import NamedTuple
 
-from mtu_cli.analyses.close_loop.estimate import Parameter, Searched, SmoothEffect
-from mtu_cli.analyses.close_loop.experiment import Experiment
+from scipy.special import stdtrit
+
+from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
-Verdict = Literal["none", "named", "class", "unexplained"]
-WORST: tuple[Verdict, ...] = ("unexplained", "class", "named", "none")
+WORST = ("unexplained", "class", "named", "none")
+"""The verdicts; that on several tables is the first of theirs."""
 
 
-def component_of(effect: str) -> str:
-    """What a smooth effect is called in equations."""
-    return effect.replace("-", "_")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Searched:
+    """A parameter in which an effect is not linear: its likeliest value and its 95 % set, a union
+    of intervals.
+    """
+
+    name: str
+    value: float
+    intervals: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """A parameter with its standard uncertainty and degrees of freedom; `unit` to show it in.
+    `role`: own of the effect, of a margin, the level, or a change of what was searched.
+    """
+
+    name: str
+    unit: str
+    value: float
+    u: float
+    dof: float
+    role: str = "own"
+
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """The 95 % interval (Student's t)."""
+        half = float(stdtrit(max(self.dof, 1.0), 0.975)) * self.u
+        return self.value - half, self.value + half
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmoothEffect:
+    """Values (T,) at `knots` (T,) mm along axis `along`, about their line and the features' mean,
+    with the covariance (T, T); `roughness` is the variance of the integrated Wiener process per
+    mm^3, `between` a variance off the knots. In mm or rad.
+    """
+
+    along: str
+    knots: FloatArray
+    values: FloatArray
+    covariance: FloatArray
+    roughness: float
+    dof: float
+    between: float = 0.0
+
+
+class Experiment(NamedTuple):
+    """What to do, and the separation of the rivals in standard deviations after it."""
+
+    do: str
+    predicted_d: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,8 +81,8 @@ class FoundEffect:
     these and columns; where the candidate is `over` features, parts or operations, which no machine
     has, `chosen` is the one for which ``chosen`` is 1; a smooth effect's component stands for its
     `table` of values in mm or rad. An effect on the scatter has no equation: `ratio` is that of the
-    standard deviations. `classes` are the names that the data cannot separate, itself first, with
-    their posteriors; `aliases` names whose columns span the same, whatever the errors.
+    standard deviations. `class_names` are those that the data cannot separate, itself first;
+    `aliases` names whose columns span the same, whatever the errors.
     """
 
     candidate: Candidate
@@ -45,11 +95,11 @@ class FoundEffect:
     chosen: str | None = None
     ratio: float | None = None
     searched: Searched | None = None
-    p_familywise: float
+    p_familywise: float = 1.0
     log_bayes_factor: float | None = None
     posterior: float | None = None
     explained_share: float = 0.0
-    classes: tuple[tuple[str, float], ...]
+    class_names: tuple[str, ...] = ()
     aliases: tuple[str, ...] = ()
     experiment: Experiment | None = None
 
@@ -59,14 +109,9 @@ class FoundEffect:
         return self.candidate.name
 
     @property
-    def class_names(self) -> tuple[str, ...]:
-        """The names of its class."""
-        return tuple(name for name, _ in self.classes)
-
-    @property
     def component(self) -> str:
         """What a smooth effect is called in equations."""
-        return component_of(self.name)
+        return self.name.replace("-", "_")
 
     def of_role(self, *roles: str) -> tuple[Parameter, ...]:
         """Its parameters of some roles."""
@@ -79,9 +124,14 @@ class FoundEffect:
         return several and bool(self.of_role("searched"))
 
     @property
+    def used(self) -> list[str]:
+        """The names in its equations, each once."""
+        return [*dict.fromkeys(n for text in self.equations.values() for n in names(parse(text)))]
+
+    @property
     def written(self) -> list[int]:
         """Which of its parameters its equations have: a table stands for sizes of its own."""
-        used = {name for text in self.equations.values() for name in names(parse(text))}
+        used = self.used
         return [i for i, parameter in enumerate(self.parameters) if parameter.name in used]
 
     @property
@@ -154,7 +204,7 @@ class TableResult:
     """
 
     table: ResidualTable
-    verdict: Verdict
+    verdict: str
     effects: tuple[FoundEffect, ...]
     candidates: tuple[Judged, ...]
     checks: tuple[tuple[str, float], ...]
@@ -194,10 +244,11 @@ class TableResult:
 class CloseLoopResult:
     """The weakest verdict over all tables, and their results."""
 
-    verdict: Verdict
+    verdict: str
     tables: tuple[TableResult, ...]
     alpha: float
     datum: str
+    warnings: tuple[Finding, ...] = ()
 
     @property
     def effects(self) -> tuple[FoundEffect, ...]:

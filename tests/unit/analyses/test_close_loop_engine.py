@@ -124,7 +124,7 @@ def test_sizes_are_those_of_dense_generalised_least_squares(seed: int) -> None:
     covariance = np.linalg.inv(X.T @ np.linalg.solve(V, X))
     beta = covariance @ X.T @ np.linalg.solve(V, own.errors[..., 0].ravel())
     (effect,) = sizes.effects
-    size = effect.sizes[0]
+    size = effect.parameters[0]
     assert size.value == pytest.approx(beta[0], rel=1e-6)
     assert size.u == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-3)
     assert sizes.levels[0].value == pytest.approx(beta[1], rel=1e-6)
@@ -348,7 +348,7 @@ def test_an_effect_is_zero_with_its_level_though_another_is_not() -> None:
     "effects",
     [
         # Its name is not certain, or the level is not with it.
-        (replace(DRIFT, classes=(("thermal-drift-x", 0.6), ("warm-up-x", 0.4))),),
+        (replace(DRIFT, class_names=("thermal-drift-x", "warm-up-x")),),
         (
             effect("thermal-drift-x", parameter("drift", "um/K", -2.0, 0.1), equations=TO_20),
             effect(
