@@ -33,7 +33,7 @@ from mtu_cli.files.effects import (
     number_of,
 )
 from mtu_cli.findings import InputError, finding, nearest
-from mtu_cli.language import Node, evaluate, linear_form, names, parse
+from mtu_cli.language import Node, evaluate, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.slope import slope
 from mtu_cli.language.tree import filled_text, filled_tree
@@ -328,12 +328,12 @@ class BoundTemplate:
 def bound(family: Family, template: Template, binding: Binding, data: TableData) -> BoundTemplate:
     """Raises NoMember where the data has none: no such axis or column, or no finite values."""
     axes, search = data.table.axes, template.search
-    found: list[tuple[int, Node, Binding]] = []
-    for key, tree in template.trees.items():
+    found: list[tuple[int, str, Binding]] = []
+    for key in template.trees:
         for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
             if axis not in axes:
                 raise NoMember
-            found.append((axes.index(axis), tree, {**binding, "each": axis}))
+            found.append((axes.index(axis), key, {**binding, "each": axis}))
     columns = {_column(raw, own, data) for _, _, own in found for raw in template.columns}
     wanted = columns | {_column(raw, binding, data) for raw in family.needs}
     for name in sorted(wanted):
@@ -347,16 +347,22 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
                 name = f"own_{name}"
         return name if number is None else data.number(name, number[1])
 
-    equations = {
-        axis: filled_tree(tree, {raw: meant(raw, own) for raw in names(tree)})
-        for axis, tree, own in found
+    fillings = [
+        {raw: meant(raw, own) for raw in (*template.columns, *template.units)}
+        for _, _, own in found
+    ]
+    equations, levers = dict[int, Node](), dict[int, dict[str, Node]]()
+    for (a, key, _), filling in zip(found, fillings, strict=True):
+        equations[a] = filled_tree(template.trees[key], filling)
+        levers[a] = {
+            str(filling[raw]): filled_tree(lever, filling)
+            for raw, lever in template.levers[key].items()
+        }
+    units = {
+        str(filling[raw]): re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
+        for raw, unit in template.units.items()
+        for filling in fillings
     }
-    units = {}
-    for raw, unit in template.units.items():
-        own_unit = re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
-        for axis in axes if "{each}" in raw else ("",):
-            units[str(meant(raw, {**binding, "each": axis}))] = own_unit
-    levers = {axis: linear_form(tree, units).coefficients for axis, tree in equations.items()}
     if binding.get("c") == TIME:
         # The time stands for {c}, a plain count: um/min for um.
         for name, unit in units.items():

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import EMPTY, Columns
+from mtu_cli.analyses.close_loop.columns import EMPTY, PADDING, Columns
 from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
     FEATURE,
@@ -23,8 +25,6 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import line, wiener
 from mtu_cli.stats.least_squares import FloatArray
 
-PADDING = 0
-"""Index of the column of zeros that fills models of unequal size up."""
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""
 FINE = 8
@@ -99,6 +99,14 @@ class Kernel:
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
 
 
+class Group(NamedTuple):
+    """Members (M,) with `k` columns each, and their margins `low` (M, l), or (1, l) if alike."""
+
+    k: int
+    members: IntArray
+    low: IntArray
+
+
 class Design:
     """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
 
@@ -152,37 +160,39 @@ class Design:
                 ]
             )
             total = sum(item.prior for item in distinct)
-            for item in distinct:
-                add(self, c, item, item.prior / total)
-        self.tested = len(self.members)
+            for _, alike in groupby(distinct, key=lambda item: id(item.form)):
+                for m in add(self, c, list(alike)):
+                    self.members[m].prior /= total
+        tested = self.members[:]
+        self.tested = len(tested)
+        self.of = np.array([member.candidate for member in tested], int)
+        self.prior = np.array([member.prior for member in tested])
+        self.closures = self.closures_of(range(self.tested))
+        self.inner = self.columns.crossed(self.closures)
+        self._widths = np.array([(len(x.own), len(x.low)) for x in tested], int).reshape(-1, 2)
         self.kernels = tuple(_kernels(table, strata))
 
-    @property
-    def of(self) -> IntArray:
-        """The candidate of each member."""
-        return np.array([member.candidate for member in self.members], int)
-
-    @property
-    def prior(self) -> FloatArray:
-        """The share of each member in its candidate's prior."""
-        return np.array([member.prior for member in self.members])
+    def closures_of(self, members: Sequence[int]) -> IntArray:
+        """The columns (M, w) of members and their margins, filled up with those of zeros."""
+        closures = [(*self.members[m].own, *self.members[m].low) for m in members]
+        result = np.full((len(closures), max(map(len, closures), default=0)), PADDING)
+        for own, columns in zip(result, closures, strict=True):
+            own[: len(columns)] = columns
+        return result
 
     def axis(self, candidate: Candidate) -> int:
         """The axis of a candidate of one; the first of errors that have none."""
         return self.table.axes.index(candidate.axis or self.table.axes[0])
 
-    def groups(
-        self, held: Collection[int] = ()
-    ) -> Iterable[tuple[tuple[tuple[int, ...], int], list[int]]]:
-        """The tested members with a column of their own beside those that are `held`, by their
-        other margins and the number of their columns.
-        """
-        groups: dict[tuple[tuple[int, ...], int], list[int]] = {}
-        for m, member in enumerate(self.members[: self.tested]):
-            low = tuple(i for i in member.low if i not in held)
-            if not set(member.own) <= {*held, *low}:
-                groups.setdefault((low, len(member.own)), []).append(m)
-        return groups.items()
+    def groups(self, held: Sequence[int] = ()) -> Iterator[Group]:
+        """The tested members with a column of their own beside those that are `held`."""
+        for k, width in np.unique(self._widths, axis=0).tolist():
+            members = np.flatnonzero((self._widths == (k, width)).all(axis=1))
+            members = members[~np.isin(self.closures[members, :k], held).all(axis=1)]
+            if len(members):
+                low = self.closures[members, k : k + width]
+                low = np.where(np.isin(low, held), PADDING, low)
+                yield Group(k, members, low[:1] if (low == low[0]).all() else low)
 
     def around(self, m: int) -> tuple[int, ...]:
         """Finer members around one of the grid."""
@@ -190,7 +200,7 @@ class Design:
             parent = self.members[m]
             values = np.array(parent.around)
             finer = evaluated(self, parent.form, values) if parent.around else []
-            self._around[m] = tuple(add(self, parent.candidate, item) for item in finer)
+            self._around[m] = add(self, parent.candidate, finer)
         return self._around[m]
 
 
@@ -228,6 +238,7 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
     at, X = at[there], X[:, :, there]
     sizes = np.linalg.norm(X[:, : len(own)], axis=2)
     sound, inner = _bases(X[:, : len(own)], X[:, len(own) :])
+    seen = inner.any(axis=2)
     # Periods: columns are of the same size for all of them.
     if form.scale == "frequency":
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
@@ -240,7 +251,7 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
             columns=X[g],
             means=means[g],
             norms=norms[g],
-            basis=inner[g][inner[g].any(axis=1)],
+            basis=inner[g, seen[g]],
         )
         for g in np.flatnonzero(sound)
     ]
@@ -267,18 +278,26 @@ def _freed(lever: Levers, table: ResidualTable) -> Levers:
     return dict(enumerate(np.moveaxis(table.freed(full), (2, 3), (0, 1))))
 
 
-def add(design: Design, c: int, member: Member, prior: float = 0.0) -> int:
-    """The index of a member of candidate c among those of the design, its columns among theirs."""
-    indices, factors = design.columns.add(member.at, member.columns, member.means, member.norms)
-    k = len(member.form.parameters)
-    own, low = (dict.fromkeys(int(i) for i in some if i != NONE) for some in np.split(indices, [k]))
-    member.own, member.low = tuple(own), tuple(i for i in low if i not in own)
-    member.indices, member.factors = tuple(indices.tolist()), tuple(factors.tolist())
-    member.candidate, member.prior = c, prior
-    # Thousands of members would fill the memory with what the columns hold.
-    member.columns = member.basis = np.zeros((0, 0))
-    design.members.append(member)
-    return len(design.members) - 1
+def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
+    """The indices of members of one form of candidate c among those of the design, their columns
+    among its.
+    """
+    if not members:
+        return ()
+    names = ("columns", "means", "norms")
+    whole = (np.concatenate([getattr(member, name) for member in members]) for name in names)
+    indices, factors = design.columns.add(members[0].at, *whole)
+    k, first, shape = len(members[0].form.parameters), len(design.members), (len(members), -1)
+    of_members = zip(indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True)
+    for member, (at, units) in zip(members, of_members, strict=True):
+        member.indices, member.factors = tuple(at), tuple(units)
+        own, low = (dict.fromkeys(i for i in some if i != NONE) for some in (at[:k], at[k:]))
+        member.own, member.low = tuple(own), tuple(i for i in low if i not in own)
+        member.candidate = c
+        # Thousands of members would fill the memory with what the columns hold.
+        member.columns = member.basis = np.zeros((0, 0))
+    design.members += members
+    return tuple(range(first, len(design.members)))
 
 
 def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -369,7 +388,7 @@ def _distinct(placed: list[Member]) -> list[Member]:
         for n, i in enumerate(group):
             least = STEP_RAD / 2 if placed[i].around else SAME_RAD
             # The least cosine of all is at most their root mean square.
-            near = single[group[:n]] & (squares[:n, n] > k * np.cos(least) ** 2)
+            near = single[group[:n]] & (squares[n, :n] > k * np.cos(least) ** 2)
             single[i] = not near.any() or _angles(products[:n, :, n][near]).min() >= least
     return [item for item, alone in zip(placed, single, strict=True) if alone]
 

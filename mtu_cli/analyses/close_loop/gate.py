@@ -6,14 +6,14 @@ checks, on null tables made from the model's own residual.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
-from mtu_cli.analyses.close_loop.design import Design
+from mtu_cli.analyses.close_loop.design import Design, Group
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
@@ -152,8 +152,8 @@ class Gate:
         # Where more is known of a stratum than its coordinates, all of it turns on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
-        for (low, k), members in design.groups(base):
-            tested = partial_out(self.likelihood, members, (*base, *low), w)
+        for group in design.groups(base):
+            k, tested = group.k, partial_out(self.likelihood, group, base, w)
             whole = tested.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
             each = size[:, :, None] * size[:, None, :]
@@ -164,10 +164,10 @@ class Gate:
             information = tested.information / each
             inverse = np.linalg.inv(information.sum(axis=0) + ~good[:, None, None] * np.eye(k))
             known, vectors = np.linalg.eigh(information)
-            y = w[:, None, None] * U[:, tested.beside]
+            y = w[:, None, None, None] * U[:, tested.beside]
             sizes = tested.inverse @ y.sum(axis=0)
-            explained = np.einsum("zn,szn->sn", sizes, 2 * y - tested.inner @ sizes)
-            used = np.einsum("zy,syz->s", tested.inverse, tested.inner)
+            explained = np.einsum("mzn,smzn->smn", sizes, 2 * y - tested.inner @ sizes)
+            used = np.einsum("mzy,smyz->sm", tested.inverse, tested.inner)
             total = np.zeros((*size.shape, len(Y)))
             for s in np.flatnonzero((known > LEAST_SHARE).any(axis=(1, 2))).tolist():
                 score = w[s] * U[s][tested.own] - tested.by @ y[s] - tested.rest[s] @ sizes
@@ -176,11 +176,11 @@ class Gate:
                 stat = np.sum((_t(vectors[s]) @ score) ** 2 / among, axis=1)
                 left = np.maximum(squares[:, s] - explained[s], least[s])
                 ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
-                power = max(float(self.likelihood.n[s] - used[s]) - 1 - k / 2, 0.5)
-                deviance = -power * np.log1p(-ratio)
+                power = np.maximum(self.likelihood.n[s] - used[s] - 1 - k / 2, 0.5)
+                deviance = -power[:, None] * np.log1p(-ratio)
                 total += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
             D = np.sum(total * (inverse @ total), axis=1).T[:, good]
-            at.append(np.array(members)[good])
+            at.append(group.members[good])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
@@ -306,10 +306,10 @@ class Gate:
 
 
 class Partial(NamedTuple):
-    """Members' columns x (M, k) less what columns z `beside` them explain in all strata at once, by
-    coefficients `by` (M, k, z): their `information` (S, M, k, k) in the strata, `alone` (M, k)
-    without the others, and the products `rest` (S, M, k, z) with these there. These have the
-    products `inner` (S, z, z), by the weights of the strata, and the covariance `inverse`.
+    """Members' columns x (M, k) less what columns z `beside` them (M or 1, z) explain in all strata
+    at once, by coefficients `by` (M, k, z): their `information` (S, M, k, k) in the strata, `alone`
+    (M, k) without the others, and the products `rest` (S, M, k, z) with these there. These have the
+    products `inner` (S, M or 1, z, z), by the weights of the strata, and the covariance `inverse`.
     """
 
     own: IntArray
@@ -322,23 +322,26 @@ class Partial(NamedTuple):
     inverse: FloatArray
 
 
-def partial_out(
-    likelihood: Likelihood, members: Sequence[int], beside: Columns, w: FloatArray
-) -> Partial:
-    """The columns of members beside others, with the weights w (S,) of the strata."""
-    design, cross = likelihood.design, likelihood.design.columns.cross
-    own = np.array([design.members[m].own for m in members])
-    z = np.array([*beside, *design.common], int)
-    W = w[:, None, None, None]
-    xx, xz = W * cross(own[:, :, None], own[:, None]), W * cross(own[:, :, None], z)
-    zz = w[:, None, None] * cross(z[:, None], z)
+def partial_out(likelihood: Likelihood, group: Group, held: Columns, w: FloatArray) -> Partial:
+    """The columns of members beside those that are held, the common ones and their margins, with
+    the weights w (S,) of the strata.
+    """
+    (k, members, low), design = group, likelihood.design
+    shared = (*held, *design.common)
+    z = np.hstack([low, np.tile(np.array(shared, int), (len(low), 1))])
+    width = k + low.shape[1]
+    own = design.closures[members, :width]
+    own[:, k:], inner = low, design.inner[:, members, :width, :width]
+    G = w[:, None, None, None] * design.columns.crossed(own, shared, inner)
+    xx, xz, zz = G[:, :, :k, :k], G[:, :, :k, k:], G[:, : len(z), k:, k:]
     A = zz.sum(axis=0)
-    inverse = np.linalg.inv(A + np.diag(1e-10 * np.diag(A) + likelihood.ridge(z)))
+    diagonal = 1e-10 * np.einsum("mzz->mz", A) + likelihood.ridge(z)
+    inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
     by = xz.sum(axis=0) @ inverse
-    rest = xz - by @ zz[:, None]
+    rest = xz - by @ zz
     information = xx - rest @ _t(by) - _t(xz @ _t(by))
     alone = np.einsum("smkk->mk", xx)
-    return Partial(own, z, by, information, alone, rest, zz, inverse)
+    return Partial(own[:, :k], z, by, information, alone, rest, zz, inverse)
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:

@@ -78,7 +78,7 @@ def test_the_evidence_of_one_column_is_the_integral_over_its_size() -> None:
 
     ends = (0, n, 1e3 * n, np.inf)
     slow = sum(quad(weighed, low, high)[0] for low, high in pairwise(ends))
-    assert like.evidence([(index,)])[0] == pytest.approx(np.log(slow), abs=0.05)
+    assert like.evidence((index,))[0] == pytest.approx(np.log(slow), abs=0.05)
 
 
 @pytest.mark.parametrize("sloped", [False, True])
