@@ -238,7 +238,7 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
     at, X = at[there], X[:, :, there]
     sizes = np.linalg.norm(X[:, : len(own)], axis=2)
     sound, inner = _bases(X[:, : len(own)], X[:, len(own) :])
-    seen = inner.any(axis=2)
+    seen: BoolArray = np.any(inner, axis=2)
     # Periods: columns are of the same size for all of them.
     if form.scale == "frequency":
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2

@@ -169,16 +169,19 @@ class Gate:
             explained = np.einsum("mzn,smzn->smn", sizes, 2 * y - tested.inner @ sizes)
             used = np.einsum("mzy,smyz->sm", tested.inverse, tested.inner)
             total = np.zeros((*size.shape, len(Y)))
-            for s in np.flatnonzero((known > LEAST_SHARE).any(axis=(1, 2))).tolist():
-                score = w[s] * U[s][tested.own] - tested.by @ y[s] - tested.rest[s] @ sizes
-                score = score / size[:, :, None]
-                among = np.where(known[s] > LEAST_SHARE, known[s], np.inf)[:, :, None]
-                stat = np.sum((_t(vectors[s]) @ score) ** 2 / among, axis=1)
-                left = np.maximum(squares[:, s] - explained[s], least[s])
+            asked = known > LEAST_SHARE
+            for s in np.flatnonzero(asked.any(axis=(1, 2))).tolist():
+                i = np.flatnonzero(asked[s].any(axis=1))
+                m = i if len(sizes) > 1 else slice(None)
+                score = w[s] * U[s][tested.own[i]] - tested.by[i] @ y[s, m]
+                score = (score - tested.rest[s, i] @ sizes[m]) / size[i, :, None]
+                among = np.where(asked[s, i], known[s, i], np.inf)[:, :, None]
+                stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / among, axis=1)
+                left = np.maximum(squares[:, s] - explained[s, m], least[s])
                 ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
-                power = np.maximum(self.likelihood.n[s] - used[s] - 1 - k / 2, 0.5)
+                power = np.maximum(self.likelihood.n[s] - used[s, m] - 1 - k / 2, 0.5)
                 deviance = -power[:, None] * np.log1p(-ratio)
-                total += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
+                total[i] += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
             D = np.sum(total * (inverse @ total), axis=1).T[:, good]
             at.append(group.members[good])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
