@@ -83,17 +83,16 @@ class Member:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kernel:
-    """A random function: in each of `strata` covariance V diag(k) V' of its coordinates, the mean
-    of the eigenvalues over the stratum's coordinates 1.
+    """A random function: in each of `strata` covariance V diag(k) V' of its coordinates, V and k
+    its `directions`, the mean of the eigenvalues over the stratum's coordinates 1; a profile
+    `along` a coordinate has a name.
     """
 
-    name: str
-    family: str
-    axis: str | None
-    named: bool
     strata: tuple[int, ...]
-    vectors: tuple[FloatArray, ...]
-    values: tuple[FloatArray, ...]
+    directions: tuple[tuple[FloatArray, FloatArray], ...]
+    name: str = ""
+    family: str = "profile"
+    axis: str | None = None
     along: str = ""
     informed: float = 1.0
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
@@ -129,11 +128,11 @@ class Design:
         self.members = list[Member]()
         self.deviations: dict[int, float] = {}
         self._around: dict[int, tuple[int, ...]] = {}
-        common = list[int]()
-        for power in fitted_powers(table).T:
-            at, X = strata.of_levers([{0: power[None, None]}], 1)
-            indices, _ = self.columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
-            common += [int(i) for i in indices if i != NONE]
+        powers = fitted_powers(table).T
+        at, X = strata.of_levers([{0: power[None, None]} for power in powers], 1)
+        none = np.zeros((len(powers), len(table.axes)))
+        indices, _ = self.columns.add(at, X[0], none, np.ones(len(powers)))
+        common = [i for i in indices.tolist() if i != NONE]
         factors = [
             {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
             for k in range(table.common.shape[3])
@@ -400,49 +399,36 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
     """Without a name a walk of the parts and a field over the features, of each axis and of all of
     them at once; and smooth profiles along each coordinate.
     """
-    P, _, _ = strata.shape
     parts, features = strata.of(PART), strata.of(FEATURE)
-    places = table.mean_places
+    lag, places = np.arange(len(table.parts)), table.mean_places
     known = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
-    nameless = list[tuple[str, list[int], FloatArray]]()
-    if P > 3:
-        walk = np.minimum.outer(np.arange(P), np.arange(P)) + 1.0
-        nameless.append(("walk", parts, walk))
+    nameless = list[tuple[list[int], FloatArray]]()
+    if len(lag) > 3:
+        nameless.append((parts, np.minimum.outer(lag, lag) + 1.0))
     if features and len(known) > 1 and len(places) > FEWEST_PLACES:
         apart = np.linalg.norm(places[:, None, known] - places[None, :, known], axis=-1)
-        nameless.append(("field", features, np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)))
-    for name, own, K in nameless:
+        nameless.append((features, np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)))
+    for own, K in nameless:
         made = {s: _directions(strata, s, K) for s in own}
-        for group in [(s,) for s in own] + [tuple(own)] * (len(own) > 1):
-            axis = table.axes[strata.axis[group[0]]] if len(group) == 1 else None
-            yield Kernel(
-                name=name if axis is None else f"{name}-{axis}",
-                family=name,
-                axis=axis,
-                named=False,
-                strata=group,
-                vectors=tuple(made[s][0] for s in group),
-                values=tuple(made[s][1] for s in group),
-            )
-    for a, name in enumerate(table.axes):
-        own = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
-        for i in known if own else ():
-            if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
-                continue
-            along = "xyz"[i]
-            vectors, values = _directions(strata, own[0], smooth_covariance(places[:, i]))
+        for group in [[s] for s in own] + [own] * (len(own) > 1):
+            yield Kernel(strata=tuple(group), directions=tuple(made[s] for s in group))
+    for i in known:
+        if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
+            continue
+        K, along = smooth_covariance(places[:, i]), "xyz"[i]
+        for a, name in enumerate(table.axes):
+            own = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
             itself = along == name or table.component is not None
-            yield Kernel(
-                name=f"profile-{name}" if itself else f"profile-{name}-{along}",
-                family="profile",
-                axis=name if itself else f"{name}{along}",
-                named=True,
-                along=along,
-                strata=(own[0],),
-                vectors=(vectors,),
-                values=(values,),
-                informed=len(vectors) / float(np.any(vectors != 0.0, axis=1).sum()),
-            )
+            for s in own[:1]:
+                V, k = _directions(strata, s, K)
+                yield Kernel(
+                    name=f"profile-{name}" if itself else f"profile-{name}-{along}",
+                    axis=name if itself else f"{name}{along}",
+                    along=along,
+                    strata=(s,),
+                    directions=((V, k),),
+                    informed=len(V) / float(np.any(V != 0.0, axis=1).sum()),
+                )
 
 
 def smooth_covariance(places: FloatArray) -> FloatArray:
@@ -457,18 +443,11 @@ def _directions(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, Floa
     """Eigenvectors and values in a stratum of a covariance over parts (P, P), of a stratum of the
     parts, or else of one over features (H, H) that is alike in all parts.
     """
-    P, H, A = strata.shape
-    part = strata.slices[s]
-    _, i, j = np.unravel_index(strata.place[part], (A, P, H))
-    if strata.kinds[s] == PART:
-        shared, basis = np.arange(len(i)), strata.of_parts[:, i]
-    else:
-        shared = np.flatnonzero(i == 0)
-        basis = strata.of_features[strata.axis[s]][:, j[shared]] / strata.spread[part][shared]
+    shared, basis = strata.directions(s)
     inner = basis.T @ K @ basis
     values, vectors = np.linalg.eigh((inner + inner.T) / 2)
     values = np.maximum(values, 0.0)
     kept = np.flatnonzero(values > RANK * values[-1])[::-1]
-    full = np.zeros((len(i), len(kept)))
+    full = np.zeros((int(strata.sizes[s]), len(kept)))
     full[shared] = vectors[:, kept]
     return full, values[kept] * (len(shared) / values.sum())

@@ -64,7 +64,7 @@ class Gate:
         of = design.of[at]
         tests = {design.candidates[c].name: lp[:, of == c].max(axis=1) for c in np.unique(of)}
         for kernel in design.kernels:
-            if kernel.named:
+            if kernel.name:
                 ratios = self.likelihood.kernel_deviance(fit, kernel, Y, AMPLITUDES)
                 tests[kernel.name] = one_sided(ratios.max(axis=0))
         tests |= self._offsets(len(Y), fit)
@@ -291,20 +291,15 @@ class Gate:
         """Covariances (n, n) of the coordinates of strata, if parts walk or features near one
         another err alike.
         """
-        strata, places = self.strata, self.design.table.mean_places
-        P, H, A = strata.shape
+        lag, places = np.arange(self.strata.shape[0]), self.design.table.mean_places
         places = places[:, np.isfinite(places).all(axis=0)]
-        lag = np.abs(np.subtract.outer(np.arange(P), np.arange(P)))
         apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
-        walk, field = np.exp(-lag / 2), np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))
+        walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
+        field = np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))
         near = dict[str, dict[int, FloatArray]]()
         for name, kind, K in (("walk", PART, walk), ("field", FEATURE, field)):
-            near[name] = {}
-            for s in strata.of(kind):
-                _, i, j = np.unravel_index(strata.place[strata.slices[s]], (A, P, H))
-                of_features = strata.of_features[strata.axis[s]]
-                basis = strata.of_parts[:, i] if kind == PART else of_features[:, j]
-                near[name][s] = basis.T @ K @ basis
+            bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
+            near[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
         return near
 
 
@@ -373,11 +368,10 @@ def mean_of(
     mean = float(likelihood.grand[a])
     if PART not in m:
         return mean, np.nan, np.nan
-    own = [m[PART]] + ([m[FEATURE]] if FEATURE in m else [])
-    inner = m.get(INTERACTION, (0.0, np.inf))
-    v = max(sum(x for x, _ in own) - (inner[0] if len(own) > 1 else 0.0), *(x for x, _ in own))
-    terms = own + ([inner] if len(own) > 1 else [])
-    nu = v**2 / sum(x**2 / d for x, d in terms)
+    own = [m[kind] for kind in (PART, FEATURE) if kind in m]
+    inner = [m[INTERACTION]] if len(own) > 1 and INTERACTION in m else []
+    v = max(sum(x for x, _ in own) - sum(x for x, _ in inner), *(x for x, _ in own))
+    nu = v**2 / sum(x**2 / d for x, d in own + inner)
     return mean, float(v / (P * H) + likelihood.design.mean_variance[a]), float(nu)
 
 

@@ -109,7 +109,7 @@ class Likelihood:
         """
         _, amplitude = self.kernel_gain(fit, kernel)
         columns, result = self.design.columns, list[int]()
-        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
+        for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
             part = self.design.strata.slices[s]
             at, means = np.arange(part.start, part.stop), np.zeros((len(k), len(self.grand)))
             indices = columns.add_alone(at, V.T, means).tolist()
@@ -223,7 +223,7 @@ class Likelihood:
         model, on coordinates Y (B, N), at some variances (c,) over the stratum's.
         """
         result = np.zeros((len(variances), len(Y)))
-        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
+        for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
             part = Y[:, self.design.strata.slices[s]]
             least = fit.dof[s] * self.least[s] + TINY**2
             total = np.maximum((part**2).sum(axis=1) + self.extra[s], least)

@@ -60,8 +60,8 @@ class ModelSet:
         self.likelihood, self.gate = likelihood, gate
         self.design: Design = likelihood.design
         self.alpha, self.most = alpha, most
-        self.named = [k for k, kernel in enumerate(self.design.kernels) if kernel.named]
-        self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.named]
+        self.named = [k for k, kernel in enumerate(self.design.kernels) if kernel.name]
+        self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.name]
         self.names = [c.name for c in self.design.candidates]
         self.names += [self.design.kernels[k].name for k in self.named]
         self.stopped = False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,7 +45,7 @@ def posed(
     P, H, A = strata.shape
     n, axis = strata.sizes.copy(), np.array(strata.axis)
     n[strata.of(INTERACTION)] -= gaps.count
-    of_axis, _, j = np.unravel_index(strata.place, (A, P, H))
+    of_axis, _, j = strata.cells
     taken = np.zeros(len(n))
     for motion in table.motions:
         for direction in motion.Q.T:
@@ -134,16 +135,14 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
         )
     rough = smooth_covariance(along)
     strata = strata_of(P, lines, features_scatter=False, roughness=rough)
-    y = strata.coordinates(errors)
-    _, i, j = np.unravel_index(strata.place, (A, P, H))
+    y, (_, i, j) = strata.coordinates(errors), strata.cells
     inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
     squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
     grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
     spread = 1 + grid[:, None] * strata.bends
     left = np.maximum((squares / spread).sum(axis=1), 1e-300)
     deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
-    bends = float(grid[int(np.argmin(deviance))])
-    return strata_of(P, lines, features_scatter=False, roughness=rough, bends=bends)
+    return replace(strata, spread=np.sqrt(spread[int(np.argmin(deviance)), j]))
 
 
 def _along(table: ResidualTable) -> FloatArray | None:

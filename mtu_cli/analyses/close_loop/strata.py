@@ -121,6 +121,23 @@ class Strata:
                 result[:, k, np.searchsorted(at, own_at)] = values
         return at, result
 
+    @property
+    def cells(self) -> tuple[IntArray, ...]:
+        """Axis, row and column (N,) of each coordinate."""
+        P, H, A = self.shape
+        return np.unravel_index(self.place, (A, P, H))
+
+    def directions(self, s: int) -> tuple[IntArray, FloatArray]:
+        """The coordinates (n,) of a stratum that are of the parts, or else alike in all of them,
+        and the basis over the parts (P, n), or over the features (H, n), in which these are.
+        """
+        _, i, j = (own[self.slices[s]] for own in self.cells)
+        if self.kinds[s] == PART:
+            return np.arange(len(i)), self.of_parts[:, i]
+        shared = np.flatnonzero(i == 0)
+        basis = self.of_features[self.axis[s]][:, j[shared]]
+        return shared, basis / self.spread[self.slices[s]][shared]
+
     def table(self, coordinates: FloatArray) -> FloatArray:
         """Tables (..., P, H, A) of coordinates (..., N); those of no stratum are 0."""
         P, H, A = self.shape
@@ -140,7 +157,6 @@ def strata_of(
     moving: int = 0,
     lines_known: bool = True,
     roughness: FloatArray | None = None,
-    bends: float = 0.0,
 ) -> Strata:
     """The strata of P parts with H features.
 
@@ -149,11 +165,10 @@ def strata_of(
     than the features; where not `lines_known`, they are in no stratum. `features_scatter`: the
     features' means have one; where not, they belong to the strata of the parts (V = I_P x S). The
     mean of all is in none: every effect has an offset beside it. `roughness` (H, H) is the
-    covariance of the bends that every part has of its own, `bends` their variance over the
-    interaction's.
+    covariance of the bends that every part has of its own.
     """
     A, H = len(lines), len(lines[0])
-    bases, spreads, shape = np.zeros((A, H, H)), np.ones((A, 1, H)), np.zeros(H)
+    bases, bends = np.zeros((A, H, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
     first, shorts = 1 if features_scatter else 0, list[Any]()
     for a, own in enumerate(lines):
@@ -171,8 +186,7 @@ def strata_of(
         if roughness is not None and k < H:
             values, turn = np.linalg.eigh(basis[:, k:].T @ roughness @ basis[:, k:])
             basis[:, k:] = basis[:, k:] @ turn[:, ::-1]
-            shape[k:] = np.maximum(values[::-1], 0.0) / values.mean()
-            spreads[a, 0, k:] = np.sqrt(1 + bends * shape[k:])
+            bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
         bases[a] = basis
         beyond, rows = slice(1, None), [first] * (k - moving) + [0] * moving
         groups = [(PART, (beyond, slice(0, 1)))]
@@ -199,6 +213,6 @@ def strata_of(
         slices=tuple(map(slice, ends[:-1], ends[1:])),
         kinds=tuple(kinds),
         axis=tuple(axis),
-        spread=np.broadcast_to(spreads, label.shape).ravel()[place],
-        bends=shape,
+        spread=np.ones(len(place)),
+        bends=bends,
     )
