@@ -327,25 +327,24 @@ class BoundTemplate:
 
 def bound(family: Family, template: Template, binding: Binding, data: TableData) -> BoundTemplate:
     """Raises NoMember where the data has none: no such axis or column, or no finite values."""
-    axes, search = data.table.axes, template.search
+    axes = data.table.axes
     found: list[tuple[int, str, Binding]] = []
     for key in template.trees:
         for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
             if axis not in axes:
                 raise NoMember
             found.append((axes.index(axis), key, {**binding, "each": axis}))
-    columns = {_column(raw, own, data) for _, _, own in found for raw in template.columns}
-    wanted = columns | {_column(raw, binding, data) for raw in family.needs}
+    columns = {_column(raw, own, data)[0] for _, _, own in found for raw in template.columns}
+    wanted = columns | {_column(raw, binding, data)[0] for raw in family.needs}
     for name in sorted(wanted):
         check_column(name, data)
 
     def meant(raw: str, own: Binding) -> str | float:
-        number, name = number_of(raw), _column(raw, own, data)
-        if raw in template.units:
-            # No column of the equations has the name of a parameter.
-            while name in columns:
-                name = f"own_{name}"
-        return name if number is None else data.number(name, number[1])
+        name, number = _column(raw, own, data)
+        # No column of the equations has the name of a parameter.
+        while raw in template.units and name in columns:
+            name = f"own_{name}"
+        return name if number is None else data.number(name, number)
 
     fillings = [
         {raw: meant(raw, own) for raw in (*template.columns, *template.units)}
@@ -364,16 +363,12 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         for filling in fillings
     }
     if binding.get("c") == TIME:
-        # The time stands for {c}, a plain count: um/min for um.
-        for name, unit in units.items():
-            if any(TIME in names(own[name]) for own in levers.values() if name in own):
-                per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
-                if not per:
-                    raise NoMember(f"{unit} of {name} has no unit per minute")
-                units[name] = per[0]
+        pairs = (pair for own in levers.values() for pair in own.items())
+        timed = dict.fromkeys(name for name, lever in pairs if TIME in names(lever))
+        units |= {name: per_minute(name, units[name]) for name in timed}
     grid = None
-    if search is not None:
-        along = search.of and _column(search.of, binding, data)
+    if (search := template.search) is not None:
+        along = search.of and _column(search.of, binding, data)[0]
         if along:
             check_column(along, data)
         size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
@@ -399,15 +394,22 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
     return whole
 
 
-def _column(raw: str, binding: Binding, data: TableData) -> str:
-    """The column or position that a name stands for, or is a number of; the direction of a
-    component without an axis is that of the axis whose error it is.
+def per_minute(name: str, unit: str) -> str:
+    """The unit of a parameter where the time stands for {c}, a plain count: um/min for um."""
+    if not (per := parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)):
+        raise NoMember(f"{unit} of {name} has no unit per minute")
+    return per[0]
+
+
+def _column(raw: str, binding: Binding, data: TableData) -> tuple[str, str | None]:
+    """The column or position that a name stands for, or is a number of, and the kind of number; the
+    direction of a component without an axis is that of the axis whose error it is.
     """
-    number = number_of(raw)
-    name, table = filled(raw if number is None else number[0], binding), data.table
+    plain, number = number_of(raw) or (raw, None)
+    name, table = filled(plain, binding), data.table
     if table.component is not None and name == f"dir_{table.axes[0]}":
-        return next((own for own in table.covariates if own.startswith("dir_")), name)
-    return name
+        name = next((own for own in table.covariates if own.startswith("dir_")), name)
+    return name, number
 
 
 # Candidates.

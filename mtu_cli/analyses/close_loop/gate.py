@@ -218,10 +218,9 @@ class Gate:
         for c in self.design.candidates if P >= 5 and len(inner) >= A else ():
             if c.kind != "scatter" or c.unavailable or FREED_SCATTER.get(table.datum) == c.name:
                 continue
-            lever = lever_of(c.name, table.axes, table.mean_places)
-            if c.name == "operation-scatter" and len(table.operations) > 1:
+            if c.over is not None:
                 levers[c.name] = None
-            elif c.name != "operation-scatter" and lever is not None:
+            elif (lever := lever_of(c.name, table.axes, table.mean_places)) is not None:
                 levers[c.name] = lever.ravel()
         chosen = np.broadcast_to(table.operation == 1, (P, H)).ravel()
         flat = cells.reshape(P * H, A)
