@@ -100,7 +100,7 @@ class Strata:
         else:
             signs, left, right = short
             turned = values * signs - (values @ left) @ right
-        return to_contrasts(turned) if p == P else turned * np.sqrt(P)
+        return to_contrasts(turned) if p > 1 else turned * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) that columns can reach, given by axis in compact shapes (G or 1,
