@@ -123,10 +123,8 @@ class Gate:
             Z = np.stack([fit.residual[strata.slices[s]] * up[s] for s in own])
             if more := round(like.extra_dof[own].max()):
                 beside = rng.normal(size=(len(own), more))
-                beside *= (np.sqrt(like.extra[own]) * up[own] / np.linalg.norm(beside, axis=1))[
-                    :, None
-                ]
-                Z = np.concatenate([Z, beside], axis=1)
+                sizes = np.sqrt(like.extra[own]) * up[own] / np.linalg.norm(beside, axis=1)
+                Z = np.concatenate([Z, beside * sizes[:, None]], axis=1)
             g, whole = Z.shape
             R = np.linalg.qr(Z.T)[1]
             frame = np.linalg.qr(rng.normal(size=(len(null), whole, min(g, whole))))[0]

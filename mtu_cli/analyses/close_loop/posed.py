@@ -42,17 +42,16 @@ def posed(
     strata = _strata(table, errors, scatter)
     design = Design(table, strata, candidates, scale, gaps)
     # Degrees of freedom: less the missing cells and what a datum freed.
-    P, H, A = strata.shape
+    P, _, A = strata.shape
     n, axis = strata.sizes.copy(), np.array(strata.axis)
     n[strata.of(INTERACTION)] -= gaps.count
     of_axis, _, j = strata.cells
     taken = np.zeros(len(n))
     for motion in table.motions:
-        for direction in motion.Q.T:
-            one = np.zeros((H, A))
-            one[motion.columns] = direction.reshape(len(motion.columns), A)
-            share = np.einsum("ha,ahj->aj", one, strata.of_features)[of_axis, j] ** 2
-            taken += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
+        Q = motion.Q.reshape(len(motion.columns), A, -1)
+        of_basis = np.einsum("hak,ahj->akj", Q, strata.of_features[:, motion.columns])
+        share = np.sum(of_basis**2, axis=1)[of_axis, j]
+        taken += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
     # A datum that takes a stratum leaves nothing of it but rounding.
     n = np.where(n - taken > 1e-6 * n, np.maximum(n - taken, 1.0), 0.0)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
