@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import combinations, product
@@ -216,15 +216,12 @@ def of_candidates(family: LoadedFamily, data: TableData) -> Iterator[Binding]:
     if named & {"n", "b"}:
         # An angle to an axis that was not measured is a tilt: `abbe` and `straightness` say it.
         known = tuple(axis for axis in known if axis in data.table.axes)
+    found: Iterable[tuple[str, ...]] = combinations(known, 2 if "b" in named else "a" in named)
     if "n" in named:
-        found = [dict(zip("abn", own, strict=True)) for own in CYCLIC if {*own[:2]} <= {*known}]
-    elif "b" in named:
-        found = [{"a": a, "b": b} for a, b in combinations(known, 2)]
-    else:
-        found = [{"a": a} for a in known] if "a" in named else [{}]
-    for binding in found:
-        if allowed is None or binding.get("a", allowed[0]) in allowed:
-            yield binding
+        found = (own for own in CYCLIC if {*own[:2]} <= {*known})
+    for own in found:
+        if allowed is None or not own or own[0] in allowed:
+            yield dict(zip("abn", own, strict=False))
 
 
 def of_members(template: Template, binding: Binding, data: TableData) -> Iterator[Binding | str]:
@@ -236,15 +233,10 @@ def of_members(template: Template, binding: Binding, data: TableData) -> Iterato
     if lacking := [MISSING[mark] for mark in wanted if not data.columns[mark]]:
         yield lacking[0]
         return
-    axes: list[Binding] = [binding]
-    if "b" in used and "b" not in binding and "a" in binding:
-        axes = [{**binding, "b": b} for b in data.axes if b != binding["a"]]
-    elif "b" in used and "b" not in binding:
-        axes = [{"a": a, "b": b} for a, b in combinations(data.axes, 2)]
-    elif "a" in used and "a" not in binding:
-        axes = [{**binding, "a": a} for a in data.axes]
+    free = [mark for mark in "ab" if mark in used and mark not in binding]
+    axes = (own for own in combinations(data.axes, len(free)) if not {*own} & {*binding.values()})
     for own, chosen in product(axes, product(*(data.columns[mark] for mark in wanted))):
-        yield {**own, **dict(zip(wanted, chosen, strict=True))}
+        yield {**binding, **dict(zip((*free, *wanted), (*own, *chosen), strict=True))}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

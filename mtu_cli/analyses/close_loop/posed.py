@@ -44,7 +44,7 @@ def posed(
     # Degrees of freedom: less the missing cells and what a datum freed.
     P, _, A = strata.shape
     n, axis = strata.sizes.copy(), np.array(strata.axis)
-    n[strata.of(INTERACTION)] -= gaps.count
+    n[strata.of(INTERACTION)] -= np.sum(~there)
     of_axis, _, j = strata.cells
     taken = np.zeros(len(n))
     for motion in table.motions:
@@ -104,11 +104,20 @@ def steps_of(table: ResidualTable) -> FloatArray:
 
 def free_lines(table: ResidualTable) -> FloatArray:
     """Orthonormal directions (H, k) in which each part is free: its level, and of readings the
-    lines that passes move along.
+    slope, direction, and both, along which passes move.
     """
-    H = len(table.features)
-    level = np.full((H, 1), 1 / np.sqrt(H))
-    return np.column_stack([level, _reading_lines(table)]) if table.component else level
+    columns = [np.ones(len(table.features))]
+    if table.component is not None:
+        along = _along(table)
+        columns += [] if along is None else [along]
+        sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
+        if sign is not None and sign.shape == (1, len(table.features)):
+            columns.append(np.asarray(sign[0], float))
+            columns += [] if along is None else [sign[0] * (along - along.mean())]
+    X = np.column_stack(columns)
+    left = np.abs(np.diag(np.linalg.qr(X, mode="r")))
+    Q, R = np.linalg.qr(X[:, left > 1e-8 * np.linalg.norm(X, axis=0)])
+    return np.asarray(Q * np.sign(np.diag(R)))
 
 
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
@@ -156,7 +165,7 @@ def _lines(table: ResidualTable) -> list[FloatArray]:
     """Orthonormal directions (H, k) by axis along which whole parts move beside their level."""
     _, H, A = table.errors.shape
     if table.component is not None:
-        return [_reading_lines(table)] * A
+        return [free_lines(table)[:, 1:]] * A
     result = []
     for F in np.moveaxis(table.of_part.mean(axis=0), 1, 0):
         whole = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
@@ -177,17 +186,3 @@ def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray
         q = turned
     size = np.linalg.norm(q)
     return q / size if size > 0 else None
-
-
-def _reading_lines(table: ResidualTable) -> FloatArray:
-    """Orthonormal directions (H, k) of passes beside their level: slope, direction, and both."""
-    columns, along = [np.ones(len(table.features))], _along(table)
-    columns += [] if along is None else [along]
-    sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
-    if sign is not None and sign.shape == (1, len(table.features)):
-        columns.append(np.asarray(sign[0], float))
-        columns += [] if along is None else [sign[0] * (along - along.mean())]
-    X = np.column_stack(columns)
-    left = np.abs(np.diag(np.linalg.qr(X, mode="r")))
-    Q, R = np.linalg.qr(X[:, left > 1e-8 * np.linalg.norm(X, axis=0)])
-    return np.asarray((Q * np.sign(np.diag(R)))[:, 1:])
