@@ -13,6 +13,8 @@ EMPTY = 1e-9
 """Share of a column's size below which what is left of it in the strata is rounding."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
+FREE = 1e-9
+"""Prior precision of the size of a unit column that is free."""
 DIGITS = 6
 MARKS = 3
 """Projections by which a column is known."""
@@ -22,14 +24,14 @@ AT_ONCE = 1_000_000
 
 class Columns:
     """Unit columns, each stored in the strata where it is not zero; `means` (K, A) are those over
-    the table. The first one is zero.
+    the table, `precisions` (K,) of their sizes what is known beforehand. The first one is zero.
 
     A column that is there already, but for sign and size, is not added again.
     """
 
     def __init__(self, strata: Strata) -> None:
         self.strata = strata
-        self.means = np.zeros((1, strata.shape[2]))
+        self.means, self.precisions = np.zeros((1, strata.shape[2])), np.ones(1)
         self._ends = np.array([0, *(part.stop for part in strata.slices)])
         self._values = [np.zeros((1, int(n))) for n in strata.sizes]
         self._used = np.ones(len(strata.slices), int)
@@ -66,12 +68,15 @@ class Columns:
             if indices[left[i]] == self.count + len(new):
                 new.append(i)
         own = left[new]
-        self.add_alone(at, units[new] * signs[new, None], means[own] / factors[own, None])
+        units, free = units[new] * signs[new, None], np.full(len(own), FREE)
+        self.add_alone(at, units, means[own] / factors[own, None], free)
         return indices, factors
 
-    def add_alone(self, at: IntArray, units: FloatArray, means: FloatArray) -> IntArray:
+    def add_alone(
+        self, at: IntArray, units: FloatArray, means: FloatArray, precisions: FloatArray
+    ) -> IntArray:
         """Indices (m,) of unit columns (m, n) at the coordinates `at` (n,), with means (m, A); no
-        others share them, for they have priors of their own.
+        others share them, for they have prior `precisions` (m,) of their own.
         """
         rows, ends = np.zeros((len(self._used), len(units)), int), np.searchsorted(at, self._ends)
         for s in np.flatnonzero(np.diff(ends)):
@@ -88,6 +93,7 @@ class Columns:
         first = self.count
         self._rows = np.concatenate([self._rows, rows], axis=1)
         self.means = np.concatenate([self.means, means])
+        self.precisions = np.concatenate([self.precisions, precisions])
         return np.arange(first, self.count)
 
     def cross(self, one: IntArray, other: IntArray) -> FloatArray:
@@ -104,10 +110,10 @@ class Columns:
 
     def crossed(
         self, added: IntArray, shared: Sequence[int] = (), inner: FloatArray | None = None
-    ) -> FloatArray:
-        """Products (S, M, w + k, w + k) in each stratum among the columns of models: those `added`
-        (M, w) of each, and then those (k,) that all of them share; `inner` are the products among
-        the former before some became PADDING.
+    ) -> tuple[IntArray, FloatArray]:
+        """The columns (M, w + k) of models: those `added` (M, w) of each, and then those (k,) that
+        all of them share; and their products (S, M, w + k, w + k) in each stratum, `inner` those
+        among the former before some became PADDING.
         """
         w, others = added.shape[1], np.array(shared, int)
         if inner is None:
@@ -118,7 +124,7 @@ class Columns:
         G[:, :, :w, :w], G[:, :, :w, w:], G[:, :, w:, :w] = inner, across, np.swapaxes(across, 2, 3)
         G[:, :, :w, :w] *= there[:, :, None] & there[:, None]
         G[:, :, w:, w:] = self.gram(others, others)[:, None]
-        return G
+        return np.hstack([added, np.tile(others, (len(added), 1))]), G
 
     def gram(self, columns: IntArray, others: IntArray) -> FloatArray:
         """Products (S, ..., m) in each stratum of columns (...) with each of others (m,)."""

@@ -110,9 +110,8 @@ class Design:
     """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
 
     The first members, which are `tested`, are those of the grid; finer ones follow them. `common`
-    columns are in every model: the polynomial that the readings have lost, and the coefficients.
-    `deviations` are prior standard deviations of columns: of the coefficients, and of random
-    functions; `mean_variance` (A,) is that of the mean by the coefficients.
+    columns are in every model: the polynomial that the readings have lost, and the coefficients;
+    `mean_variance` (A,) is that of the mean by the coefficients.
     """
 
     def __init__(
@@ -126,7 +125,6 @@ class Design:
         self.table, self.strata, self.scale, self.gaps = table, strata, scale, gaps
         self.candidates, self.columns = tuple(candidates), Columns(strata)
         self.members = list[Member]()
-        self.deviations: dict[int, float] = {}
         self._around: dict[int, tuple[int, ...]] = {}
         powers = fitted_powers(table).T
         at, X = strata.of_levers([{0: power[None, None]} for power in powers], 1)
@@ -142,10 +140,8 @@ class Design:
             U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
             kept = sizes > LEAST_KNOWN * scale
             means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
-            indices = self.columns.add_alone(at, units[kept], means)
-            common += indices.tolist()
-            deviations = (sizes[kept] / scale).tolist()
-            self.deviations = dict(zip(indices.tolist(), deviations, strict=True))
+            precisions = (scale / sizes[kept]) ** 2
+            common += self.columns.add_alone(at, units[kept], means, precisions).tolist()
         self.common = tuple(common)
         self.mean_variance = (table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2
         for c, candidate in enumerate(candidates):
@@ -167,7 +163,7 @@ class Design:
         self.of = np.array([member.candidate for member in tested], int)
         self.prior = np.array([member.prior for member in tested])
         self.closures = self.closures_of(range(self.tested))
-        self.inner = self.columns.crossed(self.closures)
+        _, self.inner = self.columns.crossed(self.closures)
         self._widths = np.array([(len(x.own), len(x.low)) for x in tested], int).reshape(-1, 2)
         self.kernels = tuple(_kernels(table, strata))
 

@@ -175,9 +175,9 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
     for group in design.groups():
-        k, left = group.k, partial_out(found.likelihood, group, (), fit.weights)
+        k, left = group.k, partial_out(design, group, (), fit.weights)
         # The coefficients are uncertain as far as is known beforehand.
-        prior = np.sum(left.by**2 * found.likelihood.ridge(left.beside)[:, None], axis=(1, 2))
+        prior = np.sum(left.by**2 * design.columns.precisions[left.beside][:, None], axis=(1, 2))
         signal = (np.einsum("smkk->m", left.information) + prior) / k
         crossed = design.columns.cross(left.own, left.own).sum(axis=-1)
         shares = fit.weights[:, None] * crossed

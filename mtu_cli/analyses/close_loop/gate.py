@@ -151,7 +151,7 @@ class Gate:
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
         for group in design.groups(base):
-            k, tested = group.k, partial_out(self.likelihood, group, base, w)
+            k, tested = group.k, partial_out(design, group, base, w)
             whole = tested.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
             each = size[:, :, None] * size[:, None, :]
@@ -317,20 +317,20 @@ class Partial(NamedTuple):
     inverse: FloatArray
 
 
-def partial_out(likelihood: Likelihood, group: Group, held: Columns, w: FloatArray) -> Partial:
+def partial_out(design: Design, group: Group, held: Columns, w: FloatArray) -> Partial:
     """The columns of members beside those that are held, the common ones and their margins, with
     the weights w (S,) of the strata.
     """
-    (k, members, low), design = group, likelihood.design
-    shared = (*held, *design.common)
-    z = np.hstack([low, np.tile(np.array(shared, int), (len(low), 1))])
+    k, members, low = group
     width = k + low.shape[1]
-    own = design.closures[members, :width]
-    own[:, k:], inner = low, design.inner[:, members, :width, :width]
-    G = w[:, None, None, None] * design.columns.crossed(own, shared, inner)
-    xx, xz, zz = G[:, :, :k, :k], G[:, :, :k, k:], G[:, : len(z), k:, k:]
+    own, inner = design.closures[members, :width], design.inner[:, members, :width, :width]
+    own[:, k:] = low
+    models, G = design.columns.crossed(own, (*held, *design.common), inner)
+    G *= w[:, None, None, None]
+    z, zz = models[: len(low), k:], G[:, : len(low), k:, k:]
+    xx, xz = G[:, :, :k, :k], G[:, :, :k, k:]
     A = zz.sum(axis=0)
-    diagonal = 1e-10 * np.einsum("mzz->mz", A) + likelihood.ridge(z)
+    diagonal = 1e-10 * np.einsum("mzz->mz", A) + design.columns.precisions[z]
     inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
     by = xz.sum(axis=0) @ inverse
     rest = xz - by @ zz

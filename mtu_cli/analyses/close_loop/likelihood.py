@@ -93,16 +93,6 @@ class Likelihood:
         own = dict.fromkeys(i for item in items for i in item.own)
         return tuple(own | dict.fromkeys(i for item in items for i in item.low))
 
-    def ridge(self, columns: IntArray) -> FloatArray:
-        """Prior precisions of columns: those of fitted coefficients and of random functions have a
-        known variance.
-        """
-        result = np.full(columns.shape, TINY)
-        result[columns == PADDING] = 1.0
-        for index, deviation in self.design.deviations.items():
-            result[columns == index] = deviation**-2
-        return result
-
     def smooth(self, fit: Fit, kernel: Kernel) -> Columns:
         """The directions of a random function as columns; its variance is the likeliest beside a
         fit.
@@ -112,10 +102,8 @@ class Likelihood:
         for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
             part = self.design.strata.slices[s]
             at, means = np.arange(part.start, part.stop), np.zeros((len(k), len(self.grand)))
-            indices = columns.add_alone(at, V.T, means).tolist()
-            deviations = np.sqrt(amplitude * k / fit.weights[s]).tolist()
-            self.design.deviations.update(zip(indices, deviations, strict=True))
-            result += indices
+            precisions = fit.weights[s] / (amplitude * k)
+            result += columns.add_alone(at, V.T, means, precisions).tolist()
         return tuple(result)
 
     def weights(self, R: FloatArray, dof: FloatArray) -> FloatArray:
@@ -137,9 +125,9 @@ class Likelihood:
         """
         shared = (*columns, *beside, *self.design.common)
         k = added.shape[1] + len(columns)
-        models = np.hstack([added, np.tile(np.array(shared, int), (len(added), 1))])
-        G = self.design.columns.crossed(added, shared, inner)
-        b, own, ridge = self.b[:, models], np.einsum("smii->smi", G), self.ridge(models)
+        models, G = self.design.columns.crossed(added, shared, inner)
+        ridge = self.design.columns.precisions[models]
+        b, own = self.b[:, models], np.einsum("smii->smi", G)
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
         R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))
         for _ in range(5):
@@ -195,10 +183,9 @@ class Likelihood:
         """Generalised least squares, each stratum's variance its residual sum of squares over the
         residual degrees of freedom.
         """
-        design = self.design
-        columns = tuple(columns) + design.common
+        known, columns = self.design.columns, tuple(columns) + self.design.common
         at = np.array(columns, int)
-        G, b, ridge = design.columns.gram(at, at), self.b[:, at], np.diag(self.ridge(at))
+        G, b, ridge = known.gram(at, at), self.b[:, at], np.diag(known.precisions[at])
         w, dof = self.weights(self.R0, self.n), self.n.copy()
         beta, V = np.zeros(0), np.zeros((0, 0))
         for _ in range(6 if columns else 1):
@@ -210,7 +197,7 @@ class Likelihood:
             dof = np.maximum(self.n - used, 1.0)
             w = self.weights(np.maximum(R, TINY * self.R0), dof)
         shares = w[:, None] * np.einsum("ij,sjk,ki->si", V, G, V) / np.diag(V)[None, :]
-        left = self.y - beta @ design.columns.dense(columns) if columns else self.y
+        left = self.y - beta @ known.dense(columns) if columns else self.y
         return Fit(
             columns=columns, beta=beta, covariance=V, residual=left, weights=w, dof=dof,
             shares=shares,
