@@ -150,20 +150,17 @@ class Effects(Contract):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Template:
     """One form of a family: `trees` by key and names as in the file (``E{a}``, ``dir_{a}``), linear
-    in the parameters, whose `units` are given; `readings`: not for points.
+    in the parameters, whose `units` are given, with the `levers` of these; `columns` are what the
+    equations name besides: columns, positions, numbers of them; `readings`: not for points.
     """
 
     units: dict[str, str]
     trees: dict[str, Node]
+    levers: dict[str, dict[str, Node]]
+    columns: tuple[str, ...]
     searched: str | None
     search: Search | None
     readings: bool
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """What the equations name besides their parameters: columns, positions, numbers of them."""
-        used = dict.fromkeys(name for tree in self.trees.values() for name in names(tree))
-        return tuple(name for name in used if name not in {*self.units, self.searched, CHOSEN})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -297,8 +294,9 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
         with faults.collected(here):
             trees[key] = parse(text, name=BRACED)
             _check_equation(trees[key], key, form.parameters, searched, family)
+    levers, used = {}, dict.fromkeys(name for tree in trees.values() for name in names(tree))
     if len(faults.findings) == before:
-        used = {name for tree in trees.values() for name in names(tree)}
+        levers = {key: linear_form(x, form.parameters).coefficients for key, x in trees.items()}
         unused = [((*path, *place), place[1]) for place in places if place[1] not in used]
         if family.over is not None and CHOSEN not in used:
             unused.append(((*path, "equations"), CHOSEN))
@@ -307,6 +305,8 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
     return Template(
         units=dict(form.parameters),
         trees=trees,
+        levers=levers,
+        columns=tuple(x for x in used if x not in {*form.parameters, searched, CHOSEN}),
         searched=searched,
         search=search,
         readings=form.readings,

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import combinations, product
@@ -33,7 +33,7 @@ from mtu_cli.files.effects import (
     number_of,
 )
 from mtu_cli.findings import InputError, finding, nearest
-from mtu_cli.language import Node, evaluate, linear_form, names, parse
+from mtu_cli.language import Node, evaluate, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.slope import slope
 from mtu_cli.language.tree import filled_text, filled_tree
@@ -216,15 +216,12 @@ def of_candidates(family: LoadedFamily, data: TableData) -> Iterator[Binding]:
     if named & {"n", "b"}:
         # An angle to an axis that was not measured is a tilt: `abbe` and `straightness` say it.
         known = tuple(axis for axis in known if axis in data.table.axes)
+    found: Iterable[tuple[str, ...]] = combinations(known, 2 if "b" in named else "a" in named)
     if "n" in named:
-        found = [dict(zip("abn", own, strict=True)) for own in CYCLIC if {*own[:2]} <= {*known}]
-    elif "b" in named:
-        found = [{"a": a, "b": b} for a, b in combinations(known, 2)]
-    else:
-        found = [{"a": a} for a in known] if "a" in named else [{}]
-    for binding in found:
-        if allowed is None or binding.get("a", allowed[0]) in allowed:
-            yield binding
+        found = (own for own in CYCLIC if {*own[:2]} <= {*known})
+    for own in found:
+        if allowed is None or not own or own[0] in allowed:
+            yield dict(zip("abn", own, strict=False))
 
 
 def of_members(template: Template, binding: Binding, data: TableData) -> Iterator[Binding | str]:
@@ -236,15 +233,10 @@ def of_members(template: Template, binding: Binding, data: TableData) -> Iterato
     if lacking := [MISSING[mark] for mark in wanted if not data.columns[mark]]:
         yield lacking[0]
         return
-    axes: list[Binding] = [binding]
-    if "b" in used and "b" not in binding and "a" in binding:
-        axes = [{**binding, "b": b} for b in data.axes if b != binding["a"]]
-    elif "b" in used and "b" not in binding:
-        axes = [{"a": a, "b": b} for a, b in combinations(data.axes, 2)]
-    elif "a" in used and "a" not in binding:
-        axes = [{**binding, "a": a} for a in data.axes]
+    free = [mark for mark in "ab" if mark in used and mark not in binding]
+    axes = (own for own in combinations(data.axes, len(free)) if not {*own} & {*binding.values()})
     for own, chosen in product(axes, product(*(data.columns[mark] for mark in wanted))):
-        yield {**own, **dict(zip(wanted, chosen, strict=True))}
+        yield {**binding, **dict(zip((*free, *wanted), (*own, *chosen), strict=True))}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -327,47 +319,48 @@ class BoundTemplate:
 
 def bound(family: Family, template: Template, binding: Binding, data: TableData) -> BoundTemplate:
     """Raises NoMember where the data has none: no such axis or column, or no finite values."""
-    axes, search = data.table.axes, template.search
-    found: list[tuple[int, Node, Binding]] = []
-    for key, tree in template.trees.items():
+    axes = data.table.axes
+    found: list[tuple[int, str, Binding]] = []
+    for key in template.trees:
         for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
             if axis not in axes:
                 raise NoMember
-            found.append((axes.index(axis), tree, {**binding, "each": axis}))
-    columns = {_column(raw, own, data) for _, _, own in found for raw in template.columns}
-    wanted = columns | {_column(raw, binding, data) for raw in family.needs}
+            found.append((axes.index(axis), key, {**binding, "each": axis}))
+    columns = {_column(raw, own, data)[0] for _, _, own in found for raw in template.columns}
+    wanted = columns | {_column(raw, binding, data)[0] for raw in family.needs}
     for name in sorted(wanted):
         check_column(name, data)
 
     def meant(raw: str, own: Binding) -> str | float:
-        number, name = number_of(raw), _column(raw, own, data)
-        if raw in template.units:
-            # No column of the equations has the name of a parameter.
-            while name in columns:
-                name = f"own_{name}"
-        return name if number is None else data.number(name, number[1])
+        name, number = _column(raw, own, data)
+        # No column of the equations has the name of a parameter.
+        while raw in template.units and name in columns:
+            name = f"own_{name}"
+        return name if number is None else data.number(name, number)
 
-    equations = {
-        axis: filled_tree(tree, {raw: meant(raw, own) for raw in names(tree)})
-        for axis, tree, own in found
+    fillings = [
+        {raw: meant(raw, own) for raw in (*template.columns, *template.units)}
+        for _, _, own in found
+    ]
+    equations, levers = dict[int, Node](), dict[int, dict[str, Node]]()
+    for (a, key, _), filling in zip(found, fillings, strict=True):
+        equations[a] = filled_tree(template.trees[key], filling)
+        levers[a] = {
+            str(filling[raw]): filled_tree(lever, filling)
+            for raw, lever in template.levers[key].items()
+        }
+    units = {
+        str(filling[raw]): re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
+        for raw, unit in template.units.items()
+        for filling in fillings
     }
-    units = {}
-    for raw, unit in template.units.items():
-        own_unit = re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
-        for axis in axes if "{each}" in raw else ("",):
-            units[str(meant(raw, {**binding, "each": axis}))] = own_unit
-    levers = {axis: linear_form(tree, units).coefficients for axis, tree in equations.items()}
     if binding.get("c") == TIME:
-        # The time stands for {c}, a plain count: um/min for um.
-        for name, unit in units.items():
-            if any(TIME in names(own[name]) for own in levers.values() if name in own):
-                per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
-                if not per:
-                    raise NoMember(f"{unit} of {name} has no unit per minute")
-                units[name] = per[0]
+        pairs = (pair for own in levers.values() for pair in own.items())
+        timed = dict.fromkeys(name for name, lever in pairs if TIME in names(lever))
+        units |= {name: per_minute(name, units[name]) for name in timed}
     grid = None
-    if search is not None:
-        along = search.of and _column(search.of, binding, data)
+    if (search := template.search) is not None:
+        along = search.of and _column(search.of, binding, data)[0]
         if along:
             check_column(along, data)
         size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
@@ -393,15 +386,22 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
     return whole
 
 
-def _column(raw: str, binding: Binding, data: TableData) -> str:
-    """The column or position that a name stands for, or is a number of; the direction of a
-    component without an axis is that of the axis whose error it is.
+def per_minute(name: str, unit: str) -> str:
+    """The unit of a parameter where the time stands for {c}, a plain count: um/min for um."""
+    if not (per := parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)):
+        raise NoMember(f"{unit} of {name} has no unit per minute")
+    return per[0]
+
+
+def _column(raw: str, binding: Binding, data: TableData) -> tuple[str, str | None]:
+    """The column or position that a name stands for, or is a number of, and the kind of number; the
+    direction of a component without an axis is that of the axis whose error it is.
     """
-    number = number_of(raw)
-    name, table = filled(raw if number is None else number[0], binding), data.table
+    plain, number = number_of(raw) or (raw, None)
+    name, table = filled(plain, binding), data.table
     if table.component is not None and name == f"dir_{table.axes[0]}":
-        return next((own for own in table.covariates if own.startswith("dir_")), name)
-    return name
+        name = next((own for own in table.covariates if own.startswith("dir_")), name)
+    return name, number
 
 
 # Candidates.

@@ -120,8 +120,8 @@ def _known_together(names: tuple[str, ...], C: FloatArray) -> JointPasses:
 def all_together(
     machine: LoadedMachine,
     reported: EffectEstimates | None,
-    names: tuple[str, ...] = (),
-    covariance: FloatArray | None = None,
+    names: tuple[str, ...],
+    covariance: FloatArray,
 ) -> EffectEstimates | None:
     """All parameters of a machine's effects with one covariance, None where it has no effect.
 
@@ -136,10 +136,9 @@ def all_together(
     for group in found.joint:
         rows = [order.index(name) for name in group.components]
         C[np.ix_(rows, rows)] = group.covariance
-    if covariance is not None:
-        rows = [order.index(name) for name in names]
-        C[rows] = C[:, rows] = 0.0
-        C[np.ix_(rows, rows)] = covariance
+    rows = [order.index(name) for name in names]
+    C[rows] = C[:, rows] = 0.0
+    C[np.ix_(rows, rows)] = covariance
     return EffectEstimates(
         names=tuple(order),
         units=tuple(item.unit for item in items),

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.stats.kernels import smooth_root, weights
-from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray, polynomial
 from mtu_cli.stats.mixed_model import lines_by_pass
 
 FEWEST_TARGETS = 4
@@ -78,10 +78,7 @@ def smooth_profile(
     bends = np.einsum("nr,nk->nrk", np.eye(len(runs))[of_run], own_columns).reshape(len(y), -1)
     # What the line of every pass leaves, and how many numbers the lines take.
     codes = np.unique(group, return_inverse=True)[1].astype(np.int64)
-    passes, line = (
-        int(codes.max()) + 1,
-        np.column_stack([np.ones(len(y)), position - position.mean()]),
-    )
+    passes, line = int(codes.max()) + 1, polynomial(position - position.mean(), 1)
     columns = lines_by_pass(np.column_stack([N, y, bends]), line, codes, passes)[1]
     places = np.unique(np.column_stack([codes, position]), axis=0)[:, 0].astype(int)
     lines = int(np.minimum(np.bincount(places, minlength=passes), 2).sum())

@@ -11,43 +11,39 @@ from mtu_cli.stats.least_squares import FloatArray
 
 EMPTY = 1e-9
 """Share of a column's size below which what is left of it in the strata is rounding."""
+PADDING = 0
+"""Index of the column of zeros that fills models of unequal size up."""
+FREE = 1e-9
+"""Prior precision of the size of a unit column that is free."""
 DIGITS = 6
 MARKS = 3
 """Projections by which a column is known."""
-MANY = 8
-"""Partners of a column from which on its products with all others are calculated at once."""
 AT_ONCE = 1_000_000
 """Numbers of columns whose products are calculated at once."""
-FACTOR = 2**31
-"""More than there are columns."""
 
 
 class Columns:
-    """Unit columns, each stored in the strata where it is not zero.
+    """Unit columns, each stored in the strata where it is not zero; `means` (K, A) are those over
+    the table, `precisions` (K,) of their sizes what is known beforehand. The first one is zero.
 
     A column that is there already, but for sign and size, is not added again.
     """
 
     def __init__(self, strata: Strata) -> None:
         self.strata = strata
-        self.count = 0
-        S, N, A = len(strata.slices), int(strata.sizes.sum()), strata.shape[2]
+        self.means, self.precisions = np.zeros((1, strata.shape[2])), np.ones(1)
         self._ends = np.array([0, *(part.stop for part in strata.slices)])
         self._values = [np.zeros((1, int(n))) for n in strata.sizes]
-        self._used = np.ones(S, int)
-        self._rows = np.zeros((S, 0), int)
+        self._used = np.ones(len(strata.slices), int)
+        self._rows = np.zeros((len(strata.slices), 1), int)
         """Where a column stands among the values of a stratum; the first row there is zero."""
-        self._means = np.zeros((0, A))
         self._known: dict[bytes, int] = {}
-        self._new: list[tuple[IntArray, FloatArray, FloatArray]] = []
-        self._pivots = np.zeros((S, 0, 0))
-        """Cross products (S, K, p) with the columns that many others are asked beside."""
-        self._pivot_of = np.zeros(0, int)
-        """Which of these a column is (K,), or NONE."""
-        self._pairs, self._of_pairs = np.zeros(1, int), np.zeros((S, 1))
-        """Other pairs of columns, sorted, and their cross products."""
-        self._marks = np.random.default_rng(0).normal(size=(N, MARKS))
-        self._append(np.zeros(0, np.int64), np.zeros((1, 0)), np.zeros((1, A)))
+        self._marks = np.random.default_rng(0).normal(size=(self._ends[-1], MARKS))
+
+    @property
+    def count(self) -> int:
+        """How many columns there are, K."""
+        return len(self.means)
 
     def add(
         self, at: IntArray, X: FloatArray, means: FloatArray, sizes: FloatArray
@@ -71,130 +67,92 @@ class Columns:
             indices[left[i]] = self._known.setdefault(key.tobytes(), self.count + len(new))
             if indices[left[i]] == self.count + len(new):
                 new.append(i)
-        if new:
-            own = left[new]
-            self._append(at, units[new] * signs[new, None], means[own] / factors[own, None])
+        own = left[new]
+        units, free = units[new] * signs[new, None], np.full(len(own), FREE)
+        self.add_alone(at, units, means[own] / factors[own, None], free)
         return indices, factors
 
-    def add_alone(self, at: IntArray, units: FloatArray, means: FloatArray) -> IntArray:
+    def add_alone(
+        self, at: IntArray, units: FloatArray, means: FloatArray, precisions: FloatArray
+    ) -> IntArray:
         """Indices (m,) of unit columns (m, n) at the coordinates `at` (n,), with means (m, A); no
-        others share them, for they have priors of their own.
+        others share them, for they have prior `precisions` (m,) of their own.
         """
+        rows, ends = np.zeros((len(self._used), len(units)), int), np.searchsorted(at, self._ends)
+        for s in np.flatnonzero(np.diff(ends)):
+            block = units[:, ends[s] : ends[s + 1]]
+            there = np.flatnonzero(block.any(axis=1))
+            own = self._used[s] + np.arange(len(there))
+            self._used[s] += len(there)
+            if (room := len(self._values[s])) < self._used[s]:
+                # Columns come one by one in a search.
+                more = self._used[s] + self._used[s] // 4 - room
+                self._values[s] = np.pad(self._values[s], ((0, more), (0, 0)))
+            self._values[s][own[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[there]
+            rows[s, there] = own
         first = self.count
-        self._append(at, units, means)
+        self._rows = np.concatenate([self._rows, rows], axis=1)
+        self.means = np.concatenate([self.means, means])
+        self.precisions = np.concatenate([self.precisions, precisions])
         return np.arange(first, self.count)
 
-    def _append(self, at: IntArray, units: FloatArray, means: FloatArray) -> None:
-        self._new.append((at, units, means))
-        self.count += len(units)
-
     def cross(self, one: IntArray, other: IntArray) -> FloatArray:
-        """Cross products (S, ...) in each stratum of columns with these indices.
-
-        They are calculated when they are asked for, and kept.
-        """
-        self._settle()
+        """Products (S, ...) in each stratum of pairs of columns with these indices."""
         one, other = np.broadcast_arrays(one, other)
-        shape, one, other = one.shape, one.ravel(), other.ravel()
-        self._calculate(one, other)
-        one, other = np.where(self._pivot_of[one] < 0, [other, one], [one, other])
-        of_pivot = self._pivot_of[one] >= 0
-        result = np.zeros((len(self._values), len(one)))
-        result[:, of_pivot] = self._pivots[:, other[of_pivot], self._pivot_of[one[of_pivot]]]
-        pairs = _pairs(one[~of_pivot], other[~of_pivot])
-        result[:, ~of_pivot] = self._of_pairs[:, np.searchsorted(self._pairs, pairs)]
-        return result.reshape(len(result), *shape)
-
-    def _calculate(self, one: IntArray, other: IntArray) -> None:
-        """Cross products that are lacking: of a column with many others those with all, else one
-        by one.
-        """
-        lacking = (self._pivot_of[one] < 0) & (self._pivot_of[other] < 0)
-        if not lacking.any():
-            return
-        pairs = np.sort(_pairs(one[lacking], other[lacking]))
-        pairs = pairs[np.diff(pairs, prepend=-1) > 0]
-        at = np.searchsorted(self._pairs[:-1], pairs)
-        pairs = pairs[self._pairs[at] != pairs]
-        if not len(pairs):
-            return
-        ends = np.stack(np.divmod(pairs, FACTOR))
-        new = np.flatnonzero(np.bincount(ends.ravel()) > MANY)
-        if len(new):
-            self._pivot_of[new] = self._pivots.shape[2] + np.arange(len(new))
-            own = self.products(self.dense(new.tolist()))
-            self._pivots = np.concatenate([self._pivots, own], axis=2)
-            single = (self._pivot_of[ends] < 0).all(axis=0)
-            pairs, ends = pairs[single], ends[:, single]
-        found = np.zeros((len(self._values), len(pairs)))
-        for s, values in enumerate(self._values):
-            rows = self._rows[s, ends]
-            there = np.flatnonzero((rows > 0).all(axis=0))
+        result = np.zeros((len(self._values), *one.shape))
+        for values, rows, products in zip(self._values, self._rows, result, strict=True):
+            there = np.argwhere((rows[one] > 0) & (rows[other] > 0))
             for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
-                found[s, some] = np.einsum("kn,kn->k", *values[rows[:, some]])
-        order = np.argsort(np.concatenate([self._pairs, pairs]), kind="stable")
-        self._pairs = np.concatenate([self._pairs, pairs])[order]
-        self._of_pairs = np.concatenate([self._of_pairs, found], axis=1)[:, order]
+                at = tuple(some.T)
+                pairs = values[rows[one[at]]], values[rows[other[at]]]
+                products[at] = np.einsum("kn,kn->k", *pairs)
+        return result
 
-    @property
-    def means(self) -> FloatArray:
-        """The means (K, A) of the unit columns over the table."""
-        self._settle()
-        return self._means
+    def crossed(
+        self, added: IntArray, shared: Sequence[int] = (), inner: FloatArray | None = None
+    ) -> tuple[IntArray, FloatArray]:
+        """The columns (M, w + k) of models: those `added` (M, w) of each, and then those (k,) that
+        all of them share; and their products (S, M, w + k, w + k) in each stratum, `inner` those
+        among the former before some became PADDING.
+        """
+        w, others = added.shape[1], np.array(shared, int)
+        if inner is None:
+            inner = self.cross(added[:, :, None], added[:, None])
+        there = added != PADDING
+        across = self.gram(added, others)
+        G = np.empty((*inner.shape[:2], w + len(others), w + len(others)))
+        G[:, :, :w, :w], G[:, :, :w, w:], G[:, :, w:, :w] = inner, across, np.swapaxes(across, 2, 3)
+        G[:, :, :w, :w] *= there[:, :, None] & there[:, None]
+        G[:, :, w:, w:] = self.gram(others, others)[:, None]
+        return np.hstack([added, np.tile(others, (len(added), 1))]), G
 
-    def _settle(self) -> None:
-        """Takes new columns into the cross products."""
-        if not self._new:
-            return
-        first = old = len(self._means)
-        self._means = np.concatenate([self._means, *(means for _, _, means in self._new)])
-        self._rows = _roomy(self._rows, (len(self._used), self.count))
-        for at, units, _ in self._new:
-            ends = np.searchsorted(at, self._ends)
-            for s in np.flatnonzero(np.diff(ends)):
-                block = units[:, ends[s] : ends[s + 1]]
-                there = np.flatnonzero(block.any(axis=1))
-                rows = self._used[s] + np.arange(len(there))
-                self._used[s] += len(there)
-                values = self._values[s] = _roomy(self._values[s], (self._used[s], 0))
-                values[rows[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[there]
-                self._rows[s, first + there] = rows
-            first += len(units)
-        self._new = []
-        pivots = np.argsort(self._pivot_of)[np.sum(self._pivot_of < 0) :]
-        new = self.products(self.dense(pivots.tolist()), old)
-        self._pivots = np.concatenate([self._pivots, new], axis=1)
-        self._pivot_of = np.concatenate([self._pivot_of, np.full(self.count - old, NONE)])
+    def gram(self, columns: IntArray, others: IntArray) -> FloatArray:
+        """Products (S, ..., m) in each stratum of columns (...) with each of others (m,)."""
+        result = np.zeros((len(self._values), *columns.shape, len(others)))
+        for s, rows in enumerate(self._rows[:, others]):
+            if rows.any():
+                result[s] = self._times(s, columns, self._values[s][rows].T)
+        return result
 
     def products(self, Y: FloatArray, first: int = 0) -> FloatArray:
         """(S, K, B) products of the columns from the first on in each stratum with coordinates
         Y (B, N), in Y's precision.
         """
-        self._settle()
-        result = np.zeros((len(self._values), self.count - first, len(Y)))
-        for s, part in enumerate(self.strata.slices):
-            rows = self._rows[s, first : self.count]
-            result[s, rows > 0] = self._values[s][rows[rows > 0]].astype(Y.dtype) @ Y[:, part].T
+        columns = np.arange(first, self.count)
+        parts = enumerate(self.strata.slices)
+        return np.array([self._times(s, columns, Y[:, part].T) for s, part in parts], float)
+
+    def _times(self, s: int, columns: IntArray, Z: FloatArray) -> FloatArray:
+        """Products (..., m) in a stratum of columns (...) with Z (n, m), in Z's precision."""
+        values, rows = self._values[s][: self._used[s]], self._rows[s, columns]
+        there = rows > 0
+        if 2 * there.sum() > len(values):  # Of most of them: without a copy.
+            return np.asarray((values.astype(Z.dtype, copy=False) @ Z)[rows])
+        result = np.zeros((*rows.shape, Z.shape[1]))
+        result[there] = values[rows[there]].astype(Z.dtype) @ Z
         return result
 
     def dense(self, indices: Sequence[int]) -> FloatArray:
         """Columns as coordinates (k, N)."""
-        self._settle()
-        rows = self._rows[:, list(indices)]
-        pairs = zip(self._values, rows, strict=True)
+        pairs = zip(self._values, self._rows[:, list(indices)], strict=True)
         return np.concatenate([values[own] for values, own in pairs], axis=1)
-
-
-def _pairs(one: IntArray, other: IntArray) -> IntArray:
-    """A number for each pair of columns, either way round."""
-    return np.asarray(np.minimum(one, other) * FACTOR + np.maximum(one, other))
-
-
-def _roomy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
-    """An array of at least this shape, with room to grow: columns come one by one in a search."""
-    if all(a >= b for a, b in zip(array.shape, shape, strict=True)):
-        return array
-    room = [a if n <= a else n + n // 4 for n, a in zip(shape, array.shape, strict=True)]
-    result = np.zeros(room, array.dtype)
-    result[tuple(slice(n) for n in array.shape)] = array
-    return result

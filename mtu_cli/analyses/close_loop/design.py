@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import EMPTY, Columns
+from mtu_cli.analyses.close_loop.columns import EMPTY, PADDING, Columns
 from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
     FEATURE,
@@ -23,8 +25,6 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import line, wiener
 from mtu_cli.stats.least_squares import FloatArray
 
-PADDING = 0
-"""Index of the column of zeros that fills models of unequal size up."""
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""
 FINE = 8
@@ -83,29 +83,35 @@ class Member:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kernel:
-    """A random function: in each of `strata` covariance V diag(k) V' of its coordinates, the mean
-    of the eigenvalues over the stratum's coordinates 1.
+    """A random function: in each of `strata` covariance V diag(k) V' of its coordinates, V and k
+    its `directions`, the mean of the eigenvalues over the stratum's coordinates 1; a profile
+    `along` a coordinate has a name.
     """
 
-    name: str
-    family: str
-    axis: str | None
-    named: bool
     strata: tuple[int, ...]
-    vectors: tuple[FloatArray, ...]
-    values: tuple[FloatArray, ...]
+    directions: tuple[tuple[FloatArray, FloatArray], ...]
+    name: str = ""
+    family: str = "profile"
+    axis: str | None = None
     along: str = ""
     informed: float = 1.0
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
+
+
+class Group(NamedTuple):
+    """Members (M,) with `k` columns each, and their margins `low` (M, l), or (1, l) if alike."""
+
+    k: int
+    members: IntArray
+    low: IntArray
 
 
 class Design:
     """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
 
     The first members, which are `tested`, are those of the grid; finer ones follow them. `common`
-    columns are in every model: the polynomial that the readings have lost, and the coefficients.
-    `deviations` are prior standard deviations of columns: of the coefficients, and of random
-    functions; `mean_variance` (A,) is that of the mean by the coefficients.
+    columns are in every model: the polynomial that the readings have lost, and the coefficients;
+    `mean_variance` (A,) is that of the mean by the coefficients.
     """
 
     def __init__(
@@ -119,13 +125,12 @@ class Design:
         self.table, self.strata, self.scale, self.gaps = table, strata, scale, gaps
         self.candidates, self.columns = tuple(candidates), Columns(strata)
         self.members = list[Member]()
-        self.deviations: dict[int, float] = {}
         self._around: dict[int, tuple[int, ...]] = {}
-        common = list[int]()
-        for power in fitted_powers(table).T:
-            at, X = strata.of_levers([{0: power[None, None]}], 1)
-            indices, _ = self.columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
-            common += [int(i) for i in indices if i != NONE]
+        powers = fitted_powers(table).T
+        at, X = strata.of_levers([{0: power[None, None]} for power in powers], 1)
+        none = np.zeros((len(powers), len(table.axes)))
+        indices, _ = self.columns.add(at, X[0], none, np.ones(len(powers)))
+        common = [i for i in indices.tolist() if i != NONE]
         factors = [
             {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
             for k in range(table.common.shape[3])
@@ -135,10 +140,8 @@ class Design:
             U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
             kept = sizes > LEAST_KNOWN * scale
             means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
-            indices = self.columns.add_alone(at, units[kept], means)
-            common += indices.tolist()
-            deviations = (sizes[kept] / scale).tolist()
-            self.deviations = dict(zip(indices.tolist(), deviations, strict=True))
+            precisions = (scale / sizes[kept]) ** 2
+            common += self.columns.add_alone(at, units[kept], means, precisions).tolist()
         self.common = tuple(common)
         self.mean_variance = (table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2
         for c, candidate in enumerate(candidates):
@@ -152,37 +155,39 @@ class Design:
                 ]
             )
             total = sum(item.prior for item in distinct)
-            for item in distinct:
-                add(self, c, item, item.prior / total)
-        self.tested = len(self.members)
+            for _, alike in groupby(distinct, key=lambda item: id(item.form)):
+                for m in add(self, c, list(alike)):
+                    self.members[m].prior /= total
+        tested = self.members[:]
+        self.tested = len(tested)
+        self.of = np.array([member.candidate for member in tested], int)
+        self.prior = np.array([member.prior for member in tested])
+        self.closures = self.closures_of(range(self.tested))
+        _, self.inner = self.columns.crossed(self.closures)
+        self._widths = np.array([(len(x.own), len(x.low)) for x in tested], int).reshape(-1, 2)
         self.kernels = tuple(_kernels(table, strata))
 
-    @property
-    def of(self) -> IntArray:
-        """The candidate of each member."""
-        return np.array([member.candidate for member in self.members], int)
-
-    @property
-    def prior(self) -> FloatArray:
-        """The share of each member in its candidate's prior."""
-        return np.array([member.prior for member in self.members])
+    def closures_of(self, members: Sequence[int]) -> IntArray:
+        """The columns (M, w) of members and their margins, filled up with those of zeros."""
+        closures = [(*self.members[m].own, *self.members[m].low) for m in members]
+        result = np.full((len(closures), max(map(len, closures), default=0)), PADDING)
+        for own, columns in zip(result, closures, strict=True):
+            own[: len(columns)] = columns
+        return result
 
     def axis(self, candidate: Candidate) -> int:
         """The axis of a candidate of one; the first of errors that have none."""
         return self.table.axes.index(candidate.axis or self.table.axes[0])
 
-    def groups(
-        self, held: Collection[int] = ()
-    ) -> Iterable[tuple[tuple[tuple[int, ...], int], list[int]]]:
-        """The tested members with a column of their own beside those that are `held`, by their
-        other margins and the number of their columns.
-        """
-        groups: dict[tuple[tuple[int, ...], int], list[int]] = {}
-        for m, member in enumerate(self.members[: self.tested]):
-            low = tuple(i for i in member.low if i not in held)
-            if not set(member.own) <= {*held, *low}:
-                groups.setdefault((low, len(member.own)), []).append(m)
-        return groups.items()
+    def groups(self, held: Sequence[int] = ()) -> Iterator[Group]:
+        """The tested members with a column of their own beside those that are `held`."""
+        for k, width in np.unique(self._widths, axis=0).tolist():
+            members = np.flatnonzero((self._widths == (k, width)).all(axis=1))
+            members = members[~np.isin(self.closures[members, :k], held).all(axis=1)]
+            if len(members):
+                low = self.closures[members, k : k + width]
+                low = np.where(np.isin(low, held), PADDING, low)
+                yield Group(k, members, low[:1] if (low == low[0]).all() else low)
 
     def around(self, m: int) -> tuple[int, ...]:
         """Finer members around one of the grid."""
@@ -190,7 +195,7 @@ class Design:
             parent = self.members[m]
             values = np.array(parent.around)
             finer = evaluated(self, parent.form, values) if parent.around else []
-            self._around[m] = tuple(add(self, parent.candidate, item) for item in finer)
+            self._around[m] = add(self, parent.candidate, finer)
         return self._around[m]
 
 
@@ -228,6 +233,7 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
     at, X = at[there], X[:, :, there]
     sizes = np.linalg.norm(X[:, : len(own)], axis=2)
     sound, inner = _bases(X[:, : len(own)], X[:, len(own) :])
+    seen: BoolArray = np.any(inner, axis=2)
     # Periods: columns are of the same size for all of them.
     if form.scale == "frequency":
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
@@ -240,7 +246,7 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
             columns=X[g],
             means=means[g],
             norms=norms[g],
-            basis=inner[g][inner[g].any(axis=1)],
+            basis=inner[g, seen[g]],
         )
         for g in np.flatnonzero(sound)
     ]
@@ -267,18 +273,26 @@ def _freed(lever: Levers, table: ResidualTable) -> Levers:
     return dict(enumerate(np.moveaxis(table.freed(full), (2, 3), (0, 1))))
 
 
-def add(design: Design, c: int, member: Member, prior: float = 0.0) -> int:
-    """The index of a member of candidate c among those of the design, its columns among theirs."""
-    indices, factors = design.columns.add(member.at, member.columns, member.means, member.norms)
-    k = len(member.form.parameters)
-    own, low = (dict.fromkeys(int(i) for i in some if i != NONE) for some in np.split(indices, [k]))
-    member.own, member.low = tuple(own), tuple(i for i in low if i not in own)
-    member.indices, member.factors = tuple(indices.tolist()), tuple(factors.tolist())
-    member.candidate, member.prior = c, prior
-    # Thousands of members would fill the memory with what the columns hold.
-    member.columns = member.basis = np.zeros((0, 0))
-    design.members.append(member)
-    return len(design.members) - 1
+def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
+    """The indices of members of one form of candidate c among those of the design, their columns
+    among its.
+    """
+    if not members:
+        return ()
+    names = ("columns", "means", "norms")
+    whole = (np.concatenate([getattr(member, name) for member in members]) for name in names)
+    indices, factors = design.columns.add(members[0].at, *whole)
+    k, first, shape = len(members[0].form.parameters), len(design.members), (len(members), -1)
+    of_members = zip(indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True)
+    for member, (at, units) in zip(members, of_members, strict=True):
+        member.indices, member.factors = tuple(at), tuple(units)
+        own, low = (dict.fromkeys(i for i in some if i != NONE) for some in (at[:k], at[k:]))
+        member.own, member.low = tuple(own), tuple(i for i in low if i not in own)
+        member.candidate = c
+        # Thousands of members would fill the memory with what the columns hold.
+        member.columns = member.basis = np.zeros((0, 0))
+    design.members += members
+    return tuple(range(first, len(design.members)))
 
 
 def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -369,7 +383,7 @@ def _distinct(placed: list[Member]) -> list[Member]:
         for n, i in enumerate(group):
             least = STEP_RAD / 2 if placed[i].around else SAME_RAD
             # The least cosine of all is at most their root mean square.
-            near = single[group[:n]] & (squares[:n, n] > k * np.cos(least) ** 2)
+            near = single[group[:n]] & (squares[n, :n] > k * np.cos(least) ** 2)
             single[i] = not near.any() or _angles(products[:n, :, n][near]).min() >= least
     return [item for item, alone in zip(placed, single, strict=True) if alone]
 
@@ -381,49 +395,36 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
     """Without a name a walk of the parts and a field over the features, of each axis and of all of
     them at once; and smooth profiles along each coordinate.
     """
-    P, _, _ = strata.shape
     parts, features = strata.of(PART), strata.of(FEATURE)
-    places = table.mean_places
+    lag, places = np.arange(len(table.parts)), table.mean_places
     known = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
-    nameless = list[tuple[str, list[int], FloatArray]]()
-    if P > 3:
-        walk = np.minimum.outer(np.arange(P), np.arange(P)) + 1.0
-        nameless.append(("walk", parts, walk))
+    nameless = list[tuple[list[int], FloatArray]]()
+    if len(lag) > 3:
+        nameless.append((parts, np.minimum.outer(lag, lag) + 1.0))
     if features and len(known) > 1 and len(places) > FEWEST_PLACES:
         apart = np.linalg.norm(places[:, None, known] - places[None, :, known], axis=-1)
-        nameless.append(("field", features, np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)))
-    for name, own, K in nameless:
+        nameless.append((features, np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)))
+    for own, K in nameless:
         made = {s: _directions(strata, s, K) for s in own}
-        for group in [(s,) for s in own] + [tuple(own)] * (len(own) > 1):
-            axis = table.axes[strata.axis[group[0]]] if len(group) == 1 else None
-            yield Kernel(
-                name=name if axis is None else f"{name}-{axis}",
-                family=name,
-                axis=axis,
-                named=False,
-                strata=group,
-                vectors=tuple(made[s][0] for s in group),
-                values=tuple(made[s][1] for s in group),
-            )
-    for a, name in enumerate(table.axes):
-        own = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
-        for i in known if own else ():
-            if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
-                continue
-            along = "xyz"[i]
-            vectors, values = _directions(strata, own[0], smooth_covariance(places[:, i]))
+        for group in [[s] for s in own] + [own] * (len(own) > 1):
+            yield Kernel(strata=tuple(group), directions=tuple(made[s] for s in group))
+    for i in known:
+        if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
+            continue
+        K, along = smooth_covariance(places[:, i]), "xyz"[i]
+        for a, name in enumerate(table.axes):
+            own = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
             itself = along == name or table.component is not None
-            yield Kernel(
-                name=f"profile-{name}" if itself else f"profile-{name}-{along}",
-                family="profile",
-                axis=name if itself else f"{name}{along}",
-                named=True,
-                along=along,
-                strata=(own[0],),
-                vectors=(vectors,),
-                values=(values,),
-                informed=len(vectors) / float(np.any(vectors != 0.0, axis=1).sum()),
-            )
+            for s in own[:1]:
+                V, k = _directions(strata, s, K)
+                yield Kernel(
+                    name=f"profile-{name}" if itself else f"profile-{name}-{along}",
+                    axis=name if itself else f"{name}{along}",
+                    along=along,
+                    strata=(s,),
+                    directions=((V, k),),
+                    informed=len(V) / float(np.any(V != 0.0, axis=1).sum()),
+                )
 
 
 def smooth_covariance(places: FloatArray) -> FloatArray:
@@ -438,18 +439,11 @@ def _directions(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, Floa
     """Eigenvectors and values in a stratum of a covariance over parts (P, P), of a stratum of the
     parts, or else of one over features (H, H) that is alike in all parts.
     """
-    P, H, A = strata.shape
-    part = strata.slices[s]
-    _, i, j = np.unravel_index(strata.place[part], (A, P, H))
-    if strata.kinds[s] == PART:
-        shared, basis = np.arange(len(i)), strata.of_parts[:, i]
-    else:
-        shared = np.flatnonzero(i == 0)
-        basis = strata.of_features[strata.axis[s]][:, j[shared]] / strata.spread[part][shared]
+    shared, basis = strata.directions(s)
     inner = basis.T @ K @ basis
     values, vectors = np.linalg.eigh((inner + inner.T) / 2)
     values = np.maximum(values, 0.0)
     kept = np.flatnonzero(values > RANK * values[-1])[::-1]
-    full = np.zeros((len(i), len(kept)))
+    full = np.zeros((int(strata.sizes[s]), len(kept)))
     full[shared] = vectors[:, kept]
     return full, values[kept] * (len(shared) / values.sum())

@@ -161,7 +161,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
         items = evaluated(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
         if not items:
             break
-        m = add(design, member.candidate, items[0])
+        (m,) = add(design, member.candidate, items)
         now = like.log_likelihood(like.closure((*rest, m)))
         if now <= top + 1e-9:
             break

@@ -171,21 +171,23 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     counts = np.bincount(of)
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
-    for (low, k), group in design.groups():
-        left = partial_out(found.likelihood, group, low, fit.weights)
+    for group in design.groups():
+        k, left = group.k, partial_out(design, group, (), fit.weights)
         # The coefficients are uncertain as far as is known beforehand.
-        prior = np.sum(left.by**2 * found.likelihood.ridge(left.beside), axis=(1, 2))
+        prior = np.sum(left.by**2 * design.columns.precisions[left.beside][:, None], axis=(1, 2))
         signal = (np.einsum("smkk->m", left.information) + prior) / k
         crossed = design.columns.cross(left.own, left.own).sum(axis=-1)
         shares = fit.weights[:, None] * crossed
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
-        p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group]]
+        p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group.members]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
         z = np.sqrt(c2) * (1 - 0.25 / v) + ndtri(0.8) * np.sqrt(1 + c2 / (2 * v))
         axes = [np.bincount(strata.axis, own) > 0 for own in shares.T]
         cells = P * H * np.sum(axes, axis=1)
         seen = signal * k > 1e-9 * left.alone.sum(axis=1)
-        sizes[group] = np.where(seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan)
+        sizes[group.members] = np.where(
+            seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan
+        )
     known = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {
         design.candidates[c].name: float(np.median(own)) * found.design.scale

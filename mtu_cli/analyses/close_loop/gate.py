@@ -6,14 +6,14 @@ checks, on null tables made from the model's own residual.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
-from mtu_cli.analyses.close_loop.design import Design
+from mtu_cli.analyses.close_loop.design import Design, Group
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
@@ -64,7 +64,7 @@ class Gate:
         of = design.of[at]
         tests = {design.candidates[c].name: lp[:, of == c].max(axis=1) for c in np.unique(of)}
         for kernel in design.kernels:
-            if kernel.named:
+            if kernel.name:
                 ratios = self.likelihood.kernel_deviance(fit, kernel, Y, AMPLITUDES)
                 tests[kernel.name] = one_sided(ratios.max(axis=0))
         tests |= self._offsets(len(Y), fit)
@@ -123,10 +123,8 @@ class Gate:
             Z = np.stack([fit.residual[strata.slices[s]] * up[s] for s in own])
             if more := round(like.extra_dof[own].max()):
                 beside = rng.normal(size=(len(own), more))
-                beside *= (np.sqrt(like.extra[own]) * up[own] / np.linalg.norm(beside, axis=1))[
-                    :, None
-                ]
-                Z = np.concatenate([Z, beside], axis=1)
+                sizes = np.sqrt(like.extra[own]) * up[own] / np.linalg.norm(beside, axis=1)
+                Z = np.concatenate([Z, beside * sizes[:, None]], axis=1)
             g, whole = Z.shape
             R = np.linalg.qr(Z.T)[1]
             frame = np.linalg.qr(rng.normal(size=(len(null), whole, min(g, whole))))[0]
@@ -152,8 +150,8 @@ class Gate:
         # Where more is known of a stratum than its coordinates, all of it turns on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
-        for (low, k), members in design.groups(base):
-            tested = partial_out(self.likelihood, members, (*base, *low), w)
+        for group in design.groups(base):
+            k, tested = group.k, partial_out(design, group, base, w)
             whole = tested.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
             each = size[:, :, None] * size[:, None, :]
@@ -164,23 +162,26 @@ class Gate:
             information = tested.information / each
             inverse = np.linalg.inv(information.sum(axis=0) + ~good[:, None, None] * np.eye(k))
             known, vectors = np.linalg.eigh(information)
-            y = w[:, None, None] * U[:, tested.beside]
+            y = w[:, None, None, None] * U[:, tested.beside]
             sizes = tested.inverse @ y.sum(axis=0)
-            explained = np.einsum("zn,szn->sn", sizes, 2 * y - tested.inner @ sizes)
-            used = np.einsum("zy,syz->s", tested.inverse, tested.inner)
+            explained = np.einsum("mzn,smzn->smn", sizes, 2 * y - tested.inner @ sizes)
+            used = np.einsum("mzy,smyz->sm", tested.inverse, tested.inner)
             total = np.zeros((*size.shape, len(Y)))
-            for s in np.flatnonzero((known > LEAST_SHARE).any(axis=(1, 2))).tolist():
-                score = w[s] * U[s][tested.own] - tested.by @ y[s] - tested.rest[s] @ sizes
-                score = score / size[:, :, None]
-                among = np.where(known[s] > LEAST_SHARE, known[s], np.inf)[:, :, None]
-                stat = np.sum((_t(vectors[s]) @ score) ** 2 / among, axis=1)
-                left = np.maximum(squares[:, s] - explained[s], least[s])
+            asked = known > LEAST_SHARE
+            for s in np.flatnonzero(asked.any(axis=(1, 2))).tolist():
+                i = np.flatnonzero(asked[s].any(axis=1))
+                m = i if len(sizes) > 1 else slice(None)
+                score = w[s] * U[s][tested.own[i]] - tested.by[i] @ y[s, m]
+                score = (score - tested.rest[s, i] @ sizes[m]) / size[i, :, None]
+                among = np.where(asked[s, i], known[s, i], np.inf)[:, :, None]
+                stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / among, axis=1)
+                left = np.maximum(squares[:, s] - explained[s, m], least[s])
                 ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
-                power = max(float(self.likelihood.n[s] - used[s]) - 1 - k / 2, 0.5)
-                deviance = -power * np.log1p(-ratio)
-                total += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
+                power = np.maximum(self.likelihood.n[s] - used[s, m] - 1 - k / 2, 0.5)
+                deviance = -power[:, None] * np.log1p(-ratio)
+                total[i] += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
             D = np.sum(total * (inverse @ total), axis=1).T[:, good]
-            at.append(np.array(members)[good])
+            at.append(group.members[good])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
@@ -215,10 +216,9 @@ class Gate:
         for c in self.design.candidates if P >= 5 and len(inner) >= A else ():
             if c.kind != "scatter" or c.unavailable or FREED_SCATTER.get(table.datum) == c.name:
                 continue
-            lever = lever_of(c.name, table.axes, table.mean_places)
-            if c.name == "operation-scatter" and len(table.operations) > 1:
+            if c.over is not None:
                 levers[c.name] = None
-            elif c.name != "operation-scatter" and lever is not None:
+            elif (lever := lever_of(c.name, table.axes, table.mean_places)) is not None:
                 levers[c.name] = lever.ravel()
         chosen = np.broadcast_to(table.operation == 1, (P, H)).ravel()
         flat = cells.reshape(P * H, A)
@@ -288,28 +288,23 @@ class Gate:
         """Covariances (n, n) of the coordinates of strata, if parts walk or features near one
         another err alike.
         """
-        strata, places = self.strata, self.design.table.mean_places
-        P, H, A = strata.shape
+        lag, places = np.arange(self.strata.shape[0]), self.design.table.mean_places
         places = places[:, np.isfinite(places).all(axis=0)]
-        lag = np.abs(np.subtract.outer(np.arange(P), np.arange(P)))
         apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
-        walk, field = np.exp(-lag / 2), np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))
+        walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
+        field = np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))
         near = dict[str, dict[int, FloatArray]]()
         for name, kind, K in (("walk", PART, walk), ("field", FEATURE, field)):
-            near[name] = {}
-            for s in strata.of(kind):
-                _, i, j = np.unravel_index(strata.place[strata.slices[s]], (A, P, H))
-                of_features = strata.of_features[strata.axis[s]]
-                basis = strata.of_parts[:, i] if kind == PART else of_features[:, j]
-                near[name][s] = basis.T @ K @ basis
+            bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
+            near[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
         return near
 
 
 class Partial(NamedTuple):
-    """Members' columns x (M, k) less what columns z `beside` them explain in all strata at once, by
-    coefficients `by` (M, k, z): their `information` (S, M, k, k) in the strata, `alone` (M, k)
-    without the others, and the products `rest` (S, M, k, z) with these there. These have the
-    products `inner` (S, z, z), by the weights of the strata, and the covariance `inverse`.
+    """Members' columns x (M, k) less what columns z `beside` them (M or 1, z) explain in all strata
+    at once, by coefficients `by` (M, k, z): their `information` (S, M, k, k) in the strata, `alone`
+    (M, k) without the others, and the products `rest` (S, M, k, z) with these there. These have the
+    products `inner` (S, M or 1, z, z), by the weights of the strata, and the covariance `inverse`.
     """
 
     own: IntArray
@@ -322,23 +317,26 @@ class Partial(NamedTuple):
     inverse: FloatArray
 
 
-def partial_out(
-    likelihood: Likelihood, members: Sequence[int], beside: Columns, w: FloatArray
-) -> Partial:
-    """The columns of members beside others, with the weights w (S,) of the strata."""
-    design, cross = likelihood.design, likelihood.design.columns.cross
-    own = np.array([design.members[m].own for m in members])
-    z = np.array([*beside, *design.common], int)
-    W = w[:, None, None, None]
-    xx, xz = W * cross(own[:, :, None], own[:, None]), W * cross(own[:, :, None], z)
-    zz = w[:, None, None] * cross(z[:, None], z)
+def partial_out(design: Design, group: Group, held: Columns, w: FloatArray) -> Partial:
+    """The columns of members beside those that are held, the common ones and their margins, with
+    the weights w (S,) of the strata.
+    """
+    k, members, low = group
+    width = k + low.shape[1]
+    own, inner = design.closures[members, :width], design.inner[:, members, :width, :width]
+    own[:, k:] = low
+    models, G = design.columns.crossed(own, (*held, *design.common), inner)
+    G *= w[:, None, None, None]
+    z, zz = models[: len(low), k:], G[:, : len(low), k:, k:]
+    xx, xz = G[:, :, :k, :k], G[:, :, :k, k:]
     A = zz.sum(axis=0)
-    inverse = np.linalg.inv(A + np.diag(1e-10 * np.diag(A) + likelihood.ridge(z)))
+    diagonal = 1e-10 * np.einsum("mzz->mz", A) + design.columns.precisions[z]
+    inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
     by = xz.sum(axis=0) @ inverse
-    rest = xz - by @ zz[:, None]
+    rest = xz - by @ zz
     information = xx - rest @ _t(by) - _t(xz @ _t(by))
     alone = np.einsum("smkk->mk", xx)
-    return Partial(own, z, by, information, alone, rest, zz, inverse)
+    return Partial(own[:, :k], z, by, information, alone, rest, zz, inverse)
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
@@ -367,11 +365,10 @@ def mean_of(
     mean = float(likelihood.grand[a])
     if PART not in m:
         return mean, np.nan, np.nan
-    own = [m[PART]] + ([m[FEATURE]] if FEATURE in m else [])
-    inner = m.get(INTERACTION, (0.0, np.inf))
-    v = max(sum(x for x, _ in own) - (inner[0] if len(own) > 1 else 0.0), *(x for x, _ in own))
-    terms = own + ([inner] if len(own) > 1 else [])
-    nu = v**2 / sum(x**2 / d for x, d in terms)
+    own = [m[kind] for kind in (PART, FEATURE) if kind in m]
+    inner = [m[INTERACTION]] if len(own) > 1 and INTERACTION in m else []
+    v = max(sum(x for x, _ in own) - sum(x for x, _ in inner), *(x for x, _ in own))
+    nu = v**2 / sum(x**2 / d for x, d in own + inner)
     return mean, float(v / (P * H) + likelihood.design.mean_variance[a]), float(nu)
 
 

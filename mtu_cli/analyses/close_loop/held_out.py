@@ -84,18 +84,16 @@ def only(table: ResidualTable, kept: BoolArray, by: str) -> ResidualTable:
     axis, names = (0, "parts") if by == "parts" else (1, "features")
 
     def cut(values: FloatArray) -> FloatArray:
-        alike = values.shape[axis] != len(kept) or len(kept) == 1
-        return values if alike else np.compress(kept, values, axis=axis)
+        whole = values.shape[axis] == len(kept)  # Or alike in all parts, or columns.
+        return np.compress(kept, values, axis=axis) if whole else values
 
-    arrays = {name: cut(getattr(table, name)) for name in ("errors", "places", "common", "of_part")}
-    own: dict[str, Any] = {names: tuple(compress(getattr(table, names), kept)), **arrays}
-    return replace(
-        table,
-        repeats=np.compress(kept, table.repeats, axis=axis),
-        operation=table.operation if axis == 0 else table.operation[kept],
-        covariates={name: cut(values) for name, values in table.covariates.items()},
-        **own,
-    )
+    of_cells = ("errors", "repeats", "places", "common", "of_part")
+    own: dict[str, Any] = {name: cut(getattr(table, name)) for name in of_cells}
+    own[names] = tuple(compress(getattr(table, names), kept))
+    own["covariates"] = {name: cut(values) for name, values in table.covariates.items()}
+    if by != "parts":
+        own["operation"] = table.operation[kept]
+    return replace(table, **own)
 
 
 def contribution(

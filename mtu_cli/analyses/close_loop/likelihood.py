@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri, logsumexp
 
-from mtu_cli.analyses.close_loop.design import PADDING, Design, Kernel, Member
+from mtu_cli.analyses.close_loop.columns import PADDING
+from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
 from mtu_cli.analyses.close_loop.strata import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -19,6 +20,7 @@ information of one observation (Zellner & Siow 1980)."""
 TINY = 1e-9
 
 Columns = tuple[int, ...]
+NO_COLUMNS = np.zeros((1, 0), int)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,13 +76,15 @@ class Likelihood:
         self.R0 = own + self.extra
         self.least = np.maximum(least, TINY**2)
         self._b = np.zeros((len(n), 0))
+        self._none: dict[Columns, FloatArray] = {}
 
     @property
     def b(self) -> FloatArray:
         """Products (S, K) of the errors with all columns."""
         columns = self.design.columns
-        if self._b.shape[1] < columns.count:
-            self._b = columns.products(self.y[None])[:, :, 0]
+        if (known := self._b.shape[1]) < columns.count:
+            more = columns.products(self.y[None], known)[:, :, 0]
+            self._b = np.concatenate([self._b, more], axis=1)
         return self._b
 
     def closure(self, members: Sequence[int]) -> Columns:
@@ -89,29 +93,17 @@ class Likelihood:
         own = dict.fromkeys(i for item in items for i in item.own)
         return tuple(own | dict.fromkeys(i for item in items for i in item.low))
 
-    def ridge(self, columns: IntArray) -> FloatArray:
-        """Prior precisions of columns: those of fitted coefficients and of random functions have a
-        known variance.
-        """
-        result = np.full(columns.shape, TINY)
-        result[columns == PADDING] = 1.0
-        for index, deviation in self.design.deviations.items():
-            result[columns == index] = deviation**-2
-        return result
-
     def smooth(self, fit: Fit, kernel: Kernel) -> Columns:
         """The directions of a random function as columns; its variance is the likeliest beside a
         fit.
         """
         _, amplitude = self.kernel_gain(fit, kernel)
         columns, result = self.design.columns, list[int]()
-        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
+        for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
             part = self.design.strata.slices[s]
             at, means = np.arange(part.start, part.stop), np.zeros((len(k), len(self.grand)))
-            indices = columns.add_alone(at, V.T, means).tolist()
-            deviations = np.sqrt(amplitude * k / fit.weights[s]).tolist()
-            self.design.deviations.update(zip(indices, deviations, strict=True))
-            result += indices
+            precisions = fit.weights[s] / (amplitude * k)
+            result += columns.add_alone(at, V.T, means, precisions).tolist()
         return tuple(result)
 
     def weights(self, R: FloatArray, dof: FloatArray) -> FloatArray:
@@ -119,20 +111,23 @@ class Likelihood:
         least, there = (x.reshape(-1, *[1] * (R.ndim - 1)) for x in (self.least, self.n > 0))
         return np.asarray(np.where(there, dof / np.maximum(R, dof * least + TINY**3), 0.0))
 
-    def profile(self, models: IntArray, beside: Columns = ()) -> tuple[FloatArray, FloatArray]:
-        """Residual sums of squares (S, M) of models (M, k) with the columns `beside` each, the
-        strata's variances at the maximum of each, and the effective number of entries (M, k) that
-        inform each column. What a prior takes of a size counts as residual.
+    def profile(
+        self,
+        columns: Columns,
+        beside: Columns = (),
+        added: IntArray = NO_COLUMNS,
+        inner: FloatArray | None = None,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Residual sums of squares (S, M) of models, the strata's variances at the maximum of each,
+        and the effective number of entries (M, w + k) that inform each column. All have the `k`
+        columns and those `beside`, each its `added` (M, w) ones, whose products are `inner` (S, M,
+        w, w). What a prior takes of a size counts as residual.
         """
-        k, shared = models.shape[1], np.array([*beside, *self.design.common], int)
-        models = np.hstack([models, np.tile(shared, (len(models), 1))])
-        G = np.empty((len(self.n), *models.shape, models.shape[1]))
-        own, cross = models[:, :k], self.design.columns.cross
-        G[:, :, :k, :k] = cross(own[:, :, None], own[:, None, :])
-        G[:, :, :k, k:] = cross(own[:, :, None], shared)
-        G[:, :, k:, :k] = np.swapaxes(G[:, :, :k, k:], 2, 3)
-        G[:, :, k:, k:] = cross(shared[:, None], shared)[:, None]
-        b, own, ridge = self.b[:, models], np.einsum("smii->smi", G), self.ridge(models)
+        shared = (*columns, *beside, *self.design.common)
+        k = added.shape[1] + len(columns)
+        models, G = self.design.columns.crossed(added, shared, inner)
+        ridge = self.design.columns.precisions[models]
+        b, own = self.b[:, models], np.einsum("smii->smi", G)
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
         R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))
         for _ in range(5):
@@ -150,28 +145,33 @@ class Likelihood:
 
     def log_likelihood(self, columns: Columns) -> float:
         """Largest log likelihood of a model against none, the strata's variances maximised."""
-        R, _ = self.profile(np.array([columns]))
+        R, _ = self.profile(columns)
         least = self.least * self.n + TINY**2
         ratio = np.maximum(R[:, 0], least) / np.maximum(self.R0, least)
         return float(-0.5 * self.n @ np.log(ratio))
 
-    def evidence(self, models: Sequence[Columns], beside: Columns = ()) -> FloatArray:
+    def evidence(
+        self,
+        columns: Columns,
+        beside: Columns = (),
+        added: IntArray = NO_COLUMNS,
+        inner: FloatArray | None = None,
+    ) -> FloatArray:
         """Log marginal likelihood (M,) of models against none, `beside` the columns of random
-        functions.
+        functions: of the `columns` with each of those `added` (M, w), their products `inner`.
 
         Sizes have a g-prior with the Zellner-Siow law of g, so that the evidence is not bounded
         (Liang et al. 2008); the strata's variances are maximised; every column is paid for,
         margins too.
         """
-        width = max((len(model) for model in models), default=0)
-        filled = np.full((len(models) + 1, max(width, 1)), PADDING)
-        for i, model in enumerate(models):
-            filled[i, : len(model)] = model
-        R, counted = self.profile(filled, beside)
-        R, whole = R[:, :-1], R[None, :, -1:]
-        there = filled[:-1] != PADDING
+        added = np.where(np.isin(added, columns), PADDING, added)
+        R, counted = self.profile(columns, beside, added, inner)
+        if beside not in self._none:
+            self._none[beside] = self.profile((), beside)[0]
+        whole = self._none[beside][None]
+        there = np.pad(added != PADDING, ((0, 0), (0, len(columns))), constant_values=True)
         k = there.sum(axis=1)
-        n = (counted[:-1] * there).sum(axis=1) / np.maximum(k, 1)
+        n = (counted * there).sum(axis=1) / np.maximum(k, 1)
         g = n * ZELLNER_SIOW[:, None]
         floor = (self.least * self.n)[None, :, None] + TINY**2
         shrunk = np.maximum(R + (whole - R) / (1 + g[:, None]), floor)
@@ -183,10 +183,9 @@ class Likelihood:
         """Generalised least squares, each stratum's variance its residual sum of squares over the
         residual degrees of freedom.
         """
-        design = self.design
-        columns = tuple(columns) + design.common
+        known, columns = self.design.columns, tuple(columns) + self.design.common
         at = np.array(columns, int)
-        G, b, ridge = design.columns.cross(at[:, None], at), self.b[:, at], np.diag(self.ridge(at))
+        G, b, ridge = known.gram(at, at), self.b[:, at], np.diag(known.precisions[at])
         w, dof = self.weights(self.R0, self.n), self.n.copy()
         beta, V = np.zeros(0), np.zeros((0, 0))
         for _ in range(6 if columns else 1):
@@ -198,7 +197,7 @@ class Likelihood:
             dof = np.maximum(self.n - used, 1.0)
             w = self.weights(np.maximum(R, TINY * self.R0), dof)
         shares = w[:, None] * np.einsum("ij,sjk,ki->si", V, G, V) / np.diag(V)[None, :]
-        left = self.y - beta @ design.columns.dense(columns) if columns else self.y
+        left = self.y - beta @ known.dense(columns) if columns else self.y
         return Fit(
             columns=columns, beta=beta, covariance=V, residual=left, weights=w, dof=dof,
             shares=shares,
@@ -211,7 +210,7 @@ class Likelihood:
         model, on coordinates Y (B, N), at some variances (c,) over the stratum's.
         """
         result = np.zeros((len(variances), len(Y)))
-        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
+        for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
             part = Y[:, self.design.strata.slices[s]]
             least = fit.dof[s] * self.least[s] + TINY**2
             total = np.maximum((part**2).sum(axis=1) + self.extra[s], least)

@@ -30,14 +30,9 @@ class Missing:
         M = ((p[:, None] == p[None]) - 1 / len(there)) * within
         self.inverse = np.linalg.pinv(M, hermitian=True) if len(p) else M
 
-    @property
-    def count(self) -> int:
-        """Cells without a value."""
-        return len(self.cells[0])
-
     def filled(self, table: FloatArray) -> FloatArray:
         """Tables (..., P, H) with their missing cells filled in, whatever stood there."""
-        if not self.count:
+        if self.there.all():
             return table
         p, h = self.cells
         Y = np.where(self.there, table, 0.0)

@@ -14,7 +14,8 @@ from itertools import combinations
 import numpy as np
 from scipy.special import logsumexp
 
-from mtu_cli.analyses.close_loop.design import PADDING, Design
+from mtu_cli.analyses.close_loop.columns import PADDING
+from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Columns, Likelihood
 from mtu_cli.files.effects import SCATTERS
@@ -59,8 +60,8 @@ class ModelSet:
         self.likelihood, self.gate = likelihood, gate
         self.design: Design = likelihood.design
         self.alpha, self.most = alpha, most
-        self.named = [k for k, kernel in enumerate(self.design.kernels) if kernel.named]
-        self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.named]
+        self.named = [k for k, kernel in enumerate(self.design.kernels) if kernel.name]
+        self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.name]
         self.names = [c.name for c in self.design.candidates]
         self.names += [self.design.kernels[k].name for k in self.named]
         self.stopped = False
@@ -99,7 +100,7 @@ class ModelSet:
         """Log marginal likelihood of a model, in the units of its additions."""
         model = tuple(sorted(model))
         columns = self.likelihood.closure(self.members(model))
-        base = float(self.likelihood.evidence([columns])[0]) if columns else 0.0
+        base = float(self.likelihood.evidence(columns)[0])
         return base + sum(self._gains(columns, [-1 - item for item in model if item < 0]))
 
     def _gains(self, columns: Columns, kernels: Sequence[int]) -> list[float]:
@@ -121,31 +122,29 @@ class ModelSet:
             total, best = self._added[model]
             return total.copy(), list(best)
         design, like = self.design, self.likelihood
-        members, tested = self.members(model), range(design.tested)
-        smooth = self.columns(model)[len(like.closure(members)) :]
+        own = like.closure(self.members(model))
+        smooth = self.columns(model)[len(own) :]
         value = self.value(model)
-        base = value - float(like.evidence([like.closure(members)], smooth)[0])
-        models = [like.closure((*members, m)) for m in tested]
-        weighed = like.evidence(models, smooth) + base + np.log(design.prior[: design.tested])
-        of = design.of[: design.tested]
+        base = value - float(like.evidence(own, smooth)[0])
+        weighed = base + np.log(design.prior)
+        weighed += like.evidence(own, smooth, design.closures, design.inner)
         total = np.full(len(self.names), -np.inf)
         best = [0] * len(self.names)
-        for c in np.unique(of):
-            own = np.flatnonzero(of == c)
-            total[c], best[c] = logsumexp(weighed[own]), int(own[np.argmax(weighed[own])])
+        for c in np.unique(design.of):
+            some = np.flatnonzero(design.of == c)
+            total[c], best[c] = logsumexp(weighed[some]), int(some[np.argmax(weighed[some])])
         taken = {self.place(item) for item in model}
         for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE):
             m = best[c]
             fine = design.around(m) if c not in taken else ()
             if fine:
                 share = np.log(design.members[m].prior / len(fine))
-                models = [like.closure((*members, q)) for q in fine]
-                finer = like.evidence(models, smooth) + base + share
-                others = weighed[(of == c) & (np.arange(design.tested) != m)]
+                finer = like.evidence(own, smooth, design.closures_of(fine)) + base + share
+                others = weighed[(design.of == c) & (np.arange(design.tested) != m)]
                 total[c] = logsumexp(np.concatenate([others, finer]))
                 best[c] = fine[int(np.argmax(finer))]
         first = len(design.candidates)
-        total[first:] = value + np.array(self._gains(like.closure(members), self.named))
+        total[first:] = value + np.array(self._gains(own, self.named))
         best[first:] = [-1 - k for k in self.named]
         self._added[model] = total, best
         return total.copy(), list(best)

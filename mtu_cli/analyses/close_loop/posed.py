@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,17 +42,16 @@ def posed(
     strata = _strata(table, errors, scatter)
     design = Design(table, strata, candidates, scale, gaps)
     # Degrees of freedom: less the missing cells and what a datum freed.
-    P, H, A = strata.shape
+    P, _, A = strata.shape
     n, axis = strata.sizes.copy(), np.array(strata.axis)
-    n[strata.of(INTERACTION)] -= gaps.count
-    of_axis, _, j = np.unravel_index(strata.place, (A, P, H))
+    n[strata.of(INTERACTION)] -= np.sum(~there)
+    of_axis, _, j = strata.cells
     taken = np.zeros(len(n))
     for motion in table.motions:
-        for direction in motion.Q.T:
-            one = np.zeros((H, A))
-            one[motion.columns] = direction.reshape(len(motion.columns), A)
-            share = np.einsum("ha,ahj->aj", one, strata.of_features)[of_axis, j] ** 2
-            taken += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
+        Q = motion.Q.reshape(len(motion.columns), A, -1)
+        of_basis = np.einsum("hak,ahj->akj", Q, strata.of_features[:, motion.columns])
+        share = np.sum(of_basis**2, axis=1)[of_axis, j]
+        taken += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
     # A datum that takes a stratum leaves nothing of it but rounding.
     n = np.where(n - taken > 1e-6 * n, np.maximum(n - taken, 1.0), 0.0)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
@@ -104,11 +104,20 @@ def steps_of(table: ResidualTable) -> FloatArray:
 
 def free_lines(table: ResidualTable) -> FloatArray:
     """Orthonormal directions (H, k) in which each part is free: its level, and of readings the
-    lines that passes move along.
+    slope, direction, and both, along which passes move.
     """
-    H = len(table.features)
-    level = np.full((H, 1), 1 / np.sqrt(H))
-    return np.column_stack([level, _reading_lines(table)]) if table.component else level
+    columns = [np.ones(len(table.features))]
+    if table.component is not None:
+        along = _along(table)
+        columns += [] if along is None else [along]
+        sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
+        if sign is not None and sign.shape == (1, len(table.features)):
+            columns.append(np.asarray(sign[0], float))
+            columns += [] if along is None else [sign[0] * (along - along.mean())]
+    X = np.column_stack(columns)
+    left = np.abs(np.diag(np.linalg.qr(X, mode="r")))
+    Q, R = np.linalg.qr(X[:, left > 1e-8 * np.linalg.norm(X, axis=0)])
+    return np.asarray(Q * np.sign(np.diag(R)))
 
 
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
@@ -134,16 +143,14 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
         )
     rough = smooth_covariance(along)
     strata = strata_of(P, lines, features_scatter=False, roughness=rough)
-    y = strata.coordinates(errors)
-    _, i, j = np.unravel_index(strata.place, (A, P, H))
+    y, (_, i, j) = strata.coordinates(errors), strata.cells
     inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
     squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
     grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
     spread = 1 + grid[:, None] * strata.bends
     left = np.maximum((squares / spread).sum(axis=1), 1e-300)
     deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
-    bends = float(grid[int(np.argmin(deviance))])
-    return strata_of(P, lines, features_scatter=False, roughness=rough, bends=bends)
+    return replace(strata, spread=np.sqrt(spread[int(np.argmin(deviance)), j]))
 
 
 def _along(table: ResidualTable) -> FloatArray | None:
@@ -158,7 +165,7 @@ def _lines(table: ResidualTable) -> list[FloatArray]:
     """Orthonormal directions (H, k) by axis along which whole parts move beside their level."""
     _, H, A = table.errors.shape
     if table.component is not None:
-        return [_reading_lines(table)] * A
+        return [free_lines(table)[:, 1:]] * A
     result = []
     for F in np.moveaxis(table.of_part.mean(axis=0), 1, 0):
         whole = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
@@ -179,17 +186,3 @@ def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray
         q = turned
     size = np.linalg.norm(q)
     return q / size if size > 0 else None
-
-
-def _reading_lines(table: ResidualTable) -> FloatArray:
-    """Orthonormal directions (H, k) of passes beside their level: slope, direction, and both."""
-    columns, along = [np.ones(len(table.features))], _along(table)
-    columns += [] if along is None else [along]
-    sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
-    if sign is not None and sign.shape == (1, len(table.features)):
-        columns.append(np.asarray(sign[0], float))
-        columns += [] if along is None else [sign[0] * (along - along.mean())]
-    X = np.column_stack(columns)
-    left = np.abs(np.diag(np.linalg.qr(X, mode="r")))
-    Q, R = np.linalg.qr(X[:, left > 1e-8 * np.linalg.norm(X, axis=0)])
-    return np.asarray((Q * np.sign(np.diag(R)))[:, 1:])

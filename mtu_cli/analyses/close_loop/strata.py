@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +19,8 @@ from mtu_cli.stats.least_squares import FloatArray
 IntArray = NDArray[np.int64]
 Levers = Mapping[int, FloatArray]
 """By index of the axis a column in the smallest shape (..., P or 1, H or 1)."""
+Short = tuple[FloatArray, FloatArray, FloatArray]
+"""Of an orthonormal basis diag(s) - L R with few columns L: s, L and R."""
 PART, LINE, FEATURE, INTERACTION = "part", "line", "feature", "interaction"
 NONE = -1
 
@@ -49,12 +50,12 @@ class Strata:
     `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
     deviations relative to the stratum's; `bends` (H,) the variance of bends that parts have of
     their own, by direction of the features (mean 1). `short` is, by axis, a basis of the features
-    as (s, L, R) where it is diag(s) - L R with few columns L: rows are turned in less time.
+    in the form in which rows are turned in less time.
     """
 
     of_parts: FloatArray
     of_features: FloatArray
-    short: tuple[tuple[FloatArray, FloatArray, FloatArray] | None, ...]
+    short: tuple[Short | None, ...]
     place: IntArray
     at: IntArray
     slices: tuple[slice, ...]
@@ -100,7 +101,7 @@ class Strata:
         else:
             signs, left, right = short
             turned = values * signs - (values @ left) @ right
-        return to_contrasts(turned) if p == P else turned * np.sqrt(P)
+        return to_contrasts(turned) if p > 1 else turned * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) that columns can reach, given by axis in compact shapes (G or 1,
@@ -121,6 +122,23 @@ class Strata:
                 result[:, k, np.searchsorted(at, own_at)] = values
         return at, result
 
+    @property
+    def cells(self) -> tuple[IntArray, ...]:
+        """Axis, row and column (N,) of each coordinate."""
+        P, H, A = self.shape
+        return np.unravel_index(self.place, (A, P, H))
+
+    def directions(self, s: int) -> tuple[IntArray, FloatArray]:
+        """The coordinates (n,) of a stratum that are of the parts, or else alike in all of them,
+        and the basis over the parts (P, n), or over the features (H, n), in which these are.
+        """
+        _, i, j = (own[self.slices[s]] for own in self.cells)
+        if self.kinds[s] == PART:
+            return np.arange(len(i)), self.of_parts[:, i]
+        shared = np.flatnonzero(i == 0)
+        basis = self.of_features[self.axis[s]][:, j[shared]]
+        return shared, basis / self.spread[self.slices[s]][shared]
+
     def table(self, coordinates: FloatArray) -> FloatArray:
         """Tables (..., P, H, A) of coordinates (..., N); those of no stratum are 0."""
         P, H, A = self.shape
@@ -140,7 +158,6 @@ def strata_of(
     moving: int = 0,
     lines_known: bool = True,
     roughness: FloatArray | None = None,
-    bends: float = 0.0,
 ) -> Strata:
     """The strata of P parts with H features.
 
@@ -149,31 +166,20 @@ def strata_of(
     than the features; where not `lines_known`, they are in no stratum. `features_scatter`: the
     features' means have one; where not, they belong to the strata of the parts (V = I_P x S). The
     mean of all is in none: every effect has an offset beside it. `roughness` (H, H) is the
-    covariance of the bends that every part has of its own, `bends` their variance over the
-    interaction's.
+    covariance of the bends that every part has of its own.
     """
     A, H = len(lines), len(lines[0])
-    bases, spreads, shape = np.zeros((A, H, H)), np.ones((A, 1, H)), np.zeros(H)
+    bases, bends = np.zeros((A, H, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
-    first, shorts = 1 if features_scatter else 0, list[Any]()
+    first, shorts = 1 if features_scatter else 0, list[Short | None]()
     for a, own in enumerate(lines):
-        begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), own])
-        k = begin.shape[1]
-        basis, R = np.linalg.qr(begin, mode="complete")
-        # k reflections: I - basis is of rank k, its first columns and rows make all of it.
-        rest, signs = np.eye(H) - basis, np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
-        basis *= signs
-        if roughness is None and k < H:
-            left = rest[:, :k] @ np.linalg.inv(rest[:k, :k])
-            shorts.append((signs, left, rest[:k] * signs))
-        else:
-            shorts.append(None)
+        bases[a], short = _completed(np.column_stack([np.full(H, 1 / np.sqrt(H)), own]))
+        k = own.shape[1] + 1
         if roughness is not None and k < H:
-            values, turn = np.linalg.eigh(basis[:, k:].T @ roughness @ basis[:, k:])
-            basis[:, k:] = basis[:, k:] @ turn[:, ::-1]
-            shape[k:] = np.maximum(values[::-1], 0.0) / values.mean()
-            spreads[a, 0, k:] = np.sqrt(1 + bends * shape[k:])
-        bases[a] = basis
+            values, turn = np.linalg.eigh(bases[a, :, k:].T @ roughness @ bases[a, :, k:])
+            bases[a, :, k:] = bases[a, :, k:] @ turn[:, ::-1]
+            bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
+        shorts.append(short if roughness is None else None)
         beyond, rows = slice(1, None), [first] * (k - moving) + [0] * moving
         groups = [(PART, (beyond, slice(0, 1)))]
         groups += [(FEATURE, (slice(0, 1), beyond))] if features_scatter else []
@@ -199,6 +205,18 @@ def strata_of(
         slices=tuple(map(slice, ends[:-1], ends[1:])),
         kinds=tuple(kinds),
         axis=tuple(axis),
-        spread=np.broadcast_to(spreads, label.shape).ravel()[place],
-        bends=shape,
+        spread=np.ones(len(place)),
+        bends=bends,
     )
+
+
+def _completed(begin: FloatArray) -> tuple[FloatArray, Short | None]:
+    """An orthonormal basis (H, H) whose first columns are `begin` (H, k), and its short form."""
+    H, k = begin.shape
+    basis, R = np.linalg.qr(begin, mode="complete")
+    # k reflections: I - basis is of rank k, its first columns and rows make all of it.
+    rest, signs = np.eye(H) - basis, np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
+    short = None
+    if k < H:
+        short = signs, rest[:, :k] @ np.linalg.inv(rest[:k, :k]), rest[:k] * signs
+    return basis * signs, short

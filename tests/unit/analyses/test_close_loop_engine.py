@@ -78,7 +78,7 @@ def test_the_evidence_of_one_column_is_the_integral_over_its_size() -> None:
 
     ends = (0, n, 1e3 * n, np.inf)
     slow = sum(quad(weighed, low, high)[0] for low, high in pairwise(ends))
-    assert like.evidence([(index,)])[0] == pytest.approx(np.log(slow), abs=0.05)
+    assert like.evidence((index,))[0] == pytest.approx(np.log(slow), abs=0.05)
 
 
 @pytest.mark.parametrize("sloped", [False, True])
@@ -368,3 +368,23 @@ def test_no_zero_is_told_where_there_is_none(effects: tuple[FoundEffect, ...]) -
     own = [replace(e, rows=tuple(next(rows) for _ in e.parameters)) for e in effects]
     covariance = np.diag([p.u**2 for e in own for p in e.parameters])
     assert crossings(own, covariance, TABLE) == ()
+
+
+def test_a_column_is_asked_in_the_strata_that_know_of_it() -> None:
+    """Whatever other columns are tested with it: a share of 1e-6 in the interaction, from which
+    another column has all of its information, says nothing.
+    """
+    rng = np.random.default_rng(5)
+    load = rng.standard_normal((P, 1)) + 1e-3 * rng.standard_normal((P, H))
+    alone = noise(4)
+    alone.covariates["load"] = load
+    beside = replace(alone, covariates={**alone.covariates, "hall": rng.standard_normal((P, H))})
+    tested = []
+    for own in (alone, beside):
+        like = posed_of(own, "covariate")
+        fit = like.fit(())
+        at, lp = Gate(like, rng)._members((), fit, fit.residual[None])
+        forms = [like.design.members[m].form for m in at]
+        tested.append([p for p, form in zip(lp[0], forms, strict=True) if form.used == ("load",)])
+    assert len(tested[0]) == 2
+    assert tested[0] == pytest.approx(tested[1], rel=1e-6)

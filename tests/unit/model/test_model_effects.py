@@ -112,7 +112,7 @@ def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
 
 def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS)
-    assert all_together(loaded(tmp_path, MACHINE), None) is None
+    assert all_together(loaded(tmp_path, MACHINE), None, (), np.zeros((0, 0))) is None
     found = all_together(machine, None, ("backlash-x.lost_motion",), np.array([[7e-6]]))
     assert found is not None
     assert list(found.names) == NAMES
