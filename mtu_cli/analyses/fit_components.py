@@ -264,9 +264,7 @@ def observability(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermin
     several = [name for name in alone if len(fit.components[name].instruments) > 1]
     for names in apart if len(alone) > 1 else ():
         what, because = "correlation of drift with other components", "read in passes of their own"
-        would = (
-            "read them in the same passes (same set-up) as others, or give `time` or `setup`"
-        )
+        would = "read them in the same passes (same set-up) as others, or give `time` or `setup`"
         if names in several:
             because = "read by several instruments"
             would = "read it by one instrument, in the same passes as the others"

@@ -14,13 +14,12 @@ from mtu_cli.model.estimates import (
     Estimates,
     covariance_in_run,
 )
-from mtu_cli.model.estimation import reading_rounding
+from mtu_cli.model.estimation import MOST_AUTO, reading_rounding
 from mtu_cli.model.fit import effects_on_readings, error_axis, reading_columns, reading_places
 from mtu_cli.model.machine_model import AXES, TIME, component_alone
 from mtu_cli.model.passes import Passes, passes_read
 from mtu_cli.model.prediction import temperature_warnings
 from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
-from mtu_cli.model.shapes import MOST_AUTO
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.model.visits import IntArray, cells_of
 from mtu_cli.stats.covariance import bounded
