@@ -261,13 +261,11 @@ def observability(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermin
     joint = {name for group in estimates.joint for name in group.components}
     # Where there is one group, all others are named.
     apart = [*groups * (len(groups) > 1), *(name for name in alone if name not in joint)]
-    several = [name for name in alone if len(fit.components[name].instruments) > 1]
+    what, would = "correlation of drift with other components", "read them in the same passes "
+    would += "(same set-up) as the others, by one instrument, or give `time` or `setup`"
     for names in apart if len(alone) > 1 else ():
-        what, because = "correlation of drift with other components", "read in passes of their own"
-        would = "read them in the same passes (same set-up) as others, or give `time` or `setup`"
-        if names in several:
-            because = "read by several instruments"
-            would = "read it by one instrument, in the same passes as the others"
+        several = names in alone and len(fit.components[names].instruments) > 1
+        because = "read by several instruments" if several else "read in passes of their own"
         yield NotDetermined(names, what, because, would)
 
 

@@ -209,7 +209,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         rooms = np.resize(options.cmm_room, plan.parts)
         true = settled(test, sensors, rooms, options.cmm_wobble_degc, seed)
         columns = dict(zip(sensors.names, true.T, strict=True))
-        columns |= {name: columns[of] for name, of in sensors.twins}
+        columns |= {name: columns[of] for name, of in test.twins}
         given = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
         plan = replace(plan, given=given)
     result = simulate_points(model, ids, points, plan, seed)

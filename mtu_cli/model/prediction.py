@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -32,13 +33,11 @@ from mtu_cli.model.machine_model import (
 from mtu_cli.model.variance import (
     Block,
     MeanSquares,
-    PassSquare,
     Variance,
     block_variance,
     component_blocks,
     drawable_passes,
     normal_block,
-    pass_squares,
 )
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import effective_dof
@@ -159,10 +158,6 @@ class Prediction:
         """Row of a point's error along an axis."""
         return self.ids.index(point) * len(self.axes) + self.axes.index(axis)
 
-    def pass_squares(self, A: FloatArray) -> list[PassSquare | None]:
-        """What of the mean squares of `variance`, in their order, is of passes."""
-        return [result for block in self.blocks for result in pass_squares(block, A)]
-
     def variance(self, A: FloatArray | None = None) -> Variance:
         """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
         Without A of the errors themselves, (n*a,). Effective degrees of freedom by
@@ -172,7 +167,13 @@ class Prediction:
         """
         found = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         parts = np.array([part for part, _ in found])
-        behind = MeanSquares(*map(np.concatenate, zip(*(own for _, own in found), strict=True)))
+        of_mean, of_part, dof, passes = zip(*(own for _, own in found), strict=True)
+        behind = MeanSquares(
+            of_mean=np.concatenate(of_mean),
+            of_part=np.concatenate(of_part),
+            dof=np.concatenate(dof),
+            passes=[*chain(*passes)],
+        )
         by_block, split = parts.sum(axis=1), parts.sum(axis=0)
         total = by_block.sum(axis=0)
         squares = behind.of_mean + behind.of_part

@@ -26,15 +26,9 @@ from mtu_cli.model.covariates import (
     without_repeated,
 )
 from mtu_cli.model.features import guess_warnings, outside_warnings
-from mtu_cli.model.machine_model import AXES, MachineModel, design, sensors_of, theta
+from mtu_cli.model.machine_model import AXES, Covariates, MachineModel, design, sensors_of, theta
 from mtu_cli.model.machine_model import places as fixed_places
-from mtu_cli.model.measured import (
-    check_repeats,
-    left_out,
-    no_shared_axis,
-    not_measured,
-    roundings,
-)
+from mtu_cli.model.measured import judged_axes, roundings
 from mtu_cli.model.prediction import constant_effects, predict, temperature_gradients
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
@@ -42,8 +36,8 @@ from mtu_cli.model.visits import (
     Cells,
     IntArray,
     Motions,
-    axes_of,
     cells_of,
+    check_repeats,
     freed_errors,
     incomplete_datum,
     motions_of,
@@ -53,8 +47,6 @@ from mtu_cli.model.visits import (
 )
 from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.least_squares import FloatArray
-
-Values = Mapping[str, FloatArray | float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,18 +190,10 @@ def residual_table(
     or points of no axis that an equation is for.
     """
     check_repeats(points)
-    warned = left_out(points)
+    axes, warned = judged_axes(model, points, "its errors are left out")
     points, repeated = without_repeated(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
     warned += [*repeated, *gaps, *text_warnings(points)]
-    measured_axes = axes_of(points)
-    for axis in (AXES[i] for i in measured_axes if AXES[i] not in model.axes):
-        consequence = f"errors along {axis} are left out"
-        warned.append(finding("axis-without-equation", axis=axis, consequence=consequence))
-    warned += not_measured(model.axes, points)
-    axes = tuple(i for i in measured_axes if AXES[i] in model.axes)
-    if not axes:
-        raise no_shared_axis(model, points, measured_axes)
     lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
     if lost.all() and len(lost):
         raise error(
@@ -303,7 +287,7 @@ NEGLIGIBLE = 1e-13
 def cell_model(
     model: MachineModel,
     places: FloatArray,
-    values: Values,
+    values: Covariates,
     cells: Cells,
     shown: Mapping[str, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -321,7 +305,7 @@ def cell_model(
 
 
 def _evaluated(
-    model: MachineModel, places: FloatArray, values: Values, shown: Mapping[str, FloatArray]
+    model: MachineModel, places: FloatArray, values: Covariates, shown: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The mean (m, a) mm, and the factors (m, a, r) that all parts share and that each draws."""
     centre = design(model, places, values)

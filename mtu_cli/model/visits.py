@@ -57,6 +57,7 @@ def visits_of(points: Points) -> Visits:
 
     Raises InputError for a feature that stands twice in one repeat of one part.
     """
+    check_repeats(points)
     _, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
     run = operation.astype(np.int64) * parts + points.part
@@ -68,8 +69,6 @@ def visits_of(points: Points) -> Visits:
     numbers, code = distinct(repeat)
     runs, visit = distinct(run * len(numbers) + code)
     place = visit * features + points.feature
-    if np.bincount(place).max() > 1:
-        refuse_doubled(points, place, np.ones(len(points), bool))
     # Axis by axis, as the points lie in memory.
     errors = np.full((3, len(runs) * features), np.nan)
     nominal = np.full((3, features), np.nan)
@@ -133,9 +132,19 @@ def occurrence(codes: IntArray) -> IntArray:
     return count
 
 
-def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) -> None:
-    """Raises InputError with every row of the `given` (n,) at a `place` (n,) that stood before."""
-    rows = np.flatnonzero(given)
+def check_repeats(points: Points) -> None:
+    """Raises InputError for a feature that stands twice in one repeat of one part, every such row.
+
+    Repeats without a number are counted on, and none of them stands twice.
+    """
+    _, operation = operations_of(points)
+    given = np.flatnonzero(points.repeat >= 0)
+    cell = operation.astype(np.int64) * len(points.features) + points.feature
+    place = (cell * len(points.parts) + points.part)[given]
+    numbers, code = distinct(points.repeat[given])
+    place = place * len(numbers) + code
+    if len(distinct(place)[0]) == len(given):
+        return
     what, expected = "the feature in one repeat of one part", "one row a feature and `repeat`"
     raise InputError(
         finding(
@@ -147,7 +156,7 @@ def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) ->
             value=points.features[points.feature[i]],
             expected=expected,
         )
-        for i in rows[occurrence(place[rows]) > 0][:LISTED_FAULTS]
+        for i in given[occurrence(place) > 0][:LISTED_FAULTS]
     )
 
 

@@ -179,7 +179,7 @@ def test_table_fits_100_columns(case: str, tmp_path: Path) -> None:
         assert rows[name]["slope"] == plus_minus(slope * per_m, u * per_m)
 
 
-REASONS = {
+REASONS: dict[str, tuple[dict[str, Any], dict[str, str | None]]] = {
     # What the readings of dx_x, of an axis, and axy, of none, leave open.
     "no pass column": (
         {"passes": None, "directions": False},
