@@ -18,7 +18,7 @@ from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
 from mtu_cli.model.features import guess_warnings, outside_warnings
-from mtu_cli.model.machine_model import AXES, Covariates, MachineModel, design, theta
+from mtu_cli.model.machine_model import AXES, MachineModel, design
 from mtu_cli.model.measurands import differences, length_gradient
 from mtu_cli.model.measured import (
     Label,
@@ -329,9 +329,9 @@ def predict_operations(
     values, _ = needed_covariates(model, points, stated, given)
     warnings = guess_warnings(model, points.nominal, values)
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
-    vary = any(np.ndim(values[name]) for name in model.covariates())
+    vary, a = any(np.ndim(values[name]) for name in model.covariates()), len(along)
     # Of all points: where a drift lags, they are its history.
-    errors = _errors(model, points.nominal, values) if vary else np.zeros((len(points), len(along)))
+    errors = design(model, points.nominal, values).mean.reshape(-1, a) if vary else np.zeros((0, a))
     result: dict[str, Prediction] = {}
     operations, operation = operations_of(points)
     for code, name in enumerate(operations):
@@ -355,16 +355,10 @@ def predict_operations(
         if vary:
             of_feature = np.column_stack([mean(each) for each in errors[rows].T])
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]
-            shift = of_feature - _errors(model, place, means)
-            prediction = replace(prediction, mean=prediction.mean + shift.ravel())
+            shift = of_feature.ravel() - design(model, place, means).mean
+            prediction = replace(prediction, mean=prediction.mean + shift)
         result[name] = prediction
     return result, replace(points, measured=measured) if vary else points, warnings
-
-
-def _errors(model: MachineModel, places: FloatArray, values: Covariates) -> FloatArray:
-    """J theta + remainder (n, a), mm."""
-    rows = design(model, places, values)
-    return np.asarray(rows.J @ theta(model) + rows.remainder).reshape(len(places), -1)
 
 
 def compared(

@@ -32,7 +32,7 @@ from mtu_cli.model.estimates import (
     known_component,
 )
 from mtu_cli.model.estimation import TESTS, ComponentFit, fit_component, shared_passes
-from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone, theta
+from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.passes import Passes, passes_read
 from mtu_cli.stats.family import significant
@@ -247,11 +247,10 @@ def effects_on_readings(
             warned.append(finding("not-used", what=what, names=read, **facts))
             continue
         warned += outside_seen([effect], numeric | along, machine.source.shown)
-        rows = design(model, points, known)
-        errors = (rows.J @ theta(model)).reshape(len(places), -1)[:, model.axes.index(both)]
+        errors = design(model, points, known).mean.reshape(len(places), -1)
         values: dict[str, Any] = {**fixed_places(model, points), **known}
         values |= {name: value for name, (value, _) in model.constants.items()}
-        total += errors / evaluate(levers[both], values)
+        total += errors[:, model.axes.index(both)] / evaluate(levers[both], values)
     return total, warned
 
 

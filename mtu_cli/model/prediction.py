@@ -28,7 +28,6 @@ from mtu_cli.model.machine_model import (
     places,
     row_times,
     sensors_of,
-    theta,
 )
 from mtu_cli.model.variance import (
     Block,
@@ -60,9 +59,8 @@ def constant_effects(
     components that are uncertain themselves: their product adds u(c)^2 (dJ/dc) (C + D) (dJ/dc)'.
     `centre` is the design at the constants' values.
     """
-    mean = centre.J @ theta(model) + centre.remainder
     blocks: list[Block] = []
-    shift = np.zeros(len(mean))
+    shift = np.zeros(len(centre.mean))
     for name, (value, u) in model.constants.items():
         if u == 0:
             continue
@@ -70,11 +68,10 @@ def constant_effects(
             design(replace(model, constants=model.constants | {name: (end, u)}), points, covariates)
             for end in (value + u, value - u)
         )
-        at_up, at_down = (side.J @ theta(model) + side.remainder for side in (up, down))
-        curve = (at_up + at_down - 2 * mean) / 2
+        curve = (up.mean + down.mean - 2 * centre.mean) / 2
         # Rounding of a difference of errors is no curvature.
-        curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(at_up - mean), curve, 0.0)
-        blocks.append(normal_block(name, ((at_up - at_down) / 2)[:, None]))
+        curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(up.mean - centre.mean), curve, 0.0)
+        blocks.append(normal_block(name, ((up.mean - down.mean) / 2)[:, None]))
         if curve.any():
             blocks.append(normal_block(f"{name}^2", np.sqrt(2.0) * curve[:, None]))
         shift += curve
@@ -210,14 +207,14 @@ def predict(
     others = temperature_blocks(model, points, given, rows.levers)
     others += [*table_blocks(model, points, rows.levers), *of_constants]
     independent = np.zeros(len(rows.J))
-    for t, term in enumerate(model.terms):
+    for term, own, lever in zip(model.terms, model.columns, rows.levers.T, strict=True):
         # Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, whose readings are
         # not at hand, the same total variance without its correlation.
-        known, G = term.estimate, rows.J[:, rows.columns[t]]
+        known, G = term.estimate, rows.J[:, own]
         C, s2 = known.covariance + known.pass_covariance, known.s_repeat**2
         if known.independent_covariance is not None and known.independent_s is not None:
             C, s2 = known.independent_covariance, known.independent_s**2
-        independent += np.einsum("ri,ij,rj->r", G, C, G) + rows.levers[:, t] ** 2 * s2
+        independent += np.einsum("ri,ij,rj->r", G, C, G) + lever**2 * s2
     for block in others:
         independent += np.einsum("ri,ij,rj->r", block.G, block.C + block.D, block.G)
         independent += (block.noise**2).sum(axis=1)
@@ -234,7 +231,7 @@ def predict(
         ids=tuple(ids),
         axes=model.axes,
         points=points,
-        mean=rows.J @ theta(model) + rows.remainder + shift,
+        mean=rows.mean + shift,
         blocks=(*blocks, *others),
         independent_variance=independent,
         outside=tuple(outside),

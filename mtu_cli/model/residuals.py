@@ -26,7 +26,7 @@ from mtu_cli.model.covariates import (
     without_repeated,
 )
 from mtu_cli.model.features import guess_warnings, outside_warnings
-from mtu_cli.model.machine_model import AXES, Covariates, MachineModel, design, sensors_of, theta
+from mtu_cli.model.machine_model import AXES, Covariates, MachineModel, design, sensors_of
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import judged_axes, roundings
 from mtu_cli.model.prediction import constant_effects, predict, temperature_gradients
@@ -298,19 +298,9 @@ def cell_model(
     part; that of a reading a point adds to the scatter of single cells and is in neither factor. A
     drift with a lag is given the history of all measurements.
     """
-    mean, *factors = _evaluated(model, places, values, shown)
-    tables = (cells.table(cells.means(F), 0.0) for F in factors)
-    common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
-    return mean, common, of_part
-
-
-def _evaluated(
-    model: MachineModel, places: FloatArray, values: Covariates, shown: Mapping[str, FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The mean (m, a) mm, and the factors (m, a, r) that all parts share and that each draws."""
     centre = design(model, places, values)
     of_constants, shift = constant_effects(model, places, values, centre)
-    mean = centre.J @ theta(model) + centre.remainder + shift
+    mean = centre.mean + shift
     shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
     blocks = component_blocks(model, centre.J, centre.levers)
     for block in (*blocks, *of_constants):
@@ -324,8 +314,10 @@ def _evaluated(
             if read[sensor][1] == 1:
                 (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
     size = (len(places), len(model.axes))
-    F, R = (np.concatenate(own, axis=1).reshape(*size, -1) for own in (shared, drawn))
-    return mean.reshape(size), F, R
+    factors = (np.concatenate(own, axis=1).reshape(*size, -1) for own in (shared, drawn))
+    tables = (cells.table(cells.means(F), 0.0) for F in factors)
+    common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
+    return mean.reshape(size), common, of_part
 
 
 def compressed(factor: FloatArray) -> FloatArray:
