@@ -178,7 +178,7 @@ def _orientation(points: FloatArray) -> FloatArray:
 
     Where these three lie on a line, the next point that does not decides.
     """
-    normal = fit_plane(points).normal
+    _, normal, _ = fit_plane(points)
     sides = np.cross((points[1] - points[0])[None], points[2:] - points[0])
     sizes = np.linalg.norm(sides, axis=1)
     side = sides[int(np.argmax(sizes > LINE * sizes.max()))]
