@@ -121,24 +121,24 @@ def judged_axes(
     model: MachineModel, points: Points, consequence: str
 ) -> tuple[tuple[int, ...], list[Finding]]:
     """The axes (0, 1, 2) that every point was measured along and an equation is for, and warnings
-    of the others: measured at some of the points, without an equation (which has the
-    `consequence`), or with one and not measured.
+    of the others: measured at some of the points, without an equation (with the `consequence`, of
+    the axis {}), or with one and not measured.
 
     Raises InputError where there is no such axis.
     """
-    measured, lost = axes_of(points), np.isnan(points.measured).all(axis=0)
+    measured, lost = axes_of(points), np.asarray(np.isnan(points.measured).all(axis=0))
     axes = tuple(k for k in measured if AXES[k] in model.axes)
     if not axes:
         raise no_shared_axis(model, points, measured)
     warned = left_out(points)
-    for k in measured:
-        if k not in axes:
-            warned.append(finding("axis-without-equation", axis=AXES[k], consequence=consequence))
-    for k in np.flatnonzero(lost).tolist():
-        if (axis := AXES[k]) in model.axes:
+    for k, axis in enumerate(AXES):
+        if k in measured and k not in axes:
+            facts = {"axis": axis, "consequence": consequence.format(axis)}
+            warned.append(finding("axis-without-equation", **facts))
+        elif lost[k] and axis in model.axes:
             judged = f"the E{axis} of the machine is not judged"
-            place = {"what": "the points", "axis": axis, "consequence": judged}
-            warned.append(finding("axis-not-measured", **place))
+            facts = {"what": "the points", "axis": axis, "consequence": judged}
+            warned.append(finding("axis-not-measured", **facts))
     return axes, warned
 
 

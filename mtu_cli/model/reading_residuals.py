@@ -21,7 +21,7 @@ from mtu_cli.model.passes import Passes
 from mtu_cli.model.prediction import temperature_warnings
 from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
 from mtu_cli.model.variance import drawable_passes
-from mtu_cli.model.visits import IntArray, cells_of
+from mtu_cli.model.visits import Cells, IntArray
 from mtu_cli.stats.covariance import bounded
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
 from mtu_cli.units import ANGLE, UNITS
@@ -157,7 +157,12 @@ def reading_layout(readings: Readings, seen: ComponentReadings, name: str) -> La
             for code, way in zip(columns.tolist(), signs, strict=True)
         ),
         operation=np.zeros(len(columns), np.int64),
-        cells=cells_of(seen.passes.runs[seen.group], column.reshape(-1), len(names), len(columns)),
+        cells=Cells(
+            parts=len(names),
+            columns=len(columns),
+            part=seen.passes.runs[seen.group],
+            column=column.reshape(-1),
+        ),
         nominal=seen.places,
     )
 

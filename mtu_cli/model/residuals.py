@@ -36,7 +36,6 @@ from mtu_cli.model.visits import (
     Cells,
     IntArray,
     Motions,
-    cells_of,
     check_repeats,
     freed_errors,
     incomplete_datum,
@@ -190,7 +189,7 @@ def residual_table(
     or points of no axis that an equation is for.
     """
     check_repeats(points)
-    axes, warned = judged_axes(model, points, "its errors are left out")
+    axes, warned = judged_axes(model, points, "errors along {} are left out")
     points, repeated = without_repeated(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
     warned += [*repeated, *gaps, *text_warnings(points)]
@@ -273,7 +272,7 @@ def _layout(model: MachineModel, points: Points) -> Layout:
         features=tuple(used),
         operations=operations,
         operation=of_column,
-        cells=cells_of(row, column.reshape(-1), len(parts), len(columns)),
+        cells=Cells(parts=len(parts), columns=len(columns), part=row, column=column.reshape(-1)),
         nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
     )
 
