@@ -176,12 +176,13 @@ def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Reading
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentReadings:
-    """The `rows` (n,) of a component among the readings, an error along `axis`: the pass `group`
-    (n,) of each, `places` (n, 3) mm, nan beside the axis that it is a function of, and `columns`
-    (n,) by their names in equations.
+    """The `rows` (n,) of a component among the readings, a function of the axis `of` and an error
+    along `axis`: the pass `group` (n,) of each, `places` (n, 3) mm, nan beside the axis `of`, and
+    `columns` (n,) by their names in equations.
     """
 
     rows: IntArray
+    of: str | None
     axis: str
     group: IntArray
     passes: Passes
@@ -210,7 +211,7 @@ def component_readings(
         if own.dtype == object or not np.isnan(own).all():
             columns.setdefault(key, own)
     return ComponentReadings(
-        rows=rows, axis=axis, group=group, passes=passes, places=places, columns=columns
+        rows=rows, of=of, axis=axis, group=group, passes=passes, places=places, columns=columns
     )
 
 

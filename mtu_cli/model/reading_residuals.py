@@ -65,7 +65,7 @@ def _table(
 ) -> ResidualTable:
     """The table of the readings of one component."""
     entry, estimate = machine.machine.components[name], known.components.get(name)
-    of, unit, rows, columns = entry.of, UNITS[entry.unit], seen.rows, seen.columns
+    of, unit, rows, columns = seen.of, UNITS[entry.unit], seen.rows, seen.columns
     layout = reading_layout(readings, seen, name)
     shown, gaps = table_covariates(columns, layout.cells, readings, rows)
     warned += gaps
@@ -141,9 +141,8 @@ def reading_layout(readings: Readings, seen: ComponentReadings, name: str) -> La
     A pass is one number of one file, in one direction where it is not a run there and back.
     """
     target, labels = np.zeros(len(seen.rows), np.int64), [name]
-    known = np.isfinite(seen.places).any(axis=0)
-    if known.any():
-        target, labels = _targets(seen.places[:, known.argmax()])
+    if seen.of is not None:
+        target, labels = _targets(seen.places[:, AXES.index(seen.of)])
     sign = readings.direction[seen.rows].astype(np.int64)
     # Forward first, as the passes of a fit are.
     columns, column = np.unique(target * 3 + (1 - sign), return_inverse=True)

@@ -148,12 +148,25 @@ def plane_through(nominal: Points) -> Construction:
 
 
 def circle_through(nominal: Points) -> Construction:
-    """Centre and radius, exact of three points."""
-    points = _stacked(nominal)
-    normal, start = _orientation(points), fit_circle(points)
-    if len(points) == 3:
-        return circumcircle
-    return lambda *points: circle(points, normal, start.centre, start.radius)
+    """Centre (3, m) and radius (m,), exact of three points.
+
+    That of least squared distances lies in the least-squares plane of the points; distances are
+    those within the plane.
+    """
+    places = _stacked(nominal)
+    reference, start = _orientation(places), fit_circle(places)
+
+    def circle(*points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        middle, normal = plane(points, reference)
+        first, second = tangents(normal)
+        q = np.stack([point - middle for point in points], axis=1)
+        flat = np.stack([dot(q, first[:, None]), dot(q, second[:, None])])
+        away = start.centre[:, None] - middle
+        inside = np.stack([dot(away, first), dot(away, second)])
+        (x, y), radius = round_figure(flat, inside, start.radius, free=True)
+        return middle + x * first + y * second, radius
+
+    return circumcircle if len(places) == 3 else circle
 
 
 def sphere_through(nominal: Points) -> Construction:
@@ -194,24 +207,6 @@ def plane(points: Points, reference: FloatArray) -> FloatArray:
     away = (q - centre[:, None]).transpose(2, 1, 0)
     normal = np.linalg.svd(away, full_matrices=False)[2][:, 2].T
     return np.stack([centre, np.where(reference @ normal < 0, -normal, normal)])
-
-
-def circle(
-    points: Points, reference: FloatArray, centre: FloatArray, radius: float
-) -> tuple[FloatArray, FloatArray]:
-    """Centre (3, m) and radius (m,) of the circle of least squared distances, from a nominal
-    normal (3,), `centre` (3,) and `radius`.
-
-    It lies in the least-squares plane of the points; distances are those within the plane.
-    """
-    middle, normal = plane(points, reference)
-    first, second = tangents(normal)
-    q = np.stack([point - middle for point in points], axis=1)
-    flat = np.stack([dot(q, first[:, None]), dot(q, second[:, None])])
-    away = centre[:, None] - middle
-    start = np.stack([dot(away, first), dot(away, second)])
-    (x, y), result = round_figure(flat, start, radius, free=True)
-    return middle + x * first + y * second, result
 
 
 def sphere(
