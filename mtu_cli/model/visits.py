@@ -57,7 +57,6 @@ def visits_of(points: Points) -> Visits:
 
     Raises InputError for a feature that stands twice in one repeat of one part.
     """
-    check_repeats(points)
     _, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
     run = operation.astype(np.int64) * parts + points.part
@@ -69,6 +68,8 @@ def visits_of(points: Points) -> Visits:
     numbers, code = distinct(repeat)
     runs, visit = distinct(run * len(numbers) + code)
     place = visit * features + points.feature
+    if np.bincount(place).max() > 1:
+        check_repeats(points)
     # Axis by axis, as the points lie in memory.
     errors = np.full((3, len(runs) * features), np.nan)
     nominal = np.full((3, features), np.nan)
