@@ -10,10 +10,7 @@ from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import gap_rows, table_covariates, text_warnings
-from mtu_cli.model.estimates import (
-    Estimates,
-    covariance_in_run,
-)
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
 from mtu_cli.model.estimation import MOST_AUTO, reading_rounding
 from mtu_cli.model.fit import ComponentReadings, component_readings, effects_on_readings
 from mtu_cli.model.machine_model import AXES, TIME, component_alone
@@ -81,15 +78,7 @@ def _table(
     errors, degree = readings.error[rows] - said, -1
     common = of_part = np.zeros((1, len(layout.features), 1, 0))
     if estimate is not None or drift is not None:
-        own, both = estimate, None
-        if estimate is not None and (in_run := covariance_in_run(estimate)) is not None:
-            # What forward and reverse of a run share of D, K = S_m - S_h (`stats.pass_pairs`). Of
-            # several instruments D is of all, K of those that ran both ways.
-            C, zero = estimate.covariance, np.zeros_like(estimate.coefficients)
-            D = drawable_passes(estimate.pass_covariance, C)
-            K = bounded(drawable_passes(in_run, C), D)
-            own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
-            both = replace(own, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
+        own, both = (None, None) if estimate is None else _by_run(estimate)
         model = component_alone(name, of or AXES[0], own, drift)
         wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in wanted if key in columns}
@@ -126,6 +115,21 @@ def _table(
         pass_dof=np.inf if estimate is None else estimate.pass_dof or np.inf,
         resolution=(float(np.sqrt(12 * reading_rounding(readings, rows, unit))),),
     )
+
+
+def _by_run(estimate: ComponentEstimate) -> tuple[ComponentEstimate, ComponentEstimate | None]:
+    """The component with what each pass draws anew of D, and what forward and reverse of a run
+    share of it, K = S_m - S_h (`stats.mixed_model`), None where passes are independent. Of several
+    instruments D is of all, K of those that ran both ways.
+    """
+    in_run, C = covariance_in_run(estimate), estimate.covariance
+    if in_run is None:
+        return estimate, None
+    D, zero = drawable_passes(estimate.pass_covariance, C), np.zeros_like(estimate.coefficients)
+    K = bounded(drawable_passes(in_run, C), D)
+    own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
+    both = replace(own, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
+    return own, both
 
 
 # Passes and targets.

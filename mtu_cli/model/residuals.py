@@ -193,19 +193,8 @@ def residual_table(
     points, repeated = without_repeated(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
     warned += [*repeated, *gaps, *text_warnings(points)]
-    lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
-    if lost.all() and len(lost):
-        raise error(
-            "too-little-data",
-            what=f"the datum {datum!r} takes all errors, no measurement has enough features",
-            file=points.sources[0].shown,
-            expected="more features measured of each part, or --datum none",
-        )
-    if count := int(lost.sum()):
-        reason = f"in measurements of so few features the datum {datum!r} takes all errors"
-        names = [f"{count} of {len(lost)} points"]
-        warned.append(finding("not-measured", names=names, count=count, reason=reason))
-        points = only_rows(points, ~lost)
+    points, lost = _without_lost(points, axes, datum)
+    warned += lost
     layout = _layout(model, points)
     at, cells, columns = covariates or {}, layout.cells, point_columns(points)
     values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
@@ -246,6 +235,29 @@ def residual_table(
             of_part=compressed(table.freed(table.of_part)),
         )
     return table, tuple(warned)
+
+
+def _without_lost(
+    points: Points, axes: tuple[int, ...], datum: Datum
+) -> tuple[Points, list[Finding]]:
+    """The points without the measurements whose errors the datum takes whole, with a warning.
+
+    Raises InputError where it takes those of all.
+    """
+    lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
+    if lost.all() and len(lost):
+        raise error(
+            "too-little-data",
+            what=f"the datum {datum!r} takes all errors, no measurement has enough features",
+            file=points.sources[0].shown,
+            expected="more features measured of each part, or --datum none",
+        )
+    if count := int(lost.sum()):
+        reason = f"in measurements of so few features the datum {datum!r} takes all errors"
+        names = [f"{count} of {len(lost)} points"]
+        warned = [finding("not-measured", names=names, count=count, reason=reason)]
+        return only_rows(points, ~lost), warned
+    return points, []
 
 
 def _layout(model: MachineModel, points: Points) -> Layout:
