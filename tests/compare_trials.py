@@ -22,7 +22,6 @@ from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import (
     PartsPlan,
-    ReadingsPlan,
     SimulatedPoints,
     simulate_points,
     simulate_readings,
@@ -73,8 +72,9 @@ def made(
 def fitted(passes: int, seed: int) -> MachineModel:
     """The machine as `passes` each way of simulated readings know it."""
     machine, truth, _ = study()
-    plan = ReadingsPlan(passes=passes, directions=(1, -1), positions={"x": GRID, "y": GRID})
-    readings = as_readings(simulate_readings(truth, plan, seed), truth)
+    places = {"x": GRID, "y": GRID}
+    made = simulate_readings(truth, seed, passes=passes, directions=(1, -1), positions=places)
+    readings = as_readings(made, truth)
     return build_model(machine, estimates_from_fit(machine, fit_machine(machine, readings)))
 
 

@@ -18,17 +18,15 @@ from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
 from mtu_cli.model.features import guess_warnings, outside_warnings
-from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
+from mtu_cli.model.machine_model import AXES, MachineModel, design
 from mtu_cli.model.measurands import differences, length_gradient
 from mtu_cli.model.measured import (
     Label,
     MeasuredTables,
     feature_tables,
-    left_out,
+    judged_axes,
     length_tables,
     missing_entries,
-    no_shared_axis,
-    not_measured,
     roundings,
     some,
 )
@@ -36,8 +34,6 @@ from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.variance import Variance
 from mtu_cli.model.visits import (
-    IntArray,
-    axes_of,
     freed,
     incomplete_datum,
     operations_of,
@@ -46,7 +42,7 @@ from mtu_cli.model.visits import (
 )
 from mtu_cli.stats.anova import OneWay, one_way, only
 from mtu_cli.stats.family import FAMILY_RATE, holm
-from mtu_cli.stats.least_squares import BoolArray, FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.reml import reml
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
@@ -267,11 +263,8 @@ def compare(
     Raises InputError for points that share no axis with the machine, and for a missing covariate
     or one with gaps.
     """
-    measured, k, rounding = axes_of(points), settings.coverage_factor, roundings(points)
-    axes = tuple(i for i in measured if AXES[i] in model.axes)
-    if not axes:
-        raise no_shared_axis(model, points, measured)
-    warnings = left_out(points)
+    k, rounding = settings.coverage_factor, roundings(points)
+    axes, warnings = judged_axes(model, points, ASIDE)
     predictions, points, noted = predict_operations(model, points, covariates or {})
     loose, complete = freed(points, axes, datum)
     if not complete:
@@ -316,11 +309,8 @@ def compare(
         lengths=lengths,
         datum=datum,
         coverage_factor=k,
-        warnings=(*warnings, *noted, *_warnings(model, part, points, kinds)),
+        warnings=(*warnings, *noted, *_warnings(part, points, kinds)),
     )
-
-
-Values = Mapping[str, FloatArray | float]
 
 
 def predict_operations(
@@ -339,9 +329,9 @@ def predict_operations(
     values, _ = needed_covariates(model, points, stated, given)
     warnings = guess_warnings(model, points.nominal, values)
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
-    vary = any(np.ndim(values[name]) for name in model.covariates())
+    vary, a = any(np.ndim(values[name]) for name in model.covariates()), len(along)
     # Of all points: where a drift lags, they are its history.
-    errors = _errors(model, points.nominal, values) if vary else np.zeros((len(points), len(along)))
+    errors = design(model, points.nominal, values).mean.reshape(-1, a) if vary else np.zeros((0, a))
     result: dict[str, Prediction] = {}
     operations, operation = operations_of(points)
     for code, name in enumerate(operations):
@@ -365,16 +355,10 @@ def predict_operations(
         if vary:
             of_feature = np.column_stack([mean(each) for each in errors[rows].T])
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]
-            shift = of_feature - _errors(model, place, means)
-            prediction = replace(prediction, mean=prediction.mean + shift.ravel())
+            shift = of_feature.ravel() - design(model, place, means).mean
+            prediction = replace(prediction, mean=prediction.mean + shift)
         result[name] = prediction
     return result, replace(points, measured=measured) if vary else points, warnings
-
-
-def _errors(model: MachineModel, places: FloatArray, values: Values) -> FloatArray:
-    """J theta + remainder (n, a), mm."""
-    rows = design(model, places, values)
-    return np.asarray(rows.J @ theta(model) + rows.remainder).reshape(len(places), -1)
 
 
 def compared(
@@ -515,7 +499,7 @@ def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArr
     np.fill_diagonal(correlation, 1.0)
     squares = prediction.variance(A).squares
     times = [1.0 if each is None else each.independent(weights)
-             for each in prediction.pass_squares(A)]  # fmt: skip
+             for each in squares.passes]  # fmt: skip
     unsure = float((within**2 / t.df_within).sum())
     cmm = float(within.sum()) ** 2 / unsure if unsure else inf
     rows = np.append((squares.of_part * weights).mean(axis=1), within.mean())
@@ -599,6 +583,7 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
     return result[0], result[1] if lengths is not None else None
 
 
+ASIDE = "the points are not compared there, and lengths have no predicted error along it"
 SCATTER = "means are judged by the predicted scatter, and one that is off may be scatter"
 CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], ...] = (
     ("few-parts", lambda x: x.one_way.parts < FEWEST_PARTS, {"consequence": SCATTER}),
@@ -625,20 +610,12 @@ CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], .
 )
 
 
-def _warnings(
-    model: MachineModel, part: LoadedPart, points: Points, kinds: Sequence[Compared]
-) -> list[Finding]:
+def _warnings(part: LoadedPart, points: Points, kinds: Sequence[Compared]) -> list[Finding]:
     """What was not compared, and what parts, repeats and predictions are too few for."""
-    without = [AXES[i] for i in axes_of(points) if AXES[i] not in model.axes]
-    aside = "the points are not compared there, and lengths have no predicted error along it"
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
     labels = [label for kind in kinds for label in kind.labels]
     lengths = [label for label in labels if not label[2]]
-    result = [
-        *not_measured(model.axes, points),
-        *(finding("axis-without-equation", axis=x, consequence=aside) for x in without),
-        *missing_entries("length", part.part.lengths, lengths),
-    ]
+    result = missing_entries("length", part.part.lengths, lengths)
     if missing:
         result.append(finding("not-measured", names=missing, reason="not among the points"))
     for code, condition, facts in CONDITIONS:

@@ -15,7 +15,7 @@ from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.covariance import positive_part
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.pass_tests import FTest, Shift
+from mtu_cli.stats.pass_tests import MAX_POSITIONS, FTest, Shift, by_runs
 from mtu_cli.units import Unit
 
 NOTHING = 1e-9
@@ -261,39 +261,50 @@ def observability(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermin
     joint = {name for group in estimates.joint for name in group.components}
     # Where there is one group, all others are named.
     apart = [*groups * (len(groups) > 1), *(name for name in alone if name not in joint)]
+    what, would = "correlation of drift with other components", "read them in the same passes "
+    would += "(same set-up) as the others, by one instrument, or give `time` or `setup`"
     for names in apart if len(alone) > 1 else ():
-        what, because = "correlation of drift with other components", "read in passes of their own"
-        would = "read them in the same passes (same set-up) as the others, by one instrument, or "
-        yield NotDetermined(names, what, because, would + "give `time` or `setup`")
+        several = names in alone and len(fit.components[names].instruments) > 1
+        because = "read by several instruments" if several else "read in passes of their own"
+        yield NotDetermined(names, what, because, would)
 
 
 def _left_open(item: InstrumentFit, *, constant: bool) -> Iterator[tuple[str, str, str]]:
     """What readings, passes, repeats, directions and positions are too few for, why, and which
     readings would do; a `constant` has neither directions nor positions.
     """
-    fit, positions = item.fit, len(np.unique(item.position))
+    fit, passes, positions = item.fit, len(item.keys_read), len(np.unique(item.position))
     if not fit.plain.dof > 0:
         because = f"{counted(len(item.error), 'reading')} for as many coefficients"
         yield "uncertainty", because, "more readings of it, best in several passes"
     if not fit.separated:
-        because = f"{counted(len(item.keys_read), 'pass', 'passes')} given in `pass`"
+        # Of a constant each reading is a pass.
+        count = counted(passes, *(("reading", "") if constant else ("pass", "passes")))
+        because = f"{count} only" if passes else "no `pass` is given"
         would = "repeat the run at least 3 times, numbered in `pass`"
         yield "pass-to-pass drift apart from repeatability", because, would
     elif len(fit.D) != min(2, item.powers):
         because, would = "some passes have one position", "read every pass at two positions or more"
         yield "pass-to-pass change of slope", because, would
     if fit.separated and "trend" not in item.tests:
-        because, would = "too few passes, or of equal levels", "4 passes, or 3 runs there and back"
-        yield "steady drift from pass to pass", because, would
+        read, would = counted(fit.n_passes, "pass", "passes"), "4 passes, in each direction read"
+        if by_runs(fit):
+            read, would = f"{counted(len(fit.pairs), 'run')} there and back", "3 of them"
+        yield "steady drift from pass to pass", f"{read}, too few or of equal levels", would
     if fit.separated and not fit.within_dof > 0:
-        because = "nothing is repeated within a pass: all its scatter counts as pass-to-pass"
+        because = "nothing is repeated within a pass from the same side: all its scatter counts as "
         would = "read it at least twice in a pass from the same side, in the same set-up"
-        yield "repeatability of one visit", because, would
+        yield "repeatability of one visit", because + "pass-to-pass", would
     if not constant and "reversal" not in item.tests:
-        because = "too few passes in both directions, or none given in `direction`"
+        ways = {*np.sign(item.direction).tolist()} - {0}
+        reasons = "no `direction` is given", "read in one direction only", "its passes are too few"
+        because = reasons[len(ways)] + " or do not differ" * (len(ways) == 2)
         yield "reversal", because, "at least 3 passes, each in both directions"
     if not constant and "lack_of_fit" not in item.tests and item.profile is None:
-        k = counted(item.powers, "coefficient")
-        because = f"{counted(positions, 'position')} for {k}, or too few of them repeated"
-        would = f"readings at {item.powers + 1} positions or more, in two passes or more"
+        because, would = "no position is repeated often enough", "the same positions in 2 passes"
+        if positions <= item.powers:
+            because = f"{counted(positions, 'position')} for {counted(item.powers, 'coefficient')}"
+            would = f"readings at {item.powers + 1} positions or more"
+        elif positions > MAX_POSITIONS:
+            because = f"{positions} different positions; up to {MAX_POSITIONS} are compared"
         yield "lack of fit", because, would

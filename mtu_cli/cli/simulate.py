@@ -40,7 +40,6 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import (
     Equations,
     PartsPlan,
-    ReadingsPlan,
     SimulatedReadings,
     growth,
     simulate_points,
@@ -141,12 +140,14 @@ def _simulated(
     positions = _positions(inputs, model, needed)
     # Of components that are not asked for only the draws matter, not where they are read.
     other = next(iter(positions.values()), np.zeros(1))
-    plan = ReadingsPlan(
+    return simulate_readings(
+        model,
+        seed,
         passes=inputs.options.passes,
         directions=(1,) if inputs.options.one_way else (1, -1),
         positions={axis: positions.get(axis, other) for axis in AXES},
+        only=only,
     )
-    return simulate_readings(model, plan, seed, only)
 
 
 def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[str, FloatArray]:
@@ -209,7 +210,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         rooms = np.resize(options.cmm_room, plan.parts)
         true = settled(test, sensors, rooms, options.cmm_wobble_degc, seed)
         columns = dict(zip(sensors.names, true.T, strict=True))
-        columns |= {name: columns[of] for name, of in sensors.twins}
+        columns |= {name: columns[of] for name, of in test.twins}
         given = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
         plan = replace(plan, given=given)
     result = simulate_points(model, ids, points, plan, seed)

@@ -15,6 +15,7 @@ from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.machine_model import (
     AXES,
     TIME,
+    Covariates,
     MachineModel,
     missing_covariates,
     without_coordinate,
@@ -23,7 +24,6 @@ from mtu_cli.model.visits import BoolArray, Cells, IntArray, axes_of, only_rows
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import step_of
 
-Values = dict[str, FloatArray | float]
 Columns = Mapping[str, np.ndarray]
 
 
@@ -47,7 +47,7 @@ def needed_covariates(
     at: Mapping[str, float],
     *,
     at_nominal: bool = False,
-) -> tuple[Values, list[Finding]]:
+) -> tuple[dict[str, FloatArray | float], list[Finding]]:
     """The model's covariates, one value a point (n,) or one for all; the points' own `columns` come
     before `at`, which is warned of. A model that is asked `at_nominal` places has no use for
     measured coordinates in their place.
@@ -62,7 +62,7 @@ def needed_covariates(
         problem.at(column=problem.facts["names"][0])
         for problem in missing_covariates(model, {*columns, *at}, list(columns), file=files)
     ]
-    values: Values = {name: at[name] for name in asked if name in at}
+    values: dict[str, FloatArray | float] = {name: at[name] for name in asked if name in at}
     times = [TIME] if any(drift.time_constants.any() for drift in model.drifts()) else []
     for name in (*asked, *times):
         if name in columns:
@@ -121,14 +121,9 @@ def _numbers(column: np.ndarray) -> FloatArray:
     return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
 
 
-def rows_of(
-    values: Mapping[str, FloatArray | float], rows: IntArray
-) -> dict[str, FloatArray | float]:
+def rows_of(values: Covariates, rows: IntArray) -> dict[str, FloatArray | float]:
     """The covariates of some measurements."""
-    return {
-        name: value if np.ndim(value) == 0 else np.asarray(value)[rows]
-        for name, value in values.items()
-    }
+    return {name: x if np.ndim(x) == 0 else np.asarray(x)[rows] for name, x in values.items()}
 
 
 FEW_ROWS = 0.05

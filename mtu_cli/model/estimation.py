@@ -12,7 +12,7 @@ import numpy as np
 from mtu_cli.files.machine_contract import AUTO
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import error
-from mtu_cli.model.basis import Powers
+from mtu_cli.model.basis import Powers, Shape, TableShape
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
@@ -20,10 +20,10 @@ from mtu_cli.model.estimates import (
     covariance_in_run,
 )
 from mtu_cli.model.passes import Passes, PassKey, passes_read
-from mtu_cli.model.shapes import MOST_AUTO, as_table, chosen_degree, fit_table
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.stats.kernels import line
+from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import (
     FTest,
@@ -34,7 +34,12 @@ from mtu_cli.stats.pass_tests import (
     reversal,
 )
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.stats.smooth_profile import FEWEST_TARGETS, SmoothProfile
+from mtu_cli.stats.smooth_profile import (
+    FEWEST_RUNS,
+    FEWEST_TARGETS,
+    SmoothProfile,
+    smooth_profile,
+)
 from mtu_cli.units import UNITS, Unit
 
 TESTS = {
@@ -44,27 +49,53 @@ TESTS = {
     "reversal": "reversal",
 }
 """Of the readings of one instrument, in words."""
+MOST_AUTO = 5
+"""Highest degree that is chosen: more bends are a table."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class InstrumentFit:
+class InstrumentReadings:
     """One component as one instrument read it; arrays in mm, rad and the readings' order. `group`
-    (n,) is the pass of each reading among the passes `read`; `passes` are those of the fit, in its
-    order, without what broke off early; all three None where no pass is given. Of a table `profile`
-    is the bend, and `fit` of the readings less it. `rounding` is the variance of a reading by its
-    last digit. The tests on the passes are made when they are first asked for.
+    (n,) is the pass of each reading among the passes `read`, both None where no pass is given.
+    `rounding` is the variance of a reading by its last digit; `files` are named in messages.
     """
 
     role: str
+    files: str
     position: FloatArray
     error: FloatArray
     direction: FloatArray
     group: IntArray | None
     read: Passes | None
-    passes: Passes | None
-    fit: PassFit
     rounding: float = 0.0
+
+    @property
+    def runs(self) -> IntArray | None:
+        """The run there and back (n,) of each reading."""
+        return None if self.read is None else self.read.runs[self.group]
+
+    def lines(self, degree: int, bend: FloatArray | float = 0.0) -> PassFit:
+        """The lines of the passes, of the readings less a `bend` (n,)."""
+        y, x = self.error - bend, self.position
+        return fit_passes(y, x, degree, self.group, self.direction, self.runs)
+
+
+@dataclass(frozen=True, kw_only=True)
+class InstrumentFit(InstrumentReadings):
+    """The fit of these readings; of a table `profile` is the bend, and `fit` of the readings less
+    it. The tests on the passes are made when they are first asked for.
+    """
+
+    fit: PassFit
     profile: SmoothProfile | None = None
+
+    @cached_property
+    def passes(self) -> Passes | None:
+        """The passes in the order of the fit, without what broke off early: it does not take part
+        in what compares passes.
+        """
+        read = self.read
+        return read if read is None or not self.fit.separated else read.only(self.fit.groups)
 
     @property
     def keys_read(self) -> tuple[PassKey, ...]:
@@ -114,18 +145,17 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     """
     rows = np.flatnonzero(readings.code == readings.components.index(name))
     roles = np.array(readings.roles)[readings.file_index[rows]]
-    by_role = {role: rows[roles == role] for role in dict.fromkeys(roles.tolist())}
-
-    def fitted(degree: int | str | None) -> list[InstrumentFit]:
-        items = by_role.items()
-        return [_fit_instrument(readings, own, role, component, degree) for role, own in items]
-
+    read = [
+        _read(readings, rows[roles == role], role, component)
+        for role in dict.fromkeys(roles.tolist())
+    ]
     degree = None if component.is_table else component.degree
-    fits = fitted(degree)
+    fits = [_fitted(name, each, degree) for each in read]
     if degree == AUTO and len(fits) > 1:
         # One shape for all: the highest degree that any of them chooses, in place of a table.
         highest = max(MOST_AUTO if x.profile else x.powers - 1 for x in fits)
-        fits = fitted(min(highest, *(len(np.unique(x.position)) - 1 for x in fits)))
+        highest = min(highest, *(len(np.unique(x.position)) - 1 for x in fits))
+        fits = [_fitted(name, each, highest) for each in read]
     if len(fits) > 1 and component.is_table:
         reason = f"{name!r} was read by several instruments, whose tables are not combined"
         expected = "readings of one instrument, or a degree"
@@ -137,9 +167,8 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
         for fit, estimate in zip(fits, estimates, strict=True):
             if not (np.diag(estimate.covariance) > 0).all():
                 what = f"the readings of {name!r} by {fit.role} do not scatter"
-                file = ", ".join(x.shown for x in readings.sources if x.role == fit.role) or None
                 expected = "more readings, with all their digits"
-                raise error("too-little-data", what=what, file=file, expected=expected)
+                raise error("too-little-data", what=what, file=fit.files, expected=expected)
         estimates = _at_both_ways(estimates, fits)
         agreement_p = agreement(estimates[0], estimates[1])
     estimate = combine(estimates, [len(fit.error) for fit in fits])
@@ -148,50 +177,102 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     )
 
 
-def _fit_instrument(
-    readings: Readings, rows: IntArray, role: str, component: Any, degree: int | str | None
-) -> InstrumentFit:
-    """Of a `degree`, or that (or the table) which its readings choose; None: a table.
+def _read(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentReadings:
+    """The readings `rows` (n,) of a component by one instrument."""
+    position = readings.position_mm[rows].astype(np.float64)
+    group = read = None
+    if component.of is None or readings.has_pass[rows].all():
+        group, read = passes_read(readings, rows, component.of)
+    files = dict.fromkeys(readings.sources[i].shown for i in readings.file_index[rows])
+    return InstrumentReadings(
+        role=role,
+        files=", ".join(files),
+        position=np.zeros(len(rows)) if component.of is None else position,
+        error=readings.error[rows],
+        direction=readings.direction[rows].astype(np.float64),
+        group=group,
+        read=read,
+        rounding=reading_rounding(readings, rows, UNITS[component.unit]),
+    )
+
+
+def _fitted(name: str, of: InstrumentReadings, degree: int | str | None) -> InstrumentFit:
+    """Of a `degree`, or that (or the table) which the readings choose; None: a table, the passes'
+    lines beside its bend.
 
     Raises InputError for too few readings for a table.
     """
-    position = readings.position_mm[rows].astype(np.float64)
-    if component.of is None:
-        position = np.zeros(len(rows))
-    values = readings.error[rows]
-    direction = readings.direction[rows].astype(np.float64)
-    group = read = runs = profile = None
-    if component.of is None or readings.has_pass[rows].all():
-        group, read = passes_read(readings, rows, component.of)
-        runs = read.runs[group]
     if degree == AUTO:
-        degree = chosen_degree(position, values, group, runs)
+        degree = chosen_degree(of)
     if degree is not None:
-        fit = fit_passes(values, position, int(degree), group, direction, runs)
-    else:
-        found = fit_table(position, values, group, direction, runs)
-        if found is None:
-            name = readings.components[int(readings.code[rows[0]])]
-            raise error(
-                "too-little-data",
-                what=f"the readings of {name!r} for a table",
-                file=readings.sources[int(readings.file_index[rows[0]])].shown,
-                expected=f"at least {FEWEST_TARGETS} positions, each read in several passes",
-            )
-        fit, profile = found
-    return InstrumentFit(
-        role=role,
-        position=position,
-        error=values,
-        direction=direction,
-        group=group,
-        read=read,
-        # Passes that broke off early do not take part in what compares passes.
-        passes=read.only(fit.groups) if read is not None and fit.separated else read,
-        fit=fit,
-        profile=profile,
-        rounding=reading_rounding(readings, rows, UNITS[component.unit]),
-    )
+        return InstrumentFit(**vars(of), fit=of.lines(int(degree)))
+    own = np.zeros(len(of.error), np.int64) if of.group is None else of.group
+    profile = smooth_profile(of.position, of.error, own, own if of.runs is None else of.runs)
+    if profile is None:
+        raise error(
+            "too-little-data",
+            what=f"the readings of {name!r} for a table",
+            file=of.files,
+            expected=f"at least {FEWEST_TARGETS} positions, each read in several passes",
+        )
+    fit = of.lines(1, profile.bend_at(of.position))
+    changed: dict[str, Any] = {
+        "s2": profile.s2,
+        "within_rss": profile.rss,
+        "within_dof": profile.dof,
+        "pooled_rss": fit.pooled_rss - (fit.within_rss - profile.rss),
+        "pooled_dof": fit.pooled_dof - (fit.within_dof - profile.dof),
+    }
+    return InstrumentFit(**vars(of), fit=replace(fit, **changed), profile=profile)
+
+
+def chosen_degree(of: InstrumentReadings) -> int | None:
+    """The degree that held-out runs choose; None for a table. 1 of fewer than three runs.
+
+    Every run is left out once, and every shape, fitted to the others, predicts its readings but for
+    their level, which drifts. The simplest shape is chosen that is no worse than the best by more
+    than a standard error of the difference, run by run (after the rule of Breiman et al.,
+    Classification and Regression Trees (1984), 3.4.3).
+    """
+    places, group, run = len(np.unique(of.position)), of.group, of.runs
+    if group is None or run is None or len(runs := np.unique(run)) < FEWEST_RUNS:
+        return min(1, places - 1)
+    shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
+    losses = np.full((len(shapes), len(runs)), np.nan)
+    for fold, left in enumerate(runs):
+        seen = run != left
+        unseen = [np.flatnonzero(group == g) for g in np.unique(group[~seen])]
+        for i, degree in enumerate(shapes):
+            found = _predicted(of.position, of.error, group, run, seen, degree)
+            if found is not None:
+                losses[i, fold] = np.mean([np.var(of.error[rows] - found[rows]) for rows in unseen])
+    kept = np.flatnonzero(np.isfinite(losses).all(axis=1))
+    best = kept[np.argmin(losses[kept].mean(axis=1))]
+    worse = losses[kept] - losses[best]
+    se = worse.std(axis=1, ddof=1) / np.sqrt(len(runs))
+    return shapes[int(kept[np.flatnonzero(worse.mean(axis=1) <= se)[0]])]
+
+
+def _predicted(
+    position: FloatArray,
+    error: FloatArray,
+    group: IntArray,
+    run: IntArray,
+    seen: FloatArray,
+    degree: int | None,
+) -> FloatArray | None:
+    """Readings (n,) but for the level of each pass, by the shape fitted to those `seen`."""
+    bend = np.zeros(len(error))
+    if degree is None:
+        profile = smooth_profile(position[seen], error[seen], group[seen], run[seen])
+        if profile is None:
+            return None
+        bend, degree = profile.bend_at(position), 1
+    middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
+    powers = polynomial((position - middle) / half, degree)[:, 1:]
+    levels = (group[seen, None] == np.unique(group[seen])).astype(np.float64)
+    fit = least_squares(np.column_stack([levels, powers[seen]]), (error - bend)[seen])
+    return bend + powers @ fit.coefficients[levels.shape[1] :]
 
 
 def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
@@ -210,30 +291,54 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
 
 
 def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:
-    fit = found.fit
-    T = Powers(found.powers - 1).of_line(fit.center, len(fit.D))
+    fit, plain, profile = found.fit, found.fit.plain, found.profile
+    low, high = float(found.position.min()), float(found.position.max())
+    shape: Shape = Powers(found.powers - 1)
+    own: dict[str, Any] = {
+        "coefficients": plain.coefficients,
+        "covariance": fit.covariance,
+        "independent_covariance": plain.s2 * plain.unscaled_covariance,
+        "independent_s": float(np.sqrt(plain.s2)),
+    }
+    if profile is not None:
+        shape = TableShape(
+            at=profile.knots, roughness=profile.roughness, own=profile.own, own_dof=profile.own_dof
+        )
+        own = _at_knots(found, profile) | {"table": shape}
+    T = shape.of_line(fit.center, len(fit.D))
     D = T @ fit.D_moment @ T.T
     halves = None if fit.half_differences is None else T @ fit.half_differences @ T.T
-    low, high = float(found.position.min()), float(found.position.max())
-    estimate = ComponentEstimate(
+    return ComponentEstimate(
         name=name,
         of=component.of,
         unit=unit,
-        coefficients=fit.plain.coefficients,
-        covariance=fit.covariance,
         pass_covariance=(D + D.T) / 2,
         s_repeat=float(np.sqrt(fit.s2)),
         pass_dof=float(fit.pass_dof),
         repeat_dof=float(fit.within_dof) if fit.within_dof else np.inf,
         n_passes=fit.n_passes if fit.separated else None,
-        independent_covariance=fit.plain.s2 * fit.plain.unscaled_covariance,
-        independent_s=float(np.sqrt(fit.plain.s2)),
         position_range=None if component.of is None else (low, high),
         half_differences=None if halves is None else (halves + halves.T) / 2,
+        **own,
     )
-    if found.profile is None:
-        return estimate
-    return as_table(estimate, fit, found.profile, found.position, found.error)
+
+
+def _at_knots(found: InstrumentFit, profile: SmoothProfile) -> dict[str, Any]:
+    """Values, and their covariances, of the line and the bend at the positions that were read.
+
+    The bend holds no line of the readings, however many there are at each position.
+    """
+    y, at, L = found.error, np.searchsorted(profile.knots, found.position), line(profile.knots, 0.0)
+    counts = np.bincount(at)
+    without_line = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
+    of_bend = without_line @ profile.covariance @ without_line.T
+    s2 = float(((y - (np.bincount(at, y) / counts)[at]) ** 2).sum()) / max(len(y) - len(L), 1)
+    return {
+        "coefficients": L @ found.fit.plain.coefficients + profile.bend,
+        "covariance": L @ found.fit.covariance @ L.T + of_bend,
+        "independent_covariance": np.diag(s2 / counts),
+        "independent_s": float(np.sqrt(s2)),
+    }
 
 
 def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> ComponentEstimate:

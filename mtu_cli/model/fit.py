@@ -32,9 +32,9 @@ from mtu_cli.model.estimates import (
     known_component,
 )
 from mtu_cli.model.estimation import TESTS, ComponentFit, fit_component, shared_passes
-from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone, theta
+from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone
 from mtu_cli.model.machine_model import places as fixed_places
-from mtu_cli.model.passes import passes_read
+from mtu_cli.model.passes import Passes, passes_read
 from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.pass_tests import Shift
@@ -167,48 +167,52 @@ def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Reading
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if name in of_effects and len(rows):
-            of = machine.machine.components[name].of
-            group, passes = passes_read(readings, rows, of)
-            axis = error_axis(machine, name)
-            columns = reading_columns(readings, rows, passes.runs[group], axis)
-            places = reading_places(readings, rows, of)
-            effects, own = effects_on_readings(machine, name, places, columns)
+            seen = component_readings(machine, readings, name, rows)
+            effects, own = effects_on_readings(machine, name, seen.places, seen.columns)
             error[rows] -= effects
             warned += own
     return replace(readings, error=error), warned
 
 
-def error_axis(machine: LoadedMachine, component: str) -> str:
-    """The axis along which a component is an error: that which it is a function of, else the only
-    one whose equation has it; its own name where there are several or none.
+@dataclass(frozen=True, kw_only=True)
+class ComponentReadings:
+    """The `rows` (n,) of a component among the readings, a function of the axis `of` and an error
+    along `axis`: the pass `group` (n,) of each, `places` (n, 3) mm, nan beside the axis `of`, and
+    `columns` (n,) by their names in equations.
     """
-    of = machine.machine.components[component].of
-    along = {key[1:] for key, form in machine.forms.items() if component in form.coefficients}
-    return of or (along.pop() if len(along) == 1 else component)
+
+    rows: IntArray
+    of: str | None
+    axis: str
+    group: IntArray
+    passes: Passes
+    places: FloatArray
+    columns: dict[str, np.ndarray]
 
 
-def reading_columns(
-    readings: Readings, rows: IntArray, run: IntArray, axis: str
-) -> dict[str, np.ndarray]:
-    """Columns (n,) of the readings `rows` of a component, an error along `axis`; `run` of each."""
-    result: dict[str, np.ndarray] = {"sequence": run + 1.0}
-    sign = readings.direction[rows].astype(np.float64)
-    if sign.any():
-        result[f"dir_{axis}"] = np.where(sign == 0, np.nan, sign)
-    others = {TIME: readings.time_min, **readings.covariates}
-    for name, column in others.items():
-        own = column[rows]
-        if own.dtype == object or not np.isnan(own).all():
-            result.setdefault(name, own)
-    return result
-
-
-def reading_places(readings: Readings, rows: IntArray, of: str | None) -> FloatArray:
-    """Places (n, 3) mm: the positions along the axis, nan beside it."""
-    places = np.full((len(rows), 3), np.nan)
+def component_readings(
+    machine: LoadedMachine, readings: Readings, name: str, rows: IntArray
+) -> ComponentReadings:
+    """The readings `rows` of a component. It is an error along the axis that it is a function of,
+    else the only one whose equation has it; its own name stands for several or none.
+    """
+    of = machine.machine.components[name].of
+    along = {key[1:] for key, form in machine.forms.items() if name in form.coefficients}
+    axis = of or (along.pop() if len(along) == 1 else name)
+    group, passes = passes_read(readings, rows, of)
+    places, sign = np.full((len(rows), 3), np.nan), readings.direction[rows].astype(np.float64)
     if of is not None:
         places[:, AXES.index(of)] = readings.position_mm[rows]
-    return places
+    columns: dict[str, np.ndarray] = {"sequence": passes.runs[group] + 1.0}
+    if sign.any():
+        columns[f"dir_{axis}"] = np.where(sign == 0, np.nan, sign)
+    for key, column in {TIME: readings.time_min, **readings.covariates}.items():
+        own = column[rows]
+        if own.dtype == object or not np.isnan(own).all():
+            columns.setdefault(key, own)
+    return ComponentReadings(
+        rows=rows, of=of, axis=axis, group=group, passes=passes, places=places, columns=columns
+    )
 
 
 def effects_on_readings(
@@ -244,11 +248,10 @@ def effects_on_readings(
             warned.append(finding("not-used", what=what, names=read, **facts))
             continue
         warned += outside_seen([effect], numeric | along, machine.source.shown)
-        rows = design(model, points, known)
-        errors = (rows.J @ theta(model)).reshape(len(places), -1)[:, model.axes.index(both)]
+        errors = design(model, points, known).mean.reshape(len(places), -1)
         values: dict[str, Any] = {**fixed_places(model, points), **known}
         values |= {name: value for name, (value, _) in model.constants.items()}
-        total += errors / evaluate(levers[both], values)
+        total += errors[:, model.axes.index(both)] / evaluate(levers[both], values)
     return total, warned
 
 

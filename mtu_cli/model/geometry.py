@@ -13,7 +13,6 @@ u_i the unit vectors from the centre, P_i = I - u_i u_i' and the Hessian H of su
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,16 +33,6 @@ KINDS = {d: kind for kind, d in DIMENSIONS.items()}
 
 class GeometryError(Exception):
     """The points do not determine the figure; the message says why, in words."""
-
-
-class PlaneFit(NamedTuple):
-    """The plane of least squared distances: `centroid` (3,) mm, `normal` (3,), and `basis` (2, 3)
-    two directions in the plane.
-    """
-
-    centroid: FloatArray
-    normal: FloatArray
-    basis: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,9 +83,10 @@ def fit_circle(points: FloatArray) -> RoundFit:
     )
 
 
-def fit_plane(points: FloatArray) -> PlaneFit:
-    """The least-squares plane of `points` (n, 3): through the centroid, across the smallest
-    principal moment of their coordinates about it.
+def fit_plane(points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The least-squares plane of `points` (n, 3): through their centroid (3,), across the smallest
+    principal moment of their coordinates about it. Centroid, normal (3,) and two directions in the
+    plane (2, 3).
 
     Raises GeometryError for points on a line, or in a cloud without a flattest direction.
     """
@@ -108,7 +98,7 @@ def fit_plane(points: FloatArray) -> PlaneFit:
         raise GeometryError("the points lie on a line")
     if extent[1] - extent[2] < SAME:
         raise GeometryError("the points lie in no plane")
-    return PlaneFit(centroid, Vt[2], Vt[:2])
+    return centroid, Vt[2], Vt[:2]
 
 
 def _centred(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:

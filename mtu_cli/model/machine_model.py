@@ -250,21 +250,26 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
         raise error("not-applicable", reason="no equation contains a component", file=shown)
     known = "readings (--lbb, --laser), coefficients here, or a components report (-c)"
     known += "; with -m no study is read"
-    problems = []
-
-    def add(name: str, code: str, what: str, expected: str) -> None:
-        place = {"path": f"components.{name}", "line": machine.line_of("components", name)}
-        problems.append(finding(code, what=what, expected=expected, file=shown, **place))
-
+    few, faults = "more readings of it, best in several passes", []
     missing = sorted(missing, key=lambda name: machine.line_of("components", name) or 0)
     if missing:
-        add(missing[0], "missing-input", f"an estimate of {listed(missing)}", known)
+        faults.append((missing[0], "missing-input", f"an estimate of {listed(missing)}", known))
     for item in (term.estimate for term in terms):
         if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat)):
             what = f"as many readings of {item.name!r} as coefficients"
-            add(item.name, "too-little-data", what, "more readings of it, best in several passes")
-    if problems:
-        raise InputError(problems)
+            faults.append((item.name, "too-little-data", what, few))
+    if faults:
+        raise InputError(
+            finding(
+                code,
+                what=what,
+                expected=expected,
+                file=shown,
+                path=f"components.{name}",
+                line=machine.line_of("components", name),
+            )
+            for name, code, what, expected in faults
+        )
 
 
 def missing_covariates(
@@ -307,13 +312,13 @@ def sensors_of(model: MachineModel) -> dict[str, tuple[str, ...]]:
 
 class Design(NamedTuple):
     """The machine at n points, rows (point, axis), points first: `J` (n*a, K) in theta, `levers`
-    (n*a, c) of each term, `remainder` (n*a,) in mm, `columns` of each term in J.
+    (n*a, c) of each term, `remainder` (n*a,) and the errors `mean` = J theta + remainder in mm.
     """
 
     J: FloatArray
     levers: FloatArray
     remainder: FloatArray
-    columns: tuple[slice, ...]
+    mean: FloatArray
 
 
 def places(model: MachineModel, points: FloatArray) -> dict[str, FloatArray]:
@@ -362,9 +367,8 @@ def design(model: MachineModel, points: FloatArray, covariates: Covariates) -> D
         path = f"effects.{effect}" if effect else f"equations.E{model.axes[k]}"
         problem = _not_finite(model, model.axes[k], points[i])
         raise InputError(replace(problem, file=model.file, path=path))
-    return Design(
-        J.reshape(n * a, -1), levers.reshape(n * a, -1), remainder.reshape(n * a), columns
-    )
+    flat, rest = J.reshape(n * a, -1), remainder.reshape(n * a)
+    return Design(flat, levers.reshape(n * a, -1), rest, flat @ theta(model) + rest)
 
 
 def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:

@@ -16,10 +16,10 @@ from mtu_cli.model.measurands import Line, angle_error, check_square, difference
 from mtu_cli.model.visits import (
     Visits,
     axes_of,
+    check_repeats,
     distinct,
     only_features,
     operations_of,
-    refuse_doubled,
 )
 from mtu_cli.stats.anova import Cells, cells_of, only
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
@@ -93,19 +93,6 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
     )
 
 
-def check_repeats(points: Points) -> None:
-    """Raises InputError for a feature twice in one repeat of one part."""
-    _, operation = operations_of(points)
-    features, parts = len(points.features), len(points.parts)
-    cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
-    given = points.repeat >= 0
-    if given.any():
-        numbers, code = distinct(points.repeat)
-        place = cell * len(numbers) + code
-        if len(distinct(place[given])[0]) < int(given.sum()):
-            refuse_doubled(points, place, given)
-
-
 def left_out(points: Points) -> list[Finding]:
     """Axes that only some points have, or that have no nominal: they are not analysed."""
     measured, whole = np.isfinite(points.measured), axes_of(points)
@@ -130,19 +117,29 @@ def no_shared_axis(model: MachineModel, points: Points, measured: Sequence[int])
     )
 
 
-def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
-    """Of axes with an equation along which no point was measured: nothing is judged there."""
-    lost = np.asarray(np.isnan(points.measured).all(axis=0))
-    return [
-        finding(
-            "axis-not-measured",
-            what="the points",
-            axis=name,
-            consequence=f"the E{name} of the machine is not judged",
-        )
-        for k, name in enumerate(AXES)
-        if lost[k] and name in predicted
-    ]
+def judged_axes(
+    model: MachineModel, points: Points, consequence: str
+) -> tuple[tuple[int, ...], list[Finding]]:
+    """The axes (0, 1, 2) that every point was measured along and an equation is for, and warnings
+    of the others: measured at some of the points, without an equation (with the `consequence`, of
+    the axis {}), or with one and not measured.
+
+    Raises InputError where there is no such axis.
+    """
+    measured, lost = axes_of(points), np.asarray(np.isnan(points.measured).all(axis=0))
+    axes = tuple(k for k in measured if AXES[k] in model.axes)
+    if not axes:
+        raise no_shared_axis(model, points, measured)
+    warned = left_out(points)
+    for k, axis in enumerate(AXES):
+        if k in measured and k not in axes:
+            facts = {"axis": axis, "consequence": consequence.format(axis)}
+            warned.append(finding("axis-without-equation", **facts))
+        elif lost[k] and axis in model.axes:
+            judged = f"the E{axis} of the machine is not judged"
+            facts = {"what": "the points", "axis": axis, "consequence": judged}
+            warned.append(finding("axis-not-measured", **facts))
+    return axes, warned
 
 
 def some(rows: BoolArray, name: str) -> str:

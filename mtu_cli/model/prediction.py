@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -27,18 +28,15 @@ from mtu_cli.model.machine_model import (
     places,
     row_times,
     sensors_of,
-    theta,
 )
 from mtu_cli.model.variance import (
     Block,
     MeanSquares,
-    PassSquare,
     Variance,
     block_variance,
     component_blocks,
     drawable_passes,
     normal_block,
-    pass_squares,
 )
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import effective_dof
@@ -61,9 +59,8 @@ def constant_effects(
     components that are uncertain themselves: their product adds u(c)^2 (dJ/dc) (C + D) (dJ/dc)'.
     `centre` is the design at the constants' values.
     """
-    mean = centre.J @ theta(model) + centre.remainder
     blocks: list[Block] = []
-    shift = np.zeros(len(mean))
+    shift = np.zeros(len(centre.mean))
     for name, (value, u) in model.constants.items():
         if u == 0:
             continue
@@ -71,11 +68,10 @@ def constant_effects(
             design(replace(model, constants=model.constants | {name: (end, u)}), points, covariates)
             for end in (value + u, value - u)
         )
-        at_up, at_down = (side.J @ theta(model) + side.remainder for side in (up, down))
-        curve = (at_up + at_down - 2 * mean) / 2
+        curve = (up.mean + down.mean - 2 * centre.mean) / 2
         # Rounding of a difference of errors is no curvature.
-        curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(at_up - mean), curve, 0.0)
-        blocks.append(normal_block(name, ((at_up - at_down) / 2)[:, None]))
+        curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(up.mean - centre.mean), curve, 0.0)
+        blocks.append(normal_block(name, ((up.mean - down.mean) / 2)[:, None]))
         if curve.any():
             blocks.append(normal_block(f"{name}^2", np.sqrt(2.0) * curve[:, None]))
         shift += curve
@@ -159,10 +155,6 @@ class Prediction:
         """Row of a point's error along an axis."""
         return self.ids.index(point) * len(self.axes) + self.axes.index(axis)
 
-    def pass_squares(self, A: FloatArray) -> list[PassSquare | None]:
-        """What of the mean squares of `variance`, in their order, is of passes."""
-        return [result for block in self.blocks for result in pass_squares(block, A)]
-
     def variance(self, A: FloatArray | None = None) -> Variance:
         """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
         Without A of the errors themselves, (n*a,). Effective degrees of freedom by
@@ -172,7 +164,13 @@ class Prediction:
         """
         found = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         parts = np.array([part for part, _ in found])
-        behind = MeanSquares(*map(np.concatenate, zip(*(own for _, own in found), strict=True)))
+        of_mean, of_part, dof, passes = zip(*(own for _, own in found), strict=True)
+        behind = MeanSquares(
+            of_mean=np.concatenate(of_mean),
+            of_part=np.concatenate(of_part),
+            dof=np.concatenate(dof),
+            passes=[*chain(*passes)],
+        )
         by_block, split = parts.sum(axis=1), parts.sum(axis=0)
         total = by_block.sum(axis=0)
         squares = behind.of_mean + behind.of_part
@@ -209,14 +207,14 @@ def predict(
     others = temperature_blocks(model, points, given, rows.levers)
     others += [*table_blocks(model, points, rows.levers), *of_constants]
     independent = np.zeros(len(rows.J))
-    for t, term in enumerate(model.terms):
+    for term, own, lever in zip(model.terms, model.columns, rows.levers.T, strict=True):
         # Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, whose readings are
         # not at hand, the same total variance without its correlation.
-        known, G = term.estimate, rows.J[:, rows.columns[t]]
+        known, G = term.estimate, rows.J[:, own]
         C, s2 = known.covariance + known.pass_covariance, known.s_repeat**2
         if known.independent_covariance is not None and known.independent_s is not None:
             C, s2 = known.independent_covariance, known.independent_s**2
-        independent += np.einsum("ri,ij,rj->r", G, C, G) + rows.levers[:, t] ** 2 * s2
+        independent += np.einsum("ri,ij,rj->r", G, C, G) + lever**2 * s2
     for block in others:
         independent += np.einsum("ri,ij,rj->r", block.G, block.C + block.D, block.G)
         independent += (block.noise**2).sum(axis=1)
@@ -233,7 +231,7 @@ def predict(
         ids=tuple(ids),
         axes=model.axes,
         points=points,
-        mean=rows.J @ theta(model) + rows.remainder + shift,
+        mean=rows.mean + shift,
         blocks=(*blocks, *others),
         independent_variance=independent,
         outside=tuple(outside),

@@ -10,24 +10,18 @@ from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import gap_rows, table_covariates, text_warnings
-from mtu_cli.model.estimates import (
-    Estimates,
-    covariance_in_run,
-)
-from mtu_cli.model.estimation import reading_rounding
-from mtu_cli.model.fit import effects_on_readings, error_axis, reading_columns, reading_places
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
+from mtu_cli.model.estimation import MOST_AUTO, reading_rounding
+from mtu_cli.model.fit import ComponentReadings, component_readings, effects_on_readings
 from mtu_cli.model.machine_model import AXES, TIME, component_alone
-from mtu_cli.model.passes import Passes, passes_read
+from mtu_cli.model.passes import Passes
 from mtu_cli.model.prediction import temperature_warnings
 from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
-from mtu_cli.model.shapes import MOST_AUTO
 from mtu_cli.model.variance import drawable_passes
-from mtu_cli.model.visits import IntArray, cells_of
+from mtu_cli.model.visits import Cells, IntArray
 from mtu_cli.stats.covariance import bounded
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
 from mtu_cli.units import ANGLE, UNITS
-
-Columns = dict[str, np.ndarray]
 
 
 def reading_tables(
@@ -47,21 +41,15 @@ def reading_tables(
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
-            layout, columns = _laid_out(machine, readings, rows, name)
-            columns.pop(f"dir_{error_axis(machine, name)}", None)
-            groups = (layout.cells.part, layout.cells.column, readings.file_index[rows])
+            seen = component_readings(machine, readings, name, rows)
+            cells = reading_layout(readings, seen, name).cells
+            columns = {key: x for key, x in seen.columns.items() if key != f"dir_{seen.axis}"}
+            groups = (cells.part, cells.column, readings.file_index[rows])
             gone, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
             warned += gaps
-            tables.append(_table(machine, name, known, readings, rows[~gone], warned))
+            seen = component_readings(machine, readings, name, rows[~gone]) if gaps else seen
+            tables.append(_table(machine, name, known, readings, seen, warned))
     return tuple(tables), tuple(warned)
-
-
-def _laid_out(
-    machine: LoadedMachine, readings: Readings, rows: IntArray, name: str
-) -> tuple[Layout, Columns]:
-    layout = reading_layout(readings, rows, machine.machine.components[name].of, name)
-    axis = error_axis(machine, name)
-    return layout, reading_columns(readings, rows, layout.cells.part, axis)
 
 
 def _table(
@@ -69,13 +57,13 @@ def _table(
     name: str,
     known: Estimates,
     readings: Readings,
-    rows: IntArray,
+    seen: ComponentReadings,
     warned: list[Finding],
 ) -> ResidualTable:
-    """The table of the readings `rows` (n,) of one component."""
+    """The table of the readings of one component."""
     entry, estimate = machine.machine.components[name], known.components.get(name)
-    of, unit = entry.of, UNITS[entry.unit]
-    layout, columns = _laid_out(machine, readings, rows, name)
+    of, unit, rows, columns = seen.of, UNITS[entry.unit], seen.rows, seen.columns
+    layout = reading_layout(readings, seen, name)
     shown, gaps = table_covariates(columns, layout.cells, readings, rows)
     warned += gaps
     if (drift := known.thermal.get(name)) is not None:
@@ -90,15 +78,7 @@ def _table(
     errors, degree = readings.error[rows] - said, -1
     common = of_part = np.zeros((1, len(layout.features), 1, 0))
     if estimate is not None or drift is not None:
-        own, both = estimate, None
-        if estimate is not None and (in_run := covariance_in_run(estimate)) is not None:
-            # What forward and reverse of a run share of D, K = S_m - S_h (`stats.pass_pairs`). Of
-            # several instruments D is of all, K of those that ran both ways.
-            C, zero = estimate.covariance, np.zeros_like(estimate.coefficients)
-            D = drawable_passes(estimate.pass_covariance, C)
-            K = bounded(drawable_passes(in_run, C), D)
-            own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
-            both = replace(own, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
+        own, both = (None, None) if estimate is None else _by_run(estimate)
         model = component_alone(name, of or AXES[0], own, drift)
         wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in wanted if key in columns}
@@ -137,6 +117,21 @@ def _table(
     )
 
 
+def _by_run(estimate: ComponentEstimate) -> tuple[ComponentEstimate, ComponentEstimate | None]:
+    """The component with what each pass draws anew of D, and what forward and reverse of a run
+    share of it, K = S_m - S_h (`stats.mixed_model`), None where passes are independent. Of several
+    instruments D is of all, K of those that ran both ways.
+    """
+    in_run, C = covariance_in_run(estimate), estimate.covariance
+    if in_run is None:
+        return estimate, None
+    D, zero = drawable_passes(estimate.pass_covariance, C), np.zeros_like(estimate.coefficients)
+    K = bounded(drawable_passes(in_run, C), D)
+    own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
+    both = replace(own, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
+    return own, both
+
+
 # Passes and targets.
 
 SAME = 1e-4
@@ -144,21 +139,20 @@ SAME = 1e-4
 SIGNS = {1: " +", -1: " -", 0: ""}
 
 
-def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str) -> Layout:
-    """The readings `rows` (n,) of the component `name`, a function of the axis `of`.
+def reading_layout(readings: Readings, seen: ComponentReadings, name: str) -> Layout:
+    """The readings `seen` of the component `name`.
 
     A pass is one number of one file, in one direction where it is not a run there and back.
     """
-    group, passes = passes_read(readings, rows, of)
-    target, labels = np.zeros(len(rows), np.int64), [name]
-    if of is not None:
-        target, labels = _targets(readings.position_mm[rows])
-    sign = readings.direction[rows].astype(np.int64)
+    target, labels = np.zeros(len(seen.rows), np.int64), [name]
+    if seen.of is not None:
+        target, labels = _targets(seen.places[:, AXES.index(seen.of)])
+    sign = readings.direction[seen.rows].astype(np.int64)
     # Forward first, as the passes of a fit are.
     columns, column = np.unique(target * 3 + (1 - sign), return_inverse=True)
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
-    names = _row_names(readings, passes)
+    names = _row_names(readings, seen.passes)
     return Layout(
         parts=names,
         features=tuple(
@@ -166,8 +160,13 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
             for code, way in zip(columns.tolist(), signs, strict=True)
         ),
         operation=np.zeros(len(columns), np.int64),
-        cells=cells_of(passes.runs[group], column.reshape(-1), len(names), len(columns)),
-        nominal=reading_places(readings, rows, of),
+        cells=Cells(
+            parts=len(names),
+            columns=len(columns),
+            part=seen.passes.runs[seen.group],
+            column=column.reshape(-1),
+        ),
+        nominal=seen.places,
     )
 
 

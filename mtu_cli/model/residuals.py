@@ -26,15 +26,9 @@ from mtu_cli.model.covariates import (
     without_repeated,
 )
 from mtu_cli.model.features import guess_warnings, outside_warnings
-from mtu_cli.model.machine_model import AXES, MachineModel, design, sensors_of, theta
+from mtu_cli.model.machine_model import AXES, Covariates, MachineModel, design, sensors_of
 from mtu_cli.model.machine_model import places as fixed_places
-from mtu_cli.model.measured import (
-    check_repeats,
-    left_out,
-    no_shared_axis,
-    not_measured,
-    roundings,
-)
+from mtu_cli.model.measured import judged_axes, roundings
 from mtu_cli.model.prediction import constant_effects, predict, temperature_gradients
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
@@ -42,8 +36,7 @@ from mtu_cli.model.visits import (
     Cells,
     IntArray,
     Motions,
-    axes_of,
-    cells_of,
+    check_repeats,
     freed_errors,
     incomplete_datum,
     motions_of,
@@ -53,8 +46,6 @@ from mtu_cli.model.visits import (
 )
 from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.least_squares import FloatArray
-
-Values = Mapping[str, FloatArray | float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,31 +189,12 @@ def residual_table(
     or points of no axis that an equation is for.
     """
     check_repeats(points)
-    warned = left_out(points)
+    axes, warned = judged_axes(model, points, "errors along {} are left out")
     points, repeated = without_repeated(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
     warned += [*repeated, *gaps, *text_warnings(points)]
-    measured_axes = axes_of(points)
-    for axis in (AXES[i] for i in measured_axes if AXES[i] not in model.axes):
-        consequence = f"errors along {axis} are left out"
-        warned.append(finding("axis-without-equation", axis=axis, consequence=consequence))
-    warned += not_measured(model.axes, points)
-    axes = tuple(i for i in measured_axes if AXES[i] in model.axes)
-    if not axes:
-        raise no_shared_axis(model, points, measured_axes)
-    lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
-    if lost.all() and len(lost):
-        raise error(
-            "too-little-data",
-            what=f"the datum {datum!r} takes all errors, no measurement has enough features",
-            file=points.sources[0].shown,
-            expected="more features measured of each part, or --datum none",
-        )
-    if count := int(lost.sum()):
-        reason = f"in measurements of so few features the datum {datum!r} takes all errors"
-        names = [f"{count} of {len(lost)} points"]
-        warned.append(finding("not-measured", names=names, count=count, reason=reason))
-        points = only_rows(points, ~lost)
+    points, lost = _without_lost(points, axes, datum)
+    warned += lost
     layout = _layout(model, points)
     at, cells, columns = covariates or {}, layout.cells, point_columns(points)
     values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
@@ -265,6 +237,29 @@ def residual_table(
     return table, tuple(warned)
 
 
+def _without_lost(
+    points: Points, axes: tuple[int, ...], datum: Datum
+) -> tuple[Points, list[Finding]]:
+    """The points without the measurements whose errors the datum takes whole, with a warning.
+
+    Raises InputError where it takes those of all.
+    """
+    lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
+    if lost.all() and len(lost):
+        raise error(
+            "too-little-data",
+            what=f"the datum {datum!r} takes all errors, no measurement has enough features",
+            file=points.sources[0].shown,
+            expected="more features measured of each part, or --datum none",
+        )
+    if count := int(lost.sum()):
+        reason = f"in measurements of so few features the datum {datum!r} takes all errors"
+        names = [f"{count} of {len(lost)} points"]
+        warned = [finding("not-measured", names=names, count=count, reason=reason)]
+        return only_rows(points, ~lost), warned
+    return points, []
+
+
 def _layout(model: MachineModel, points: Points) -> Layout:
     """Parts by `sequence`, then as they first appear; features as the part file has them, by
     operation first.
@@ -289,7 +284,7 @@ def _layout(model: MachineModel, points: Points) -> Layout:
         features=tuple(used),
         operations=operations,
         operation=of_column,
-        cells=cells_of(row, column.reshape(-1), len(parts), len(columns)),
+        cells=Cells(parts=len(parts), columns=len(columns), part=row, column=column.reshape(-1)),
         nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
     )
 
@@ -303,7 +298,7 @@ NEGLIGIBLE = 1e-13
 def cell_model(
     model: MachineModel,
     places: FloatArray,
-    values: Values,
+    values: Covariates,
     cells: Cells,
     shown: Mapping[str, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -314,19 +309,9 @@ def cell_model(
     part; that of a reading a point adds to the scatter of single cells and is in neither factor. A
     drift with a lag is given the history of all measurements.
     """
-    mean, *factors = _evaluated(model, places, values, shown)
-    tables = (cells.table(cells.means(F), 0.0) for F in factors)
-    common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
-    return mean, common, of_part
-
-
-def _evaluated(
-    model: MachineModel, places: FloatArray, values: Values, shown: Mapping[str, FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The mean (m, a) mm, and the factors (m, a, r) that all parts share and that each draws."""
     centre = design(model, places, values)
     of_constants, shift = constant_effects(model, places, values, centre)
-    mean = centre.J @ theta(model) + centre.remainder + shift
+    mean = centre.mean + shift
     shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
     blocks = component_blocks(model, centre.J, centre.levers)
     for block in (*blocks, *of_constants):
@@ -340,8 +325,10 @@ def _evaluated(
             if read[sensor][1] == 1:
                 (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
     size = (len(places), len(model.axes))
-    F, R = (np.concatenate(own, axis=1).reshape(*size, -1) for own in (shared, drawn))
-    return mean.reshape(size), F, R
+    factors = (np.concatenate(own, axis=1).reshape(*size, -1) for own in (shared, drawn))
+    tables = (cells.table(cells.means(F), 0.0) for F in factors)
+    common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
+    return mean.reshape(size), common, of_part
 
 
 def compressed(factor: FloatArray) -> FloatArray:

@@ -62,15 +62,6 @@ def pass_root(model: MachineModel) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReadingsPlan:
-    """How the components are read: `passes` in each of `directions`, at `positions` (mm)."""
-
-    passes: int
-    directions: tuple[int, ...]
-    positions: Mapping[str, FloatArray]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedReadings:
     """Columns of a readings file; `error` in each component's own unit."""
 
@@ -83,18 +74,25 @@ class SimulatedReadings:
 
 
 def simulate_readings(
-    model: MachineModel, plan: ReadingsPlan, seed: int, only: str | None = None
+    model: MachineModel,
+    seed: int,
+    *,
+    passes: int,
+    directions: tuple[int, ...],
+    positions: Mapping[str, FloatArray],
+    only: str | None = None,
 ) -> SimulatedReadings:
-    """Readings of every component, or of the `only` one asked for: its polynomial, a draw of D a
-    pass, together for components read together, s_repeat a reading. A component without an axis is
-    read once a pass, forward only; nothing reads the parameters of declared effects.
+    """Readings of every component, or of the `only` one asked for, in `passes` in each of the
+    `directions` at the `positions` (mm) of its axis: its polynomial, a draw of D a pass, together
+    for components read together, s_repeat a reading. A component without an axis is read once a
+    pass, forward only; nothing reads the parameters of declared effects.
     """
     estimates = [term.estimate for term in model.terms]
     # Direction and positions of each run through them in a pass.
     places = [
         [(0, np.zeros(1))]
         if estimate.of is None
-        else [(sign, plan.positions[estimate.of][::sign]) for sign in plan.directions]
+        else [(sign, positions[estimate.of][::sign]) for sign in directions]
         for estimate in estimates
     ]
     # Of coefficients (passes, directions, k), and of readings (passes, directions, n); a component
@@ -102,22 +100,22 @@ def simulate_readings(
     each = max(len(own) for own in places)
     drawn, normal = [], []
     for c, (estimate, own) in enumerate(zip(estimates, places, strict=True)):
-        k, size = len(estimate.coefficients), (plan.passes, len(own))
+        k, size = len(estimate.coefficients), (passes, len(own))
         draws = stream(seed, READINGS_STREAM, c).standard_normal((*size, k + len(own[0][1])))
         drawn.append(draws[..., k:])
-        normal.append(np.broadcast_to(draws[..., :k], (plan.passes, each, k)))
+        normal.append(np.broadcast_to(draws[..., :k], (passes, each, k)))
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
     rows: list[tuple[str, str, float, int, int, float]] = []
     for estimate, own, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
         if EFFECT_MARK in estimate.name or only not in (None, estimate.name):
             continue
-        for number, i in np.ndindex(plan.passes, len(own)):
-            sign, positions = own[i]
+        for number, i in np.ndindex(passes, len(own)):
+            sign, where = own[i]
             b = estimate.coefficients + deviations[number, i, at]
-            values = estimate.shape.columns(positions) @ b + estimate.s_repeat * noise[number, i]
+            values = estimate.shape.columns(where) @ b + estimate.s_repeat * noise[number, i]
             rows += [
                 (estimate.name, estimate.unit.name, float(p), number + 1, sign, float(e))
-                for p, e in zip(positions, values / estimate.unit.to_internal, strict=True)
+                for p, e in zip(where, values / estimate.unit.to_internal, strict=True)
             ]
     component, unit, position, number_, direction, errors = zip(*rows, strict=True)
     return SimulatedReadings(

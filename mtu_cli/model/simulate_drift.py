@@ -35,7 +35,8 @@ class DriftPlan:
     without readings; each component at its `positions` (mm, by name; nan where it has no axis).
     `noise` is a reading's standard deviation by dimension of the unit, mm and rad. `settled` (mm or
     rad, by component) are the drifts at the positions once the room has settled at `high`; those of
-    other components are kept within `limits`, by dimension.
+    other components are kept within `limits`, by dimension. `twins` (name, sensor): a second sensor
+    at the same place, with a noise of its own.
     """
 
     reference: float
@@ -65,15 +66,11 @@ class DriftPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """Names, lags (s,) in min and shares (s,) of the room's rise above the reference.
-
-    `twins` (name, sensor): a second sensor at the same place, with a noise of its own.
-    """
+    """Names, lags (s,) in min and shares (s,) of the room's rise above the reference."""
 
     names: tuple[str, ...]
     lags: FloatArray
     shares: FloatArray
-    twins: tuple[tuple[str, str], ...] = ()
 
 
 def followed(plan: DriftPlan, sensors: Sensors, targets: FloatArray, seed: int) -> FloatArray:
@@ -121,7 +118,7 @@ def as_read(
     plan: DriftPlan, sensors: Sensors, true: Mapping[str, FloatArray], seed: int, part: int = 0
 ) -> dict[str, FloatArray]:
     """What the sensors read: the true temperatures, twins included, each with its own noise."""
-    places = {name: name for name in sensors.names} | dict(sensors.twins)
+    places = {name: name for name in sensors.names} | dict(plan.twins)
     return {
         name: true[place]
         + plan.sensor_noise
@@ -193,7 +190,7 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
                 expected=f"about {near} {drift.unit.name} (nearest to all that is asked): drifts "
                 "differ only where the gradients of the sensors do",
             )
-    return Sensors(names=names, lags=lags, shares=shares, twins=plan.twins)
+    return Sensors(names=names, lags=lags, shares=shares)
 
 
 def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> SimulatedDrift:

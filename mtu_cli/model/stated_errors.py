@@ -11,7 +11,7 @@ from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import error, suggestion
 from mtu_cli.language import names
 from mtu_cli.model.estimates import known_component
-from mtu_cli.model.machine_model import AXES, component_alone, design, effect_alone, theta
+from mtu_cli.model.machine_model import AXES, component_alone, design, effect_alone
 from mtu_cli.model.variance import component_blocks
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import LENGTH, UNITS
@@ -71,7 +71,7 @@ class Stated:
         rows = design(model, points, {way: np.repeat([1.0, -1.0], len(positions))})
         blocks = component_blocks(model, rows.J, rows.levers)
         return StatedErrors(
-            values=(rows.J @ theta(model)).reshape(2, -1),
+            values=rows.mean.reshape(2, -1),
             covariance=np.sum([block.G @ block.C @ block.G.T for block in blocks], axis=0),
             turns=way in model.covariates(),
         )

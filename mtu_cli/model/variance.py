@@ -37,18 +37,6 @@ class Block:
     half_differences: FloatArray | None = None
 
 
-class MeanSquares(NamedTuple):
-    """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
-    (K, m) is what each adds to the variance of the mean over all future parts, that of the
-    coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
-    infinite where the machine file knows better than by readings.
-    """
-
-    of_mean: FloatArray
-    of_part: FloatArray
-    dof: FloatArray
-
-
 class PassSquare(NamedTuple):
     """A mean square of passes as a matrix: `S` (k, k), seen from measurands by `g` (m, k)."""
 
@@ -65,6 +53,19 @@ class PassSquare(NamedTuple):
         KS = (self.g * weights[:, None]).T @ self.g @ self.S
         square = float((KS * KS.T).sum())
         return max(float(np.trace(KS)) ** 2 / square, 1.0) if square > 0 else 1.0
+
+
+class MeanSquares(NamedTuple):
+    """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
+    (K, m) is what each adds to the variance of the mean over all future parts, that of the
+    coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
+    infinite where the machine file knows better than by readings; `passes` what is of passes.
+    """
+
+    of_mean: FloatArray
+    of_part: FloatArray
+    dof: FloatArray
+    passes: list[PassSquare | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,21 +128,10 @@ def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[Float
     of_D = np.maximum(of_D, -noise)
     split = np.array([of_C, of_D, noise])
     if block.pass_dof == 0:
-        one = MeanSquares(of_mean=of_C[None], of_part=(of_D + noise)[None], dof=dof[1:2])
-        return split, one
+        return split, MeanSquares(of_C[None], (of_D + noise)[None], dof[1:2], [None])
     of_mean = np.array([of_C, *np.zeros_like(visits)])
-    return split, MeanSquares(of_mean=of_mean, of_part=np.array([of_D, *visits]), dof=dof)
-
-
-def pass_squares(block: Block, A: FloatArray) -> list[PassSquare | None]:
-    """What of the mean squares of `block_variance`, in their order, is of passes."""
-    g, S, halves = A @ block.G, block.between, block.half_differences
-    if S is None and block.pass_dof == 0:
-        return [None]
-    passes = [block.D if S is None else S]
-    if S is not None and halves is not None:
-        passes = [S - halves, halves]
-    return [*(PassSquare(g, each) for each in passes), *[None] * len(block.repeat_dof)]
+    passes = [PassSquare(g, block.D), *[None] * len(visits)]
+    return split, MeanSquares(of_mean, np.array([of_D, *visits]), dof, passes)
 
 
 def _of_mean_squares(
@@ -168,9 +158,10 @@ def _of_mean_squares(
     split = np.array([of_C, np.where(capped, 0.0, of_D), room * noise])
     passes = np.where(capped, room * noise, S)
     of_all, of_mean, of_part = between, [S / n], [passes]
-    beyond_S = np.zeros(S.shape, bool)
+    beyond_S, matrices = np.zeros(S.shape, bool), [between]
     if halves is not None:
         of_all, of_halves = 2 * (between - halves), _quadratic(g, halves)
+        matrices = [between - halves, halves]
         share = np.divide(of_halves, S, out=np.ones_like(S), where=S > 0).clip(0.0, 1.0)
         beyond_S = of_halves > S
         of_mean = [np.where(beyond_S, of_C, 2 * (1 - share) * S / n), np.zeros_like(S)]
@@ -182,7 +173,8 @@ def _of_mean_squares(
         of_mean.append(np.where(beyond_S, 0.0, common))
         beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + own
         of_part.append(np.where(capped, 0.0, beyond))
-    return split, MeanSquares(of_mean=np.array(of_mean), of_part=np.array(of_part), dof=dof)
+    squares = [*(PassSquare(g, each) for each in matrices), *[None] * len(visits)]
+    return split, MeanSquares(np.array(of_mean), np.array(of_part), dof, squares)
 
 
 def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:

@@ -69,7 +69,7 @@ def visits_of(points: Points) -> Visits:
     runs, visit = distinct(run * len(numbers) + code)
     place = visit * features + points.feature
     if np.bincount(place).max() > 1:
-        refuse_doubled(points, place, np.ones(len(points), bool))
+        check_repeats(points)
     # Axis by axis, as the points lie in memory.
     errors = np.full((3, len(runs) * features), np.nan)
     nominal = np.full((3, features), np.nan)
@@ -133,9 +133,19 @@ def occurrence(codes: IntArray) -> IntArray:
     return count
 
 
-def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) -> None:
-    """Raises InputError with every row of the `given` (n,) at a `place` (n,) that stood before."""
-    rows = np.flatnonzero(given)
+def check_repeats(points: Points) -> None:
+    """Raises InputError for a feature that stands twice in one repeat of one part, every such row.
+
+    Repeats without a number are counted on, and none of them stands twice.
+    """
+    _, operation = operations_of(points)
+    given = np.flatnonzero(points.repeat >= 0)
+    cell = operation.astype(np.int64) * len(points.features) + points.feature
+    place = (cell * len(points.parts) + points.part)[given]
+    numbers, code = distinct(points.repeat[given])
+    place = place * len(numbers) + code
+    if len(distinct(place)[0]) == len(given):
+        return
     what, expected = "the feature in one repeat of one part", "one row a feature and `repeat`"
     raise InputError(
         finding(
@@ -147,7 +157,7 @@ def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) ->
             value=points.features[points.feature[i]],
             expected=expected,
         )
-        for i in rows[occurrence(place[rows]) > 0][:LISTED_FAULTS]
+        for i in given[occurrence(place) > 0][:LISTED_FAULTS]
     )
 
 
@@ -306,58 +316,48 @@ def freed_errors(
 
 @dataclass(frozen=True, kw_only=True)
 class Cells:
-    """The cells of `parts` x `columns` that n measurements fall into; `cell` (n,) is part * columns
-    + column. `order` (n,) sorts the measurements by cell, `starts` and `count` (m,) are the runs of
-    the m cells that hold any, `there` (m,) their numbers.
+    """The cells of `parts` x `columns` that n measurements fall into, each by its codes `part` and
+    `column` (n,).
     """
 
     parts: int
     columns: int
-    cell: IntArray
-    order: IntArray
-    starts: IntArray
-    count: IntArray
-    there: IntArray
+    part: IntArray
+    column: IntArray
 
-    @property
-    def part(self) -> IntArray:
-        """The part of each measurement."""
-        return self.cell // self.columns
+    @cached_property
+    def cell(self) -> IntArray:
+        """The number of the cell (n,) of each measurement, part by part."""
+        return self.part.astype(np.int64) * self.columns + self.column
 
-    @property
-    def column(self) -> IntArray:
-        """The column of each measurement."""
-        return self.cell % self.columns
+    @cached_property
+    def sorted(self) -> tuple[IntArray, IntArray, IntArray]:
+        """What sorts the measurements by cell (n,), where in that order the m cells start that hold
+        any, and their numbers (m,).
+        """
+        order = np.argsort(self.cell, kind="stable")
+        there, starts = np.unique(self.cell[order], return_index=True)
+        return order, starts, there
 
     def means(self, values: FloatArray) -> FloatArray:
         """Means (m, ...) of values (n, ...); equal values keep their digits."""
-        ordered = values[self.order]
-        origin = ordered[self.starts]
-        if len(self.starts) == len(ordered):
+        order, starts, _ = self.sorted
+        ordered, origin = values[order], values[order[starts]]
+        if len(starts) == len(order):
             return origin
-        away = ordered - np.repeat(origin, self.count, axis=0)
-        weight = self.count.reshape(-1, *(1,) * (values.ndim - 1))
-        return origin + np.add.reduceat(away, self.starts, axis=0) / weight
+        count = np.diff(np.r_[starts, len(order)])
+        away = ordered - np.repeat(origin, count, axis=0)
+        weight = count.reshape(-1, *(1,) * (values.ndim - 1))
+        return origin + np.add.reduceat(away, starts, axis=0) / weight
 
     def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
         """Values (m, ...) of the cells as (parts, columns, ...), `fill` where there is none."""
         result = np.full((self.parts * self.columns, *means.shape[1:]), fill, means.dtype)
-        result[self.there] = means
+        result[self.sorted[2]] = means
         return result.reshape(self.parts, self.columns, *means.shape[1:])
 
     @cached_property
     def repeats(self) -> IntArray:
         """Measurements in every cell, (parts, columns)."""
-        return np.bincount(self.cell, minlength=self.parts * self.columns).reshape(
-            self.parts, self.columns
-        )
-
-
-def cells_of(part: IntArray, column: IntArray, parts: int, columns: int) -> Cells:
-    """Gathers measurements by their codes `part` and `column` (n,)."""
-    cell = part.astype(np.int64) * columns + column
-    order = np.argsort(cell, kind="stable")
-    ordered = cell[order]
-    starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
-    runs = {"starts": starts, "count": np.diff(np.r_[starts, len(cell)]), "there": ordered[starts]}
-    return Cells(parts=parts, columns=columns, cell=cell, order=order, **runs)
+        size = self.parts * self.columns
+        return np.bincount(self.cell, minlength=size).reshape(self.parts, self.columns)

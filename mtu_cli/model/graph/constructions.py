@@ -2,12 +2,17 @@
 
 A construction takes the arrays of its input places and gives those of its outputs; lines and planes
 are (2, 3, m): a point and a unit vector. What is a single operation stands in the registry itself.
+Fits are of least squared orthogonal distances, as in `mtu_cli.model.geometry`, which fits one set
+of points: the nominal ones, where the iteration for circles and spheres starts.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
+from mtu_cli.model.geometry import fit_circle, fit_plane, fit_sphere, round_figure
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -121,3 +126,108 @@ def rotation(frame: FloatArray, nominal: FloatArray) -> FloatArray:
     axes = np.broadcast_to(nominal[1:], (3, 3, frame.shape[-1]))
     total = cross(axes[0], frame[1]) + cross(axes[1], frame[2]) + cross(axes[2], frame[3])
     return np.stack([dot(axis, 0.5 * total) for axis in axes])
+
+
+# Planes, circles and spheres through n points, arrays (3, m) each: exact, or fitted.
+
+LINE = 1e-6
+"""Share of the longest of several triangles' areas below which one is a line."""
+Points = Sequence[FloatArray]
+Construction = Callable[..., FloatArray | tuple[FloatArray, ...]]
+
+
+def plane_through(nominal: Points) -> Construction:
+    """Exact of three points, their normal being (P2 - P1) x (P3 - P1): Stryczek, eqs. (20)-(27).
+
+    Raises GeometryError, as the others do, for nominal points that do not determine it.
+    """
+    normal = _orientation(_stacked(nominal))
+    if len(nominal) == 3:
+        return lambda a, b, c: along(a, cross(b - a, c - a))
+    return lambda *points: plane(points, normal)
+
+
+def circle_through(nominal: Points) -> Construction:
+    """Centre (3, m) and radius (m,), exact of three points.
+
+    That of least squared distances lies in the least-squares plane of the points; distances are
+    those within the plane.
+    """
+    places = _stacked(nominal)
+    reference, start = _orientation(places), fit_circle(places)
+
+    def circle(*points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        middle, normal = plane(points, reference)
+        first, second = tangents(normal)
+        q = np.stack([point - middle for point in points], axis=1)
+        flat = np.stack([dot(q, first[:, None]), dot(q, second[:, None])])
+        away = start.centre[:, None] - middle
+        inside = np.stack([dot(away, first), dot(away, second)])
+        (x, y), radius = round_figure(flat, inside, start.radius, free=True)
+        return middle + x * first + y * second, radius
+
+    return circumcircle if len(places) == 3 else circle
+
+
+def sphere_through(nominal: Points) -> Construction:
+    """Centre and radius."""
+    start = fit_sphere(_stacked(nominal))
+    return lambda *points: sphere(points, start.centre, start.radius)
+
+
+def sphere_of_radius_through(nominal: Points) -> Construction:
+    """The centre; the last input is the radius."""
+    centre = fit_sphere(_stacked(nominal[:-1])).centre
+    return lambda *places: sphere(places[:-1], centre, places[-1], free=False)[0]
+
+
+def _stacked(nominal: Points) -> FloatArray:
+    """Nominal points as (n, 3)."""
+    return np.array([place[:, 0] for place in nominal])
+
+
+def _orientation(points: FloatArray) -> FloatArray:
+    """Unit normal (3,) of the nominal points, on the side of (P2 - P1) x (P3 - P1).
+
+    Where these three lie on a line, the next point that does not decides.
+    """
+    _, normal, _ = fit_plane(points)
+    sides = np.cross((points[1] - points[0])[None], points[2:] - points[0])
+    sizes = np.linalg.norm(sides, axis=1)
+    side = sides[int(np.argmax(sizes > LINE * sizes.max()))]
+    return normal if normal @ side >= 0 else -normal
+
+
+def plane(points: Points, reference: FloatArray) -> FloatArray:
+    """Centroid and unit normal (2, 3, m) of the plane of least squared distances; `reference` (3,)
+    says which of both normals is meant.
+    """
+    q = np.stack(points, axis=1)
+    centre = q.mean(axis=1)
+    away = (q - centre[:, None]).transpose(2, 1, 0)
+    normal = np.linalg.svd(away, full_matrices=False)[2][:, 2].T
+    return np.stack([centre, np.where(reference @ normal < 0, -normal, normal)])
+
+
+def sphere(
+    points: Points, centre: FloatArray, radius: float | FloatArray, *, free: bool = True
+) -> tuple[FloatArray, FloatArray]:
+    """Centre (3, m) and radius (m,) of the sphere of least squared distances, from a nominal
+    `centre` (3,) and a `radius`, which stays where it is not `free`.
+    """
+    q = np.stack([point - points[0] for point in points], axis=1)
+    result, radius = round_figure(q, centre[:, None] - points[0], radius, free=free)
+    return points[0] + result, radius
+
+
+def circumcircle(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Centre (3, m) and radius (m,) of the circle through three points.
+
+    With u = b - a, v = c - a and w = u x v the centre is
+    a + (|u|^2 v x w + |v|^2 w x u) / (2 |w|^2).
+    """
+    u, v = b - a, c - a
+    w = cross(u, v)
+    away = dot(u, u) * cross(v, w) + dot(v, v) * cross(w, u)
+    away /= 2.0 * dot(w, w)
+    return a + away, norm(away)

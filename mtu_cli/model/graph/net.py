@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -91,11 +90,6 @@ class MeasurementGraph:
         used = {name for item in self.graph.transitions for name in item.in_}
         made = {name for step in self.computed for name in step.outputs}
         return tuple(self.graph.report) or tuple(n for n in self.graph.places if n in made - used)
-
-    def place_of(self, index: int) -> dict[str, Any]:
-        """Where a transition stands, for a finding."""
-        line = self.document.line_of("transitions", index)
-        return {"file": self.document.source.shown, "line": line, "path": f"transitions[{index}]"}
 
     def outputs(self, names: Iterable[str] = ()) -> tuple[Output, ...]:
         """The outputs behind names such as ``P1``, ``P1.x`` or ``d_AC``, each once; without names

@@ -21,7 +21,6 @@ from mtu_cli.language.tree import Call, Name
 from mtu_cli.language.unit_algebra import Algebra
 from mtu_cli.model.geometry import GeometryError
 from mtu_cli.model.graph import constructions as make
-from mtu_cli.model.graph import fits
 from mtu_cli.model.graph.constructions import cross, dot, norm, unit
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PLAIN, internal
@@ -52,7 +51,7 @@ class Use:
     construct: Callable[..., Any] | None = None
     unit: str = "mm"
     guard: tuple[Callable[..., Any], str] | None = None
-    fit: Callable[[Sequence[FloatArray]], fits.Construction] | None = None
+    fit: Callable[[Sequence[FloatArray]], make.Construction] | None = None
 
 
 def described(kind: str, axis: str | None) -> str:
@@ -134,10 +133,10 @@ TRANSITIONS: dict[str, tuple[Use, ...]] = {
         ),
     ),
     "hole": (Use("2 coordinate x, 2 coordinate y, optional constant", "point", make.hole),),
-    "circle": (Use("3 or more of point", "point, optional constant", fit=fits.circle_through),),
+    "circle": (Use("3 or more of point", "point, optional constant", fit=make.circle_through),),
     "sphere": (
-        Use("4 or more of point", "point, optional constant", fit=fits.sphere_through),
-        Use("4 or more of point, constant", "point", fit=fits.sphere_of_radius_through),
+        Use("4 or more of point", "point, optional constant", fit=make.sphere_through),
+        Use("4 or more of point, constant", "point", fit=make.sphere_of_radius_through),
     ),
     "line": (
         Use("point, point", "line", lambda p, q: make.along(p, q - p), guard=ONE_POINT),
@@ -145,7 +144,7 @@ TRANSITIONS: dict[str, tuple[Use, ...]] = {
     ),
     "aline": (Use("point, vector", "line", make.along, guard=AIMLESS),),
     "plane": (
-        Use("3 or more of point", "plane", fit=fits.plane_through),
+        Use("3 or more of point", "plane", fit=make.plane_through),
         Use("point, vector", "plane", make.along, guard=AIMLESS),
     ),
     "point": (

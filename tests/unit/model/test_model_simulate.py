@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from mtu_cli.language import parse
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.simulate import (
     PartsPlan,
-    ReadingsPlan,
     SimulatedPoints,
     growth,
     pass_root,
@@ -28,7 +28,8 @@ D = np.array([[4e-6, -1e-8], [-1e-8, 9e-10]])
 PLAN = PartsPlan(
     parts=3, repeats=2, cmm_u=1e-3, part_offset=2e-3, reverse_every=0, minutes=0.5
 )  # fmt: skip
-READ = ReadingsPlan(passes=3, directions=(1, -1), positions={"x": np.linspace(0, 100, 5)})
+AT = {"x": np.linspace(0, 100, 5)}
+READ: dict[str, Any] = {"passes": 3, "directions": (1, -1), "positions": AT}
 
 
 def machine(s: float = 2e-3) -> MachineModel:
@@ -50,19 +51,18 @@ def shaped(found: SimulatedPoints, plan: PartsPlan) -> FloatArray:
 
 
 def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> None:
-    few = simulate_readings(machine(), READ, 1)
-    many = simulate_readings(machine(), replace(READ, passes=8), 1)
+    few = simulate_readings(machine(), 1, **READ)
+    many = simulate_readings(machine(), 1, **READ | {"passes": 8})
     for name in "at":
         rows = [i for i, other in enumerate(few.component) if other == name]
         first = [i for i, other in enumerate(many.component) if other == name][: len(rows)]
         assert (many.error[first] == few.error[rows]).all()
-    assert (simulate_readings(machine(), READ, 2).error != few.error).all()
+    assert (simulate_readings(machine(), 2, **READ).error != few.error).all()
 
 
 def test_moments_of_readings() -> None:
     """The passes' lines have covariance D + s^2 (X'X)^-1, what is left s^2."""
-    plan = ReadingsPlan(passes=4000, directions=(1,), positions=READ.positions)
-    found = simulate_readings(machine(), plan, 3)
+    found = simulate_readings(machine(), 3, passes=4000, directions=(1,), positions=AT)
     rows = np.array([name == "a" for name in found.component])
     errors = found.error[rows].reshape(4000, 5)
     p = found.position[rows][:5]
@@ -81,7 +81,7 @@ def test_moments_of_readings() -> None:
 
 
 def test_readings_run_back_and_forth() -> None:
-    found = simulate_readings(machine(), READ, 1)
+    found = simulate_readings(machine(), 1, **READ)
     positions = found.position[:10]
     assert list(positions) == [0, 25, 50, 75, 100, 100, 75, 50, 25, 0]
     assert list(found.direction[:10]) == [1] * 5 + [-1] * 5
@@ -200,7 +200,7 @@ effects:
 def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
     """Its parameters are nothing an instrument reads; its covariates must be given."""
     model = stated(tmp_path, DECLARED)
-    assert set(simulate_readings(model, READ, 1).component) == {"a"}
+    assert set(simulate_readings(model, 1, **READ).component) == {"a"}
     with pytest.raises(InputError, match="a value of T_spindle_degC for the machine 'm'") as error:
         simulate(QUIET, model=model)
     assert "--covariate 'T_spindle_degC: EQUATION'" in str(error.value)

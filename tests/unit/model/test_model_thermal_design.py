@@ -16,7 +16,7 @@ from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
-from mtu_cli.model.machine_model import design, drift_terms, temperatures, theta
+from mtu_cli.model.machine_model import design, drift_terms, temperatures
 from mtu_cli.model.prediction import predict, temperature_warnings
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
@@ -50,7 +50,7 @@ def test_predictions_are_the_equations_with_drifting_components(
     found = predict(model, IDS, POINTS, at)
     assert found.mean == pytest.approx(expected, rel=1e-12)
     rows = design(model, POINTS, at)
-    assert rows.J @ theta(model) + rows.remainder == pytest.approx(expected, rel=1e-12)
+    assert rows.mean == pytest.approx(expected, rel=1e-12)
 
 
 def test_covariance_of_coefficients_and_leftover(tmp_path: Path) -> None:

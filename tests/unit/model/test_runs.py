@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
-from mtu_cli.model.fit import estimates_from_fit, fit_machine
+from mtu_cli.model.fit import component_readings, estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.passes import fellows
 from mtu_cli.model.prediction import predict
@@ -195,5 +195,6 @@ def test_runs_are_the_same_whatever_files_their_passes_stand_in(
     assert one.pass_dof == RUNS - 1
     assert several.pass_dof == one.pass_dof
     np.testing.assert_allclose(several.covariance, one.covariance, rtol=1e-9)
-    layout = reading_layout(split, np.arange(len(WAY)), "x", "a")
+    seen = component_readings(known, split, "a", np.arange(len(WAY)))
+    layout = reading_layout(split, seen, "a")
     assert layout.parts == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))

@@ -177,3 +177,58 @@ def test_table_fits_100_columns(case: str, tmp_path: Path) -> None:
         slope, u = estimate.coefficients[1], np.sqrt(estimate.covariance[1, 1])
         per_m = 1000 / estimate.unit.to_internal
         assert rows[name]["slope"] == plus_minus(slope * per_m, u * per_m)
+
+
+REASONS: dict[str, tuple[dict[str, Any], dict[str, str | None]]] = {
+    # What the readings of dx_x, of an axis, and axy, of none, leave open.
+    "no pass column": (
+        {"passes": None, "directions": False},
+        {
+            "pass-to-pass drift apart from repeatability": "no `pass` is given",
+            "reversal": "no `direction` is given",
+            "lack of fit": "no position is repeated often enough",
+        },
+    ),
+    "one pass": (
+        {"passes": 1, "directions": False},
+        {"pass-to-pass drift apart from repeatability": "1 pass only"},
+    ),
+    "three passes": (
+        {"passes": 3, "directions": False},
+        {"steady drift from pass to pass": None, "reversal": "no `direction` is given"},
+    ),
+    "two runs there and back": (
+        {"passes": 2},
+        {
+            "steady drift from pass to pass": "2 runs there and back, too few or of equal levels",
+            "reversal": None,
+        },
+    ),
+    "as many coefficients as positions": (
+        {"degree": 7},
+        {"lack of fit": "8 positions for 8 coefficients"},
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REASONS)
+def test_what_is_left_open_has_the_reason_of_these_readings(case: str, tmp_path: Path) -> None:
+    given, wanted = REASONS[case]
+    made = example(tmp_path, **given)
+    found = {
+        x.not_determined: x.because
+        for x in observability(made.fit, made.estimates)
+        if x.component == "dx_x"
+    }
+    assert {what: found.get(what) for what in wanted} == wanted
+
+
+def test_what_is_not_repeated_in_a_pass_is_not_repeated_from_the_same_side(tmp_path: Path) -> None:
+    """Of a squareness read once a pass, there and back: the two sides are no repeats."""
+    made = example(tmp_path)
+    because = {
+        x.not_determined: x.because
+        for x in observability(made.fit, made.estimates)
+        if x.component == "axy"
+    }
+    assert "within a pass from the same side" in because["repeatability of one visit"]
