@@ -235,9 +235,8 @@ def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget
     budget = check_contract(document, Budget, "budget", check)
     warnings = tuple(_warnings(budget, trees, document))
     return LoadedBudget(
-        source=document.source, document=document, warnings=warnings,
-        budget=budget, trees=trees, units=units,
-    )  # fmt: skip
+        document=document, warnings=warnings, budget=budget, trees=trees, units=units
+    )
 
 
 def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:

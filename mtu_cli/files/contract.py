@@ -143,9 +143,13 @@ IdText = Annotated[Name, short(lambda value: type(value) is int, str, str | int)
 class Loaded:
     """What is read from a document, and where each of its values stands there."""
 
-    source: Source
     document: YamlDocument
     warnings: tuple[Finding, ...] = ()
+
+    @property
+    def source(self) -> Source:
+        """The file as reports know it."""
+        return self.document.source
 
     def line_of(self, *path: str | int) -> int | None:
         """The line of a value of the file: ``line_of("components", "dx_x")``."""
