@@ -18,7 +18,6 @@ from mtu_cli.checks.plausible import (
     POSITIONS,
     TOLERANCE_UM,
     TRAVEL_MM,
-    kind_of,
     largest,
 )
 from mtu_cli.files.headers import meant_by
@@ -165,7 +164,7 @@ def machine_sizes(data: DocumentData) -> Iterator[Odd]:
         errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))
         if component.is_table and component.coefficients:
             position, errors = np.array(component.at_mm), np.abs(component.coefficients)
-        if (errors * unit.to_internal > largest(kind_of(unit.dimension), position)).any():
+        if (errors * unit.to_internal > largest(unit.dimension, position)).any():
             what = f"errors of up to {errors.max():.3g} {component.unit}"
             path = ("components", name, "coefficients")
             yield Odd(NONE, {"what": what, "meant": "a smaller unit"}, path=path)

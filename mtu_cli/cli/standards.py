@@ -27,8 +27,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses import iso230 as analysis
 
     options = inputs.options
-    standard = options.standard or "iso230-2"
-    known_name("--standard", "standard", standard, analysis.STANDARDS)
+    known_name("--standard", "standard", options.standard, analysis.STANDARDS)
     if (options.plan is None) != (options.pitch is None):
         given, lacks = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
         raise error("incomplete", what=given, other=lacks, expected=f"{lacks} MM, too")
@@ -38,7 +37,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     readings = inputs.readings
     if readings is None:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
-    figures = list(analysis.STANDARDS[standard])
+    figures = list(analysis.STANDARDS[options.standard])
     names = [f"{x.name}.{each}" for x in analysis.axes_of(readings)[0] for each in figures]
 
     def limit(name: str, text: str) -> float:
@@ -52,7 +51,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
                         [*figures, *names], "figure"),
         k=settings.coverage_factor,
         seed=settings.seed,
-        standard=standard,
+        standard=options.standard,
     )  # fmt: skip
     # What the checks of all readings have reported is not said twice.
     known = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
