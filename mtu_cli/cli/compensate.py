@@ -65,8 +65,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             direction="both" if table.both else "mean",
         )  # fmt: skip
         return Outcome.reported(inputs, known)
-    if options.direction is not None:
-        known_name("--direction", "direction", options.direction, DIRECTIONS)
+    known_name("--direction", "direction", options.direction, DIRECTIONS)
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
     frame = Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))

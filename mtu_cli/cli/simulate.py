@@ -68,7 +68,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     if not paths:
         expected = "--write-lbb, --write-laser, --write-cmm or --write-drift FILE"
         raise error("usage", reason="simulate has no output", expected=expected)
-    if options.operation is not None and not is_name(options.operation.strip()):
+    if options.operation is not None and not is_name(options.operation):
         place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
         raise error("wrong-type", kind="a name", **place)
     model = modelled(inputs).model

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from math import isfinite
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mtu_cli.files.csv_table import number
 from mtu_cli.findings import Finding, InputError, error, suggestion
@@ -72,10 +72,13 @@ def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: 
             raise error("out-of-range", **place, expected=expected)
 
 
-def known_name(option: str, what: str, name: str, known: Collection[str]) -> None:
-    """Raises InputError for a name that is none of those `known`, with the nearest."""
-    if name not in known:
+def known_name(option: str, what: str, name: Any, known: Collection[str]) -> Any:
+    """The name, if any is given; raises InputError, with the nearest, for one that is none of those
+    `known`.
+    """
+    if name is not None and name not in known:
         raise error("unknown-name", path=option, what=what, value=name, **suggestion(name, known))
+    return name
 
 
 def assigned(

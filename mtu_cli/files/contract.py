@@ -385,8 +385,8 @@ def present(items: Iterable[T | None] | None) -> list[tuple[int, T]]:
 
 
 def is_name(text: str) -> bool:
-    """Whether a table can show the text: not empty, and nothing in it that a terminal obeys."""
-    return bool(text) and re.search("[\x00-\x1f\x7f-\x9f\u2028\u2029]", text) is None
+    """Whether a table can show the text: not blank, and nothing in it that a terminal obeys."""
+    return bool(text.strip()) and re.search("[\x00-\x1f\x7f-\x9f\u2028\u2029]", text) is None
 
 
 def is_identifier(name: str) -> bool:
