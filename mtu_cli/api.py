@@ -26,7 +26,8 @@ from typing import Any
 from mtu_cli.cli.commands import COMMANDS, analysis_of
 from mtu_cli.cli.emit import Result, result_of
 from mtu_cli.cli.load import KINDS, Inputs
-from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options
+from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options, option_name
+from mtu_cli.cli.values import within
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
@@ -153,6 +154,8 @@ def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> I
             value = [f"{key}={item}" for key, item in value.items()]
         elif many and isinstance(value, (str, Path, float, int)):
             value = [value]
+        if known[name].kind in (int, float) and (bounds := known[name].bounds):
+            within(option_name(name), value if many else [value], bounds)
         if known[name].kind is Path:
             value = [Path(each) for each in value] if many else Path(value)
         values[name] = value

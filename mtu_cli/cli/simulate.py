@@ -135,8 +135,7 @@ def _simulated(
     inputs: Inputs, model: MachineModel, seed: int, only: str | None = None
 ) -> SimulatedReadings:
     read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
-    wanted = [estimate for estimate in read if only in (None, estimate.name)]
-    needed = {estimate.of for estimate in wanted if estimate.of is not None}
+    needed = {each.of for each in read if each.of is not None and only in (None, each.name)}
     positions = _positions(inputs, model, needed)
     # Of components that are not asked for only the draws matter, not where they are read.
     other = next(iter(positions.values()), np.zeros(1))
