@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperArgument, TyperOption
 
 from mtu_cli import __version__
-from mtu_cli.cli.options import Options, signature
+from mtu_cli.cli.options import Options, options_of, signature
 
 PANELS = {
     "machine": "The machine",
@@ -159,7 +159,9 @@ def _called(name: str) -> Callable[..., None]:
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute
+            from mtu_cli.cli.values import check_bounds
 
+            check_bounds(options_of(command.options), values)
             execute(options, analysis_of(name))
 
     typed = signature(command.options, command.gates)

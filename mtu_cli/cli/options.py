@@ -67,17 +67,13 @@ class Option:
             return Annotated[kind, typer.Argument(**common)]
         return Annotated[kind, typer.Option(*self.named(name), **common)]
 
-    def number(self, text: str) -> float:
-        """The value of a number; raises BadParameter for what is none, or out of the bounds."""
-        what = "a whole number" if self.kind is int else "a number"
-        low, high = self.bounds or (None, None)
+    def number(self, text: str) -> Any:
+        """The value of a number; raises BadParameter for what is none."""
         try:
-            value: float = self.kind(text)
+            return self.kind(text)
         except ValueError:
+            what = "a whole number" if self.kind is int else "a number"
             raise typer.BadParameter(f"not {what}: {text!r}") from None
-        if low is not None and high is not None and not low <= value <= high:
-            raise typer.BadParameter(f"{text!r} is not {what} from {low:g} to {high:g}")
-        return value
 
     def named(self, name: str) -> tuple[str, ...]:
         """Its names on the command line: those it has, and by that of the parameter `name`."""
@@ -96,9 +92,14 @@ def file_name(text: str) -> Path:
     return Path(text)
 
 
+def options_of(names: str) -> dict[str, Option]:
+    """The options of a command by the names of their parameters."""
+    return {key.partition(":")[0]: OPTIONS[key] for key in names.split()}
+
+
 def signature(names: str, gates: tuple[str, ...] | None) -> inspect.Signature:
     """The parameters of a command: its options, and `--fail-if` where it has `gates`."""
-    options = {key.partition(":")[0]: OPTIONS[key] for key in names.split()}
+    options = options_of(names)
     if gates is not None:
         known = "; ".join([f"{SUSPICIOUS}, data look mistaken", *gates])
         text = f"Exit with 3 if met: {known}. Several with commas"
