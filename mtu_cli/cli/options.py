@@ -115,6 +115,11 @@ def signature(names: str, gates: tuple[str, ...] | None) -> inspect.Signature:
 KINDS = {"path": Path, "text": str, "int": int, "float": float, "flag": bool}
 
 
+def entries(text: str) -> list[list[str]]:
+    """The parts of lines ``a | b | c``."""
+    return [" ".join(line.split()).split(" | ") for line in text.splitlines() if line.strip()]
+
+
 def declare(text: str, panel: str | None = None) -> dict[str, Option]:
     """Options by name, of lines ``name | kind ... | word for the value | meaning | default``.
 
@@ -126,8 +131,8 @@ def declare(text: str, panel: str | None = None) -> dict[str, Option]:
     (0.0, 9.0)
     """
     result = {}
-    for line in filter(str.strip, text.splitlines()):
-        name, kinds, metavar, meaning, stated = [*" ".join(line.split()).split(" | "), ""][:5]
+    for name, kinds, metavar, meaning, *last in entries(text):
+        stated = "".join(last)
         word, *more = kinds.split()
         kind, number = KINDS[word], int if word == "int" else float
         known: dict[str, Any] = {"default": False if word == "flag" else None}
