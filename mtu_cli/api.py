@@ -26,7 +26,8 @@ from typing import Any
 from mtu_cli.cli.commands import COMMANDS, analysis_of
 from mtu_cli.cli.emit import Result, result_of
 from mtu_cli.cli.load import KINDS, Inputs
-from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options
+from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options, options_of
+from mtu_cli.cli.values import check_bounds
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
@@ -139,10 +140,13 @@ def _run(command: str, *given: Any, **options: Any) -> Result:
 
 def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
     """The inputs of a call: what was read already takes the place of its file."""
-    keys = [key for key in COMMANDS[command].options.split() if key not in OUTPUTS]
-    known = {key.partition(":")[0]: OPTIONS[key] for key in (*keys, *ROLES) if key in OPTIONS}
-    values = {key.partition(":")[0]: OPTIONS[key].default for key in keys}
-    values = {name: None if value is REQUIRED else value for name, value in values.items()}
+    taken = options_of(COMMANDS[command].options)
+    values = {
+        name: None if option.default is REQUIRED else option.default
+        for name, option in taken.items()
+        if name not in OUTPUTS
+    }
+    known = {role: OPTIONS[role] for role in ROLES if role in OPTIONS} | taken
     if unknown := options.keys() - values.keys() - {*ROLES}:
         raise TypeError(f"{command} has no option {', '.join(sorted(unknown))}")
     for name, value in options.items():
@@ -156,6 +160,7 @@ def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> I
         if known[name].kind is Path:
             value = [Path(each) for each in value] if many else Path(value)
         values[name] = value
+    check_bounds(known, values)
     read: dict[str, Any] = {}
     for item in (*given, *(value for value in options.values() if isinstance(value, Result))):
         _place(item, command, values, read)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.units import LENGTH
+from mtu_cli.units import ANGLE, LENGTH
 
 # Errors of machines, mm and rad.
-ERRORS = {"length": (5e-5, 0.5), "angle": (5e-8, 5e-3)}
-"""Least and most that the largest error of any component of a machine is."""
+ERRORS = {LENGTH: (5e-5, 0.5), ANGLE: (5e-8, 5e-3)}
+"""By dimension: least and most that the largest error of any component of a machine is."""
 STEEPEST = 0.01
 """... but for what grows along an axis: a scale, or the slope to which a laser was aligned."""
 POINT_ERROR_MM = 0.5
@@ -31,8 +31,8 @@ BEYOND = 3.0
 
 # Units that are taken for one another, in mm and rad.
 UNITS = {
-    "length": {"nm": 1e-6, "um": 1e-3, "mm": 1.0, "inch": 25.4},
-    "angle": {"urad": 1e-6, "arcsec": np.pi / 648000, "mrad": 1e-3, "deg": np.pi / 180},
+    LENGTH: {"nm": 1e-6, "um": 1e-3, "mm": 1.0, "inch": 25.4},
+    ANGLE: {"urad": 1e-6, "arcsec": np.pi / 648000, "mrad": 1e-3, "deg": np.pi / 180},
 }
 """Units that errors are given in."""
 POSITIONS = {"metres": 1e3, "inches": 25.4, "um": 1e-3}
@@ -75,19 +75,15 @@ OTHERS_MOVE_K = 0.5
 """... while others move by so much."""
 
 
-def kind_of(dimension: int) -> str:
-    """``length`` or ``angle``: the row of the tables."""
-    return "length" if dimension == LENGTH else "angle"
-
-
-def largest(kind: str, position: NDArray[np.float64]) -> NDArray[np.float64]:
+def largest(dimension: int, position: NDArray[np.float64]) -> NDArray[np.float64]:
     """The largest error (n,) of a machine at positions (n,), mm: that of a length grows with it."""
-    grown = STEEPEST * (kind == "length") * np.nan_to_num(np.abs(position))
-    return np.maximum(ERRORS[kind][1], grown)
+    grown = STEEPEST * (dimension == LENGTH) * np.nan_to_num(np.abs(position))
+    return np.maximum(ERRORS[dimension][1], grown)
 
 
-def meant_units(size: float, kind: str, stated: str) -> list[str]:
+def meant_units(size: float, dimension: int, stated: str) -> list[str]:
     """The other units in which a typical largest error of `size` (mm, rad) is that of a machine."""
-    low, high = ERRORS[kind]
-    one = size / UNITS[kind].get(stated, 1.0)
-    return [unit for unit, to in UNITS[kind].items() if unit != stated and low <= one * to <= high]
+    low, high = ERRORS[dimension]
+    known = UNITS[dimension]
+    one = size / known.get(stated, 1.0)
+    return [unit for unit, to in known.items() if unit != stated and low <= one * to <= high]

@@ -13,7 +13,6 @@ from mtu_cli.checks.plausible import (
     FEWEST_EQUAL,
     LOUD,
     MIRRORED,
-    kind_of,
     largest,
     meant_units,
 )
@@ -82,23 +81,23 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
     table = data.table
     unit = table.dimension if table.unit is None else table.unit
     for every in split(None, table.dimension, table.file_index, unit):
-        kind, known = kind_of(int(table.dimension[every[0]])), []
+        dimension, known = int(table.dimension[every[0]]), []
         for each in split(every, table.code):
-            if kind == "length" and are_distances(data, each):
+            if dimension == LENGTH and are_distances(data, each):
                 name = table.components[table.code[each[0]]]
                 yield Odd(each, {"component": name}, "error", code="distances-not-errors")
             else:
                 known.append(each)
         if not known:
             continue
-        (low, high), rows = ERRORS[kind], np.sort(np.concatenate(known))
+        (low, high), rows = ERRORS[dimension], np.sort(np.concatenate(known))
         sizes = np.abs(table.error[rows])
-        large = np.quantile(sizes / largest(kind, table.position_mm[rows]), 0.75) > 1
+        large = np.quantile(sizes / largest(dimension, table.position_mm[rows]), 0.75) > 1
         # The largest of each component: one of them may well have hardly any error.
         most = np.median([np.abs(table.error[each]).max() for each in known])
         size = float(np.quantile(sizes, 0.75) if large else min(most, high))
         stated = stated_unit(data, int(rows[0]))
-        meant = meant_units(size, kind, stated)
+        meant = meant_units(size, dimension, stated)
         if size and meant and (large or size < low):
             shown = size / DECLARED[stated].to_internal
             yield Odd(rows, {"size": shown, "unit": stated, "meant": meant}, "error")

@@ -18,7 +18,6 @@ from mtu_cli.checks.plausible import (
     POSITIONS,
     TOLERANCE_UM,
     TRAVEL_MM,
-    kind_of,
     largest,
 )
 from mtu_cli.files.headers import meant_by
@@ -58,19 +57,18 @@ def names_alike(data: PointsData) -> Iterator[Odd]:
 @check("alike", of=("readings", "drift", "points"))
 def columns_alike(data: ReadingsData | PointsData) -> Iterator[Odd]:
     """Covariates that are nearly called as a column of the contract that is not there."""
-    given: dict[str, NDArray[np.bool_]] = {"time": ~np.isnan(data.table.time_min)}
+    table = data.table
+    given: dict[str, NDArray[np.bool_]] = {"time": ~np.isnan(table.time_min)}
     if isinstance(data, PointsData):
-        points = data.table
-        order = points.sequence != points.part + 1
-        given |= {"operation": points.operation >= 0, "repeat": points.repeat >= 0}
-        given |= {f"dir_{axis}": ~np.isnan(points.direction[:, i]) for i, axis in enumerate("xyz")}
-        given |= {"sequence": order, "z_mm": ~np.isnan(points.measured[:, 2])}
+        given |= {"operation": table.operation >= 0, "repeat": table.repeat >= 0}
+        given |= {f"dir_{axis}": ~np.isnan(table.direction[:, i]) for i, axis in enumerate("xyz")}
+        given |= {"sequence": table.sequence != table.part + 1}
+        given |= {"z_mm": ~np.isnan(table.measured[:, 2])}
     else:
-        readings = data.table
-        given |= {"pass": readings.has_pass, "direction": readings.direction != 0}
-        given |= {"cycle": readings.cycle >= 0}
+        given |= {"pass": table.has_pass, "direction": table.direction != 0}
+        given |= {"cycle": table.cycle >= 0}
     for name, there in given.items():
-        near = None if there.any() else meant_by(name, [*data.table.covariates], NEARLY)
+        near = None if there.any() else meant_by(name, [*table.covariates], NEARLY)
         if near:
             what = "a covariate is nearly called as a column that is not there"
             yield Odd(FIRST, {"what": what, "names": [repr(name)]}, near)
@@ -165,7 +163,7 @@ def machine_sizes(data: DocumentData) -> Iterator[Odd]:
         errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))
         if component.is_table and component.coefficients:
             position, errors = np.array(component.at_mm), np.abs(component.coefficients)
-        if (errors * unit.to_internal > largest(kind_of(unit.dimension), position)).any():
+        if (errors * unit.to_internal > largest(unit.dimension, position)).any():
             what = f"errors of up to {errors.max():.3g} {component.unit}"
             path = ("components", name, "coefficients")
             yield Odd(NONE, {"what": what, "meant": "a smaller unit"}, path=path)

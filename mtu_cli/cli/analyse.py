@@ -54,8 +54,7 @@ def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
     """Drift readings with temperatures to thermal models."""
     from mtu_cli.analyses.thermal_fit import METHODS
 
-    method = inputs.options.model
-    known_name("--model", "model", method, METHODS)
+    method = known_name("--model", "model", inputs.options.model, METHODS)
     fit = fitted_drift(inputs, inputs.drift, method)
     return Outcome.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
 
@@ -126,8 +125,7 @@ def anova(inputs: Inputs, settings: Settings) -> Outcome:
     """The scatter of measured parts, split."""
     from mtu_cli.analyses.anova import METHODS, analyse_variance
 
-    method: Any = inputs.options.method
-    known_name("--method", "method", method, METHODS)
+    method = known_name("--method", "method", inputs.options.method, METHODS)
     datum = inputs.chosen.datum or "none"
     result = analyse_variance(inputs.points, inputs.part_if_any, method, settings, datum)
 

@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperArgument, TyperOption
 
 from mtu_cli import __version__
-from mtu_cli.cli.options import Options, signature
+from mtu_cli.cli.options import Options, entries, options_of, signature
 
 PANELS = {
     "machine": "The machine",
@@ -50,8 +50,7 @@ class Command(NamedTuple):
 def declare(text: str) -> dict[str, Command]:
     """Commands by name, of lines ``name | chapter | panel | gates | help | options``; -: none."""
     result = {}
-    for line in filter(str.strip, text.splitlines()):
-        name, chapter, panel, gates, says, options = " ".join(line.split()).split(" | ")
+    for name, chapter, panel, gates, says, options in entries(text):
         own = None if gates == "-" else tuple(gates.split()[1:])
         result[name] = Command(f"cli.{chapter}", options, says, PANELS.get(panel), own)
     return result
@@ -159,7 +158,9 @@ def _called(name: str) -> Callable[..., None]:
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute
+            from mtu_cli.cli.values import check_bounds
 
+            check_bounds(options_of(command.options), values)
             execute(options, analysis_of(name))
 
     typed = signature(command.options, command.gates)

@@ -23,7 +23,7 @@ from mtu_cli.analyses.compensate import (
 from mtu_cli.analyses.iso230 import places_read
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import BESIDE, option_name
+from mtu_cli.cli.options import BESIDE
 from mtu_cli.cli.values import above_zero, assigned, known_name
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import check_text, read_source
@@ -38,9 +38,7 @@ from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
 DIRECTIONS = ("both", "mean", "forward")
-PLACES = ("from_", "to", "step", "reference", "machine_zero")
-"""Options that are positions."""
-FEED, DWELL_S = 1000.0, 3.0
+DWELL_S = 3.0
 ROTARY = "c"
 """The axis of readings with position_deg, where --set axis does not name it."""
 
@@ -48,11 +46,7 @@ ROTARY = "c"
 def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     """The table of a control, or with --read what one says."""
     options = inputs.options
-    for name in PLACES:
-        if not np.isfinite(options.values.get(name) or 0.0):
-            place = {"path": option_name(name), "value": str(options.values[name])}
-            raise error("out-of-range", **place, expected="a finite position, mm")
-    feed = FEED if options.feed is None else above_zero("--feed", str(options.feed))
+    feed = above_zero("--feed", str(options.feed))
     if options.for_ is None:
         raise error("missing-input", what="the control", expected="--for CONTROLLER")
     known_name("--for", "controller", options.for_, NAMES)
@@ -71,11 +65,10 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             direction="both" if table.both else "mean",
         )  # fmt: skip
         return Outcome.reported(inputs, known)
-    if options.direction is not None:
-        known_name("--direction", "direction", options.direction, DIRECTIONS)
+    known_name("--direction", "direction", options.direction, DIRECTIONS)
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
-    frame = Frame(zero=options.machine_zero or 0.0, reverse=bool(options.reverse_axis))
+    frame = Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))
     wanted = Wanted(direction=options.direction, positions=_positions(inputs),
                     reference=options.reference, frame=frame)  # fmt: skip
     names = _names(inputs)

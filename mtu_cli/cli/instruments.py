@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome
 from mtu_cli.cli.load import Inputs, named_file
-from mtu_cli.cli.options import Options, option_name
+from mtu_cli.cli.options import Options
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
 from mtu_cli.files.source import same
@@ -34,7 +34,7 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
     """Format, facts and how the file would be understood; of XML its element paths, too."""
     file = raw_file(inputs.options.file, "file")
     inputs.sources.append(file.source)
-    decimal = _choice(inputs.options, "decimal", (".", ","))
+    decimal = known_name("--decimal", "value", inputs.options.decimal, (".", ","))
     results = _seen(file, Ask(kind="inspect", decimal=decimal))
     return Outcome(
         results=lambda: results,
@@ -100,9 +100,12 @@ def _lines(results: dict[str, Any]) -> Iterable[str]:
 def import_(inputs: Inputs, settings: Settings) -> Outcome:
     """The contract's CSV of all files, and how they were understood."""
     options = inputs.options
-    kind = _choice(options, "as_", ("readings", "points", "drift"))
+    kind = known_name("--as", "value", options.as_, ("readings", "points", "drift"))
     words = {"unit": tuple(UNITS), "decimal": (".", ","), "directions": DIRECTIONS}
-    given = {name: _choice(options, name, known) for name, known in words.items()}
+    given = {
+        name: known_name(f"--{name}", "value", options.values.get(name), known)
+        for name, known in words.items()
+    }
     unit = given["unit"]
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
@@ -150,13 +153,6 @@ def _joined(tables: list[Imported]) -> Imported:
                 last[name] = max(last.get(name, 0), cells["pass"])
             joined.add(row, **cells)
     return joined
-
-
-def _choice(options: Options, name: str, known: Collection[str]) -> Any:
-    """The value of an option that is one of a few words."""
-    if (value := options.values.get(name)) is not None:
-        known_name(option_name(name), "value", value, known)
-    return value
 
 
 def _unit_of(options: Options, component: str | None) -> str | None:

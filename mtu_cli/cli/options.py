@@ -67,17 +67,13 @@ class Option:
             return Annotated[kind, typer.Argument(**common)]
         return Annotated[kind, typer.Option(*self.named(name), **common)]
 
-    def number(self, text: str) -> float:
-        """The value of a number; raises BadParameter for what is none, or out of the bounds."""
-        what = "a whole number" if self.kind is int else "a number"
-        low, high = self.bounds or (None, None)
+    def number(self, text: str) -> Any:
+        """The value of a number; raises BadParameter for what is none."""
         try:
-            value: float = self.kind(text)
+            return self.kind(text)
         except ValueError:
+            what = "a whole number" if self.kind is int else "a number"
             raise typer.BadParameter(f"not {what}: {text!r}") from None
-        if low is not None and high is not None and not low <= value <= high:
-            raise typer.BadParameter(f"{text!r} is not {what} from {low:g} to {high:g}")
-        return value
 
     def named(self, name: str) -> tuple[str, ...]:
         """Its names on the command line: those it has, and by that of the parameter `name`."""
@@ -96,9 +92,14 @@ def file_name(text: str) -> Path:
     return Path(text)
 
 
+def options_of(names: str) -> dict[str, Option]:
+    """The options of a command by the names of their parameters."""
+    return {key.partition(":")[0]: OPTIONS[key] for key in names.split()}
+
+
 def signature(names: str, gates: tuple[str, ...] | None) -> inspect.Signature:
     """The parameters of a command: its options, and `--fail-if` where it has `gates`."""
-    options = {key.partition(":")[0]: OPTIONS[key] for key in names.split()}
+    options = options_of(names)
     if gates is not None:
         known = "; ".join([f"{SUSPICIOUS}, data look mistaken", *gates])
         text = f"Exit with 3 if met: {known}. Several with commas"
@@ -114,6 +115,11 @@ def signature(names: str, gates: tuple[str, ...] | None) -> inspect.Signature:
 KINDS = {"path": Path, "text": str, "int": int, "float": float, "flag": bool}
 
 
+def entries(text: str) -> list[list[str]]:
+    """The parts of lines ``a | b | c``."""
+    return [" ".join(line.split()).split(" | ") for line in text.splitlines() if line.strip()]
+
+
 def declare(text: str, panel: str | None = None) -> dict[str, Option]:
     """Options by name, of lines ``name | kind ... | word for the value | meaning | default``.
 
@@ -125,8 +131,8 @@ def declare(text: str, panel: str | None = None) -> dict[str, Option]:
     (0.0, 9.0)
     """
     result = {}
-    for line in filter(str.strip, text.splitlines()):
-        name, kinds, metavar, meaning, stated = [*" ".join(line.split()).split(" | "), ""][:5]
+    for name, kinds, metavar, meaning, *last in entries(text):
+        stated = "".join(last)
         word, *more = kinds.split()
         kind, number = KINDS[word], int if word == "int" else float
         known: dict[str, Any] = {"default": False if word == "flag" else None}
@@ -155,8 +161,7 @@ FILES = declare("""
     study | path argument | STUDY | Study file; without it and without -m, mtu.yaml here or above
     machine | path -m | FILE | Machine YAML
     part | path -p | FILE | Part YAML
-    components | path -c | FILE... | A fit-components or thermal-fit report; wins over the machine \
-        file
+    components | path -c | FILE... | Report of fit-components or thermal-fit; wins over the machine
     lbb | path | FILE... | Laser ball bar readings: CSV, or NAME=FILE of an instrument
     laser | path | FILE... | Laser readings: CSV, or NAME=FILE of an instrument
     drift | path | FILE... | Thermal drift readings: CSV, or NAME=FILE of an instrument
@@ -167,12 +172,10 @@ FILES = declare("""
     effects | path | FILE... | Your own effects (YAML), added to the built-in ones
     before | path | FILE... | Readings CSV of an earlier test of the same axes
     budget | path | FILE | YAML with the instrument's `budget`, else the study's
-    file:traces | path argument | FILE... | Traces CSV: angle_deg, deviation_um; features of a \
-        .b5r | required
+    file:traces | path argument | FILE... | Traces: CSV, or the features of a .b5r | required
     file:budget | path argument | FILE | Budget YAML | required
     file:instrument | path argument | FILE | A file of an instrument | required
-    file:import | path argument | FILE... | Files of an instrument, or NAME=FILE with the \
-        component that it reads | required
+    file:import | path argument | FILE... | Files of an instrument, or COMPONENT=FILE | required
     map | path | FILE | Mapping profile (mtu/import/1) of any table
     file:graph | path argument | FILE | Graph YAML | required
 """)
@@ -180,16 +183,13 @@ WRITTEN = declare("""
     out | path -o .json | FILE | JSON report; - is standard output, alone on it
     csv | path .csv | FILE | The main table as CSV
     plot | path .png .svg .pdf | FILE | Picture: .png, .svg or .pdf
-    report | path .html .htm .pdf | FILE | A report to hand on, with tables and picture: .html \
-        (.pdf with an extra)
-    to | path .svg .png .pdf .dot .mmd .pl | FILE | Picture .svg, .png, .pdf; or text .dot, .mmd, \
-        .pl (the paper's) | required
+    report | path .html .htm .pdf | FILE | A report to hand on: .html (.pdf with an extra)
+    to | path .svg .png .pdf .dot .mmd .pl | FILE | Picture, or text: .dot, .mmd, .pl | required
     to_file | path | FILE | The table for the control
     to_nc | path .nc .ngc .mpf .h .txt | FILE | The verification moves as G-code
     to_csv | path -o --out .csv | FILE | The contract's CSV; without it on standard output
     write_machine | path .yaml .yml | FILE | The machine YAML with the found effects added to it
-    write_components | path .json | FILE | Components report (-c) with the effects' joint \
-        covariance
+    write_components | path .json | FILE | Components report (-c) with the effects' covariance
     write_lbb | path .csv | FILE | Readings CSV to write
     write_laser | path .rtl .rta | FILE | Run of a laser to write, of --laser-component
     write_cmm | path .csv | FILE | Points CSV to write
@@ -198,8 +198,7 @@ WRITTEN = declare("""
 CHOICES = declare("""
     method | text | METHOD | Components of variance: reml, anova (mean squares) or paper | reml
     model | text | MODEL | auto (the best on held-out cycles), stepwise, ridge or lagged | auto
-    zeroed | text | HOW | Drift probe zeroed in every cycle: cycle (an offset each), never, auto \
-        (by the data) | shown: auto
+    zeroed | text | HOW | Drift probe zeroed in each cycle: cycle, never, auto | shown: auto
     at | text | NAME=VALUE... | A covariate for the prediction
     grid | text | N or NX,NY,NZ | A grid over the travels instead of a part; --plot draws a map
     datum | text | DATUM | Best-fit alignment removed from each part: none, offset, \
@@ -212,24 +211,20 @@ CHOICES = declare("""
     trials | int | N | Monte Carlo trials; without it the count adapts
     threads | int | N | Threads; the result does not depend on them
     alpha | float | P | Family-wise rate of false alarms, of all tests together | shown: 0.05
-    max_effects | int | N | At most so many causes: a growth with its drifts and offsets is one | \
-        shown: 4
+    max_effects | int | N | Most causes: a growth with its drifts and offsets is one | shown: 4
     exclude | text | NAME... | An effect or a family not to look for: cyclic-x, cyclic
     of | text | PLACE | A place with one coordinate, or PLACE.coordinate | required
     of:shares | text | PLACE | Show where the variance of this place or coordinate comes from
     of:many | text | PLACE... | A place or PLACE.coordinate instead of those reported
     vary | text | NAME=LOW:HIGH:COUNT... | axis_um, probe_um, perpendicular_um or repeats; or \
         NAME=a,b,c | required
-    kind | text argument | KIND | machine, part, study, budget, graph, effects or import | \
-        required
+    kind | text argument | KIND | machine, part, study, budget, graph, effects, import | required
     as_ | text | KIND | What to make: readings, points or drift | required
     component:read | text | NAME | The component that the file reads
     unit | text | UNIT | Unit of readings without one
     decimal | text | SIGN | Decimal sign . or , where the file leaves it open
-    directions | text | HOW | Of runs, where the file leaves it open: alternate, forward or \
-        reverse
-    topic | text argument | TOPIC... | A topic, the code of a warning or error, or a command; \
-        without: all topics
+    directions | text | HOW | Of runs, where left open: alternate, forward or reverse
+    topic | text argument | TOPIC... | A topic, code or command; without it all topics
     standard | text | STANDARD | Figures of the table: iso230-2 or vdi3441 | iso230-2
     limit | text | NAME=VALUE... | Limit of a figure in the axis' unit: A=10, dx_x.R=5
     plan | float | MM | Propose targets for this travel instead, with --pitch
@@ -237,25 +232,20 @@ CHOICES = declare("""
     direction:traces | text | cw|ccw | Direction of the traces; of several files with commas
     radius | float | MM | Nominal radius of the traces, where no column radius_mm has it
     feed | text | MM/MIN | Feed along the circle; of several files with commas
-    feed:moves | float | MM/MIN | Feed of the moves of --to-nc: that of the test | shown: 1000
-    pitch:circle | text | MM | Pitch of ball screws or scales for the cyclic error; of each axis \
-        with a comma
+    feed:moves | float | MM/MIN | Feed of the moves of --to-nc: that of the test | 1000
+    pitch:circle | text | MM | Pitch of ball screws or scales; of each axis with a comma
     plane | text | PLANE | XY, YZ or ZX, first to second axis counter-clockwise
-    component:table | text | NAME... | A component or an effect of the machine; of several along \
-        one axis the sum
+    component:table | text | NAME... | A component or effect; of several of one axis the sum
     for_ | text | CONTROLLER | linuxcnc, siemens-enc, siemens-cec, heidenhain, beckhoff, isg-csv, \
         etalon, aerotech, acs, pmac, mitsubishi, klipper (skew) or table (for hand entry)
-    direction:table | text | HOW | both, mean (the control's backlash is 0 or applied by halves) \
-        or forward (it is applied as a whole) | shown: both where the format has two columns, else \
-        mean
-    from_ | float | MM | First point of an interpolated table, machine position
-    to:end | float | MM | Its last point
-    step | float | MM | Its step
-    reference | float | MM | Machine position where the table is 0 | shown: 0 if a target, else \
-        the first
-    machine_zero | float | MM | Machine position of the readings' zero | shown: 0
-    set | text | NAME=VALUE... | A parameter of the control: axis table encoder counts_per_mm unit \
-        type variant
+    direction:table | text | HOW | both, mean (backlash of 0 or by halves), forward (as a whole) \
+        | shown: both where the format has two columns, else mean
+    from_ | float -1e6..1e6 | MM | First point of an interpolated table, machine position
+    to:end | float -1e6..1e6 | MM | Its last point
+    step | float 0..1e6 | MM | Its step
+    reference | float -1e6..1e6 | MM | Machine position of the 0 | shown: 0 or first target
+    machine_zero | float -1e6..1e6 | MM | Machine position of the readings' zero | 0
+    set | text | NAME=VALUE... | Of the control: axis table encoder counts_per_mm unit type variant
     reverse_axis | flag | - | The machine's axis runs against that of the readings
     covariance | flag | - | Covariance matrix in the report
     detail | flag | - | Tables with all statistics, beyond u, U, intervals and p

@@ -24,8 +24,9 @@ from mtu_cli.cli.options import (
     option_name,
 )
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, number_of, within
-from mtu_cli.files.contract import A_NAME, is_name
+from mtu_cli.files.contract import A_NAME, is_identifier, is_name
 from mtu_cli.files.covariates import is_temperature
+from mtu_cli.files.headers import POINTS as POINTS_TABLE
 from mtu_cli.files.source import SYNTHETIC
 from mtu_cli.findings import InputError, error, listed
 from mtu_cli.formats.base import Imported
@@ -66,16 +67,14 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     if not paths:
         expected = "--write-lbb, --write-laser, --write-cmm or --write-drift FILE"
         raise error("usage", reason="simulate has no output", expected=expected)
-    if options.operation is not None and not is_name(options.operation.strip()):
+    if options.operation is not None and not is_name(options.operation):
         place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
         raise error("wrong-type", kind="a name", **place)
     model = modelled(inputs).model
     # Of components that stand in no equation nothing is simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings = [each for each in of_machine if each.facts["what"] == "component"]
-    made: dict[str, Synthetic] = {}
-    for name in paths:
-        made[name] = MAKERS[name](inputs, model, settings.seed)
+    made = {name: MAKERS[name](inputs, model, settings.seed) for name in paths}
     first = next(iter(made.values()))
     return Outcome(
         results=lambda: {name.removeprefix("write_"): x.typed() for name, x in made.items()},
@@ -135,8 +134,7 @@ def _simulated(
     inputs: Inputs, model: MachineModel, seed: int, only: str | None = None
 ) -> SimulatedReadings:
     read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
-    wanted = [estimate for estimate in read if only in (None, estimate.name)]
-    needed = {estimate.of for estimate in wanted if estimate.of is not None}
+    needed = {each.of for each in read if each.of is not None and only in (None, each.name)}
     positions = _positions(inputs, model, needed)
     # Of components that are not asked for only the draws matter, not where they are read.
     other = next(iter(positions.values()), np.zeros(1))
@@ -191,9 +189,9 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     ids, points, _ = feature_points(inputs.part, model)
     option, text, first = "--first-repeats", options.first_repeats, (0, 0)
     if text is not None:
-        parts, repeats = map(int, ends(option, text, "PARTS:REPEATS", "4:5", whole=True))
+        parts, repeats = ends(option, text, "PARTS:REPEATS", "4:5", whole=True)
         within(option, (parts, repeats), (1, MOST_STEPS))
-        first = (parts, repeats)
+        first = int(parts), int(repeats)
     same = ("parts", "repeats", "reverse_every", "minutes", "operation")
     plan = PartsPlan(
         **{name: options.values[name] for name in same},
@@ -223,14 +221,6 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     return points_file(replace(result, measured=grown))
 
 
-TAKEN = {
-    *("part", "feature", "operation", "repeat", "sequence", "time", "time_min"),
-    *(f"{start}{axis}" for axis in AXES for start in ("", "dir_")),
-    *(f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")),
-}
-"""Columns that points have anyway: no covariate may be called so."""
-
-
 def _equations(
     option: str, texts: Iterable[str] | None, model: MachineModel | None = None
 ) -> Equations:
@@ -238,7 +228,8 @@ def _equations(
     known = None if model is None else [f"E{axis}" for axis in model.axes]
 
     def parsed(name: str, text: str) -> Node:
-        if known is None and (name in TAKEN or not (name.isascii() and name.isidentifier())):
+        # No covariate may be called as a column that points have anyway.
+        if known is None and (name in (*POINTS_TABLE.columns, *AXES) or not is_identifier(name)):
             place = {"value": name, "expected": "another name, such as T_spindle_degC"}
             raise error("wrong-type", path=option, kind="the name of a further column", **place)
         try:

@@ -27,8 +27,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses import iso230 as analysis
 
     options = inputs.options
-    standard = options.standard or "iso230-2"
-    known_name("--standard", "standard", standard, analysis.STANDARDS)
+    standard = known_name("--standard", "standard", options.standard, analysis.STANDARDS)
     if (options.plan is None) != (options.pitch is None):
         given, lacks = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
         raise error("incomplete", what=given, other=lacks, expected=f"{lacks} MM, too")
@@ -93,10 +92,10 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import circular as report
 
     options = inputs.options
-    ways, planes = _words(options.direction, str.lower), _words(options.plane, str.upper)
-    for name, values, known in (("direction", ways, WAYS), ("plane", planes, PLANES)):
-        for value in values:
-            known_name(f"--{name}", name, value, known)
+    ways = _words(
+        options.direction, lambda x: known_name("--direction", "direction", x.lower(), WAYS)
+    )
+    planes = _words(options.plane, lambda x: known_name("--plane", "plane", x.upper(), PLANES))
     feeds = _words(options.feed, partial(above_zero, "--feed"))
     pitches = _words(options.pitch, partial(above_zero, "--pitch"))
     if len(pitches) > 2:

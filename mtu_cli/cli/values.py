@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from math import isfinite
-from typing import TypeVar
+from typing import Any, TypeVar
 
+from mtu_cli.cli.options import Option, option_name
 from mtu_cli.files.csv_table import number
 from mtu_cli.findings import Finding, InputError, error, suggestion
 
@@ -72,10 +73,21 @@ def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: 
             raise error("out-of-range", **place, expected=expected)
 
 
-def known_name(option: str, what: str, name: str, known: Collection[str]) -> None:
-    """Raises InputError for a name that is none of those `known`, with the nearest."""
-    if name not in known:
+def check_bounds(known: Mapping[str, Option], values: Mapping[str, Any]) -> None:
+    """Raises InputError for a number that is out of the bounds of its option."""
+    for name, option in known.items():
+        given = values.get(name)
+        if option.bounds and option.kind is not str and given is not None:
+            within(option_name(name), given if option.many else [given], option.bounds)
+
+
+def known_name(option: str, what: str, name: Any, known: Collection[str]) -> Any:
+    """The name, if any is given; raises InputError, with the nearest, for one that is none of those
+    `known`.
+    """
+    if name is not None and name not in known:
         raise error("unknown-name", path=option, what=what, value=name, **suggestion(name, known))
+    return name
 
 
 def assigned(

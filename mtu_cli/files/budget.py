@@ -66,8 +66,9 @@ def _constant(value: object) -> object:
 
 Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Width = Annotated[NonNegative, Field(le=LARGEST)]
+Coefficient = Annotated[float, Field(ge=-1, le=1)]
 Correlation = Annotated[
-    tuple[IdText, IdText, float], BeforeValidator(_triple, json_schema_input_type=list[Any])
+    tuple[IdText, IdText, Coefficient], BeforeValidator(_triple, json_schema_input_type=list[Any])
 ]
 
 
@@ -235,9 +236,8 @@ def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget
     budget = check_contract(document, Budget, "budget", check)
     warnings = tuple(_warnings(budget, trees, document))
     return LoadedBudget(
-        source=document.source, document=document, warnings=warnings,
-        budget=budget, trees=trees, units=units,
-    )  # fmt: skip
+        document=document, warnings=warnings, budget=budget, trees=trees, units=units
+    )
 
 
 def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
@@ -310,7 +310,7 @@ def _check_together(budget: Budget, faults: Faults) -> None:
     """Correlations of uncertain inputs, no pair twice; simultaneous inputs, each once."""
     known, inputs = faults.keys("inputs"), budget.inputs
     pairs: set[frozenset[str]] = set()
-    for index, (first, second, r) in present(budget.correlations):
+    for index, (first, second, _) in present(budget.correlations):
         path: YamlPath = ("correlations", index)
         for at, name in enumerate((first, second)):
             if name not in known:
@@ -318,8 +318,6 @@ def _check_together(budget: Budget, faults: Faults) -> None:
             elif name in inputs and not inputs[name].varies:
                 given = {"reason": "it has no uncertainty", "expected": "an uncertain input"}
                 faults.add((*path, at), "wrong-correlation", value=name, **given)
-        if not -1.0 <= r <= 1.0:
-            faults.add((*path, 2), "wrong-value", value=f"{r:g}", expected="-1 to 1")
         pair = frozenset((first, second))
         if first == second or pair in pairs:
             what = "the name" if first == second else "the correlation"
@@ -363,11 +361,8 @@ def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
     powers = {name: named[text] for name, text in units.items()}
     for name, text in texts.items():
         path: YamlPath = ("equation",) if single else ("equations", name)
-        name_path: YamlPath = ("quantity", "name") if single else path
-        if not name.strip():
-            given = {"kind": "a name", "expected": "a name before its equation"}
-            faults.add(name_path, "wrong-type", value=name, **given)
-        elif name in known:
+        if name in known:
+            name_path: YamlPath = ("quantity", "name") if single else path
             faults.add(name_path, "name-taken", value=name, taken="an input")
         with faults.collected(path):
             tree = parse(text, BUDGET_FUNCTIONS)

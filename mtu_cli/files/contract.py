@@ -143,9 +143,13 @@ IdText = Annotated[Name, short(lambda value: type(value) is int, str, str | int)
 class Loaded:
     """What is read from a document, and where each of its values stands there."""
 
-    source: Source
     document: YamlDocument
     warnings: tuple[Finding, ...] = ()
+
+    @property
+    def source(self) -> Source:
+        """The file as reports know it."""
+        return self.document.source
 
     def line_of(self, *path: str | int) -> int | None:
         """The line of a value of the file: ``line_of("components", "dx_x")``."""
@@ -381,8 +385,8 @@ def present(items: Iterable[T | None] | None) -> list[tuple[int, T]]:
 
 
 def is_name(text: str) -> bool:
-    """Whether a table can show the text: not empty, and nothing in it that a terminal obeys."""
-    return bool(text) and re.search("[\x00-\x1f\x7f-\x9f\u2028\u2029]", text) is None
+    """Whether a table can show the text: not blank, and nothing in it that a terminal obeys."""
+    return bool(text.strip()) and re.search("[\x00-\x1f\x7f-\x9f\u2028\u2029]", text) is None
 
 
 def is_identifier(name: str) -> bool:

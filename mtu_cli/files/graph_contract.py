@@ -9,12 +9,11 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from mtu_cli.files.contract import Contract, IdText, Name, is_number, one_or_more, optional, wrong
+from mtu_cli.files.part import LARGEST_MM
 from mtu_cli.findings import InputError
 from mtu_cli.language import check_known, evaluate, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 
-LARGEST = 1e9
-"""A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
 LARGEST_U_UM = 1e6
 MAX_REPEATS = 10_000
 Triple = tuple[float, float, float]
@@ -56,8 +55,8 @@ def number_or_formula(value: object) -> float:
         value = float(evaluate(node, {}))
     if not is_number(value):
         raise wrong("a number, or a formula such as 30*pi/180")
-    if not abs(number := float(value)) <= LARGEST:
-        raise wrong(f"a number of at most {LARGEST:g}")
+    if not abs(number := float(value)) <= LARGEST_MM:
+        raise wrong(f"a number of at most {LARGEST_MM:g}")
     return number
 
 

@@ -166,17 +166,17 @@ SYNONYMS = {
 
 def measured_in(path: Path) -> str | None:
     """What a file holds by its header: readings or points; None of anything else."""
-    header = next((line for line in lines_of(path) if line[0] != "#"), "")
+    header = next((line for line in filled_lines(path) if line[0] != "#"), "")
     names = {name.strip(' "\n') for name in re.split("[,;]", header)}
     return next((x.holds for x in (READINGS, POINTS) if {*x.required} <= names), None)
 
 
 def is_made(path: Path) -> bool:
     """Whether a file is empty, or says that it is synthetic."""
-    return next(lines_of(path), SYNTHETIC).lstrip().startswith(SYNTHETIC)
+    return next(filled_lines(path), SYNTHETIC).lstrip().startswith(SYNTHETIC)
 
 
-def lines_of(path: Path) -> Iterator[str]:
+def filled_lines(path: Path) -> Iterator[str]:
     """The lines of a text file that are not empty, as far as it can be read."""
     with suppress(OSError), path.open(encoding="utf-8-sig", errors="replace") as file:
         yield from (line for line in file if line.strip())

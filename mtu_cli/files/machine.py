@@ -83,11 +83,7 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
 
     machine = check_contract(document, Machine, "machine", check)
     loaded = LoadedMachine(
-        source=document.source,
-        document=document,
-        machine=machine,
-        forms=forms,
-        effect_forms=tuple(effect_forms),
+        document=document, machine=machine, forms=forms, effect_forms=tuple(effect_forms)
     )
     return replace(loaded, warnings=tuple(_warnings(loaded)))
 

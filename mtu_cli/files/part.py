@@ -181,8 +181,7 @@ def load_part(path: Path, role: str = "part") -> LoadedPart:
     Raises InputError with all faults of the file, each with its line.
     """
     document = read_yaml(path, role)
-    part = check_contract(document, Part, "part", _check)
-    return LoadedPart(source=document.source, part=part, document=document)
+    return LoadedPart(document=document, part=check_contract(document, Part, "part", _check))
 
 
 def _check(part: Part, faults: Faults) -> None:

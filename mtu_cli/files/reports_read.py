@@ -189,13 +189,22 @@ class ReportedDrift(_Reported):
         }
 
 
-class _Components(_Reported):
+class _Results(_Reported):
+    """The results of a checked report; `document` is the whole of it as it was read."""
+
+    source: Any = None
+    document: Any = None
+
+
+class ComponentsReport(_Results):
+    """A fit-components report."""
+
     components: dict[str, ReportedComponent]
     joint_pass_covariance: list[ReportedGroup] = []
     effects: ReportedEffects | None = None
 
     @model_validator(mode="after")
-    def _joint(self) -> _Components:
+    def _joint(self) -> Self:
         """Components that were fitted together are there, with as many coefficients."""
         for i, group in enumerate(self.joint_pass_covariance):
             at = ("joint_pass_covariance", i)
@@ -207,42 +216,24 @@ class _Components(_Reported):
         return self
 
 
-class _Drifts(_Reported):
+class ThermalReport(_Results):
+    """A thermal-fit report."""
+
     components: dict[str, ReportedDrift]
 
 
-R = TypeVar("R", bound=_Reported)
+R = TypeVar("R", bound=_Results)
 
 
 class _Report(_Reported, Generic[R]):
     results: R
 
 
-@dataclass(frozen=True, kw_only=True)
-class ComponentsReport:
-    """A checked fit-components report; `document` is the whole of it as it was read."""
-
-    source: Source
-    document: dict[str, Any]
-    components: dict[str, ReportedComponent]
-    joint_pass_covariance: list[ReportedGroup]
-    effects: ReportedEffects | None
-
-
-@dataclass(frozen=True, kw_only=True)
-class ThermalReport:
-    """A checked thermal-fit report, likewise."""
-
-    source: Source
-    document: dict[str, Any]
-    components: dict[str, ReportedDrift]
-
-
-KINDS: dict[str, tuple[str, type[_Reported], Any]] = {
-    "fit-components": ("components", _Report[_Components], ComponentsReport),
-    "thermal-fit": ("thermal", _Report[_Drifts], ThermalReport),
+KINDS: dict[str, tuple[str, Any]] = {
+    "fit-components": ("components", _Report[ComponentsReport]),
+    "thermal-fit": ("thermal", _Report[ThermalReport]),
 }
-"""By command: the role of its report, the contract, and what is made of it."""
+"""By command: the role of its report, and the contract."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -276,9 +267,10 @@ def report_from(source: Source, document: Any) -> Any:
         place = {} if schema is None else {"path": "schema", "value": str(schema)}
         facts = {"kind": "a components report", "expected": expected}
         raise error("wrong-type", file=source.shown, **facts, **place)
-    role, contract, made = KINDS[kind]
-    checked: Any = check_contract(YamlDocument(source=source, data=document), contract, kind)
-    return made(source=replace(source, role=role), document=document, **dict(checked.results))
+    role, contract = KINDS[kind]
+    checked = check_contract(YamlDocument(source=source, data=document), contract, kind)
+    read = {"source": replace(source, role=role), "document": document}
+    return checked.results.model_copy(update=read)
 
 
 def read_reports(paths: Iterable[Path]) -> ModelReports:

@@ -178,10 +178,4 @@ def load_study(
             faults.lacks(("budget",), "already_at_20", expected)
 
     study = check_contract(document, Study, "study", check)
-    return LoadedStudy(
-        source=document.source,
-        study=study,
-        files=files,
-        document=document,
-        instruments=instruments,
-    )
+    return LoadedStudy(document=document, study=study, files=files, instruments=instruments)

@@ -112,6 +112,7 @@ def test_reports_say_which_data_are_synthetic(tmp_path: Path) -> None:
         (lambda: mtu_cli.read_machine("nowhere.yaml"), InputError, "no such file"),
         (lambda: mtu_cli.lengths(PAPER, k="two"), InputError, "out of range: .*a number"),
         (lambda: mtu_cli.lengths(PAPER, trials=3.5), InputError, "out of range: .*a whole"),
+        (lambda: mtu_cli.simulate(PAPER, passes=0), InputError, "--passes: out of range: '0'"),
         (lambda: mtu_cli.lengths(PAPER, sead=1), TypeError, "lengths has no option sead"),
         (lambda: mtu_cli.lengths(PAPER, csv="x"), TypeError, "lengths has no option csv"),
         (lambda: mtu_cli.lengths(5), TypeError, "lengths takes no int"),

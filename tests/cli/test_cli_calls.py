@@ -52,7 +52,7 @@ def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
             ["simulate", "--cmm-room", "22:25"],
             "invalid value for '--cmm-room': not a number: '22:25'",
         ),
-        (["simulate", "--passes", "0"], "invalid value for '--passes': '0' is not a whole number"),
+        (["simulate", "--passes", "0"], "--passes: out of range: '0'; expected from 1 to 10000"),
         (["lengths", "-p", ""], "invalid value for '-p' / '--part': it names no file"),
         (["\u65e5\u672c" * 40], "no such command '\u65e5\u672c"),
         (["lengths", "--a\x1b[31m\n"], "no such option: --a\\x1b[31m"),

@@ -153,7 +153,7 @@ def test_readings_count_in_any_order_of_the_names(tmp_path: Path) -> None:
         (("--component", "pos_x"), "--for CONTROLLER"),
         (("--for", "linuxnc", "--component", "pos_x"), "did you mean 'linuxcnc'"),
         (("--for", "acs"), "--component NAME"),
-        (("--for", "acs", "--component", "pos_x", "--reference", "nan"), "a finite position"),
+        (("--for", "acs", "--component", "pos_x", "--reference", "nan"), "from -1e+06"),
         (("--for", "acs", "--component", "pos_x", "--from", "0"), "the other two"),
         (("--for", "acs", "--component", "pos_x", "--direction", "both"), "one column"),
         (("--for", "acs", "--component", "pos_x", "--set", "zonne=1"), "did you mean 'zone'"),
