@@ -161,7 +161,7 @@ FILES = declare("""
     study | path argument | STUDY | Study file; without it and without -m, mtu.yaml here or above
     machine | path -m | FILE | Machine YAML
     part | path -p | FILE | Part YAML
-    components | path -c | FILE... | Report of fit-components or thermal-fit; wins over the machine
+    components | path -c | FILE... | Report of fit-components or thermal-fit; wins over -m
     lbb | path | FILE... | Laser ball bar readings: CSV, or NAME=FILE of an instrument
     laser | path | FILE... | Laser readings: CSV, or NAME=FILE of an instrument
     drift | path | FILE... | Thermal drift readings: CSV, or NAME=FILE of an instrument
