@@ -161,7 +161,8 @@ class AngleTrials(PointTrials):
 
         expectation -w'(v_0 + K z) and variance w'V w.
 
-    So a trial draws z and one normal for all of v. Where the degrees of freedom are finite all
+    So a trial draws z and one normal for all of v, whose variance is of squares of u, once V within
+    a line is diagonal, and of what both lines share. Where the degrees of freedom are finite all
     normals of a trial are scaled alike, as in `PointTrials`, whose own `draw` lays the lines
     through all errors. The first-order form, the control variate, has its own distribution exactly;
     it is drawn from the same z and, for its share in v, the same last normal.
@@ -238,7 +239,7 @@ class AngleTrials(PointTrials):
                 rows[line] = Q.T @ rows[line]
             self.of_lines[[i, 2 + i], line] = np.ones(len(d)), d
         row, column = self.lines
-        self.shared = v_left[row] @ v_left[column].T
+        self.twice_shared = 2.0 * v_left[row] @ v_left[column].T
         # Of errors that are all independent v has no part in z: u'v needs no v that is drawn.
         self.v_fixed = bool(np.abs(by_z[n + 1 :]).max(initial=0.0) <= least)
         if self.v_fixed:
@@ -257,9 +258,9 @@ class AngleTrials(PointTrials):
         u, linear, along = rows[:n], rows[n : n + 1], rows[n + 1 :]
         if not self.v_fixed:
             along = np.array([np.einsum("ij,ij->j", u[x], along[x]) for x in self.lines])
-        if shared := bool(self.shared.any()):
+        if shared := bool(self.twice_shared.any()):
             row, column = self.lines
-            both = np.einsum("ij,ij->j", u[row], self.shared @ u[column])
+            both = np.einsum("ij,ij->j", u[row], self.twice_shared @ u[column])
         squares = np.multiply(u, u, out=u)
         of_lines = np.matmul(self.of_lines, squares, out=self.work.array("of_lines", (4, m)))
         inverse, spread = of_lines[:2], of_lines[2:]
@@ -272,7 +273,9 @@ class AngleTrials(PointTrials):
             spread *= inverse
             np.add(spread[0], spread[1], out=values[0])
             if shared:
-                values += 2.0 * both * inverse[0] * inverse[1]
+                both *= inverse[0]
+                both *= inverse[1]
+                values += both
             np.sqrt(np.maximum(values, 0.0, out=values), out=values)
             values *= z[-2]
             values -= along[0]

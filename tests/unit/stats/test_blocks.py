@@ -39,3 +39,30 @@ def test_quantiles_are_those_of_a_full_sort(f: Callable[[FloatArray], FloatArray
     assert lower == pytest.approx(weights(ordered), rel=1e-12, abs=1e-12)
     assert upper == pytest.approx(weights(ordered[::-1]), rel=1e-12, abs=1e-12)
     assert np.array_equal(block, before)
+
+
+@pytest.mark.parametrize("control", [False, True])
+def test_blocks_that_are_drawn_at_once_count_as_each_by_itself(control: bool) -> None:
+    model, m, h = Bent(0.1, control), 500, 6
+    draws = model.draw(np.random.default_rng(2), h * m)
+    summariser = BlockSummariser(model, BlockPlan(0.95, m, h))
+    found, squares = summariser.summarise(draws, h), 0.0
+    for i in range(h):
+        values, linear = (
+            None if x is None else x[:, i * m : (i + 1) * m] for x in (draws.values, draws.linear)
+        )
+        assert values is not None
+        own = summariser.summarise(Draws(values=values, linear=linear), 1)
+        assert found.statistics[i] == pytest.approx(own.statistics[0], rel=1e-12, abs=1e-12)
+        assert found.controls[i] == pytest.approx(own.controls[0], rel=1e-12, abs=1e-12)
+        squares += float(own.squares[0, 0])
+    assert found.squares[0, 0] == pytest.approx(squares)
+    assert bool(found.controls.any()) == control
+
+
+def test_quantiles_of_equal_values_are_that_value_to_the_bit() -> None:
+    plan = BlockPlan(0.95, 2000, None)
+    found = BlockSummariser(Bent(control=False), plan).summarise(
+        Draws(values=np.full((1, 6000), 0.1)), 3
+    )
+    assert np.unique(found.statistics[:, 2:]).tolist() == [0.1]
