@@ -68,6 +68,9 @@ class PointTrials:
         stacked = np.vstack([combine, gradient])
         if variance is None:
             self.factor = stacked * np.sqrt(prediction.independent_variance)
+            # Many more errors than combinations of them: as many normals as these need.
+            if len(mean) * 1.5 < len(prediction.mean):
+                self.factor = factor_of(self.factor @ self.factor.T)
             self.dof = np.full(len(names), np.inf)
         else:
             self.factor = self._factor_of(stacked, prediction, variance.total)
