@@ -95,7 +95,7 @@ def predict_lengths(
     owner = np.tile(np.arange(len(names)), len(prediction.axes))
     alone = settings.independent
     trials = PointTrials(
-        prediction, names, measure, combine, owner, gradient, dof, independent=alone
+        prediction, names, measure, combine, owner, gradient, None if alone else shared
     )
     run, errors = settings.run(trials), trials.linear_mean
     half = np.array([coverage_factor(PROBABILITY, each) for each in dof]) * u

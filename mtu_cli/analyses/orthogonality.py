@@ -131,7 +131,7 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
         interval95=(mean - half, mean + half),
         independent=independent,
         validation=settings.validate(mean, u, dof, run, 0),
-        shares=None if settings.independent else chosen.variance.shares(0),
+        shares=None if chosen.variance is None else chosen.variance.shares(0),
         conformance=conformance_of(entry.tolerance, ARCSEC, mean, u, dof),
         outside=bool(prediction.outside),
         k=settings.coverage_factor,

@@ -161,7 +161,8 @@ class AngleTrials(PointTrials):
 
         expectation -w'(v_0 + K z) and variance w'V w.
 
-    So a trial draws z and one normal for all of v. Where the degrees of freedom are finite all
+    So a trial draws z and one normal for all of v, whose variance is of squares of u, once V within
+    a line is diagonal, and of what both lines share. Where the degrees of freedom are finite all
     normals of a trial are scaled alike, as in `PointTrials`, whose own `draw` lays the lines
     through all errors. The first-order form, the control variate, has its own distribution exactly;
     it is drawn from the same z and, for its share in v, the same last normal.
@@ -183,75 +184,101 @@ class AngleTrials(PointTrials):
         db/dv = u/u'u and db/du = (v - 2 b u)/u'u.
         """
         of_row, of_column = ([prediction.ids.index(i) for i in ids] for ids in (row, column))
-        sides = [(of_row, "x"), (of_row, "y"), (of_column, "y"), (of_column, "x")]
-        mean, index = prediction.mean, prediction.axes.index
-        every = np.eye(len(mean)).reshape(-1, len(prediction.axes), len(mean))
-        combine = [contrasts(len(own)) @ every[own, index(axis)] for own, axis in sides]
-        places = prediction.points.T
-        design = [contrasts(len(own)) @ places[AXES.index(axis), own] for own, axis in sides]
-        ends, nominal = np.cumsum([len(x) for x in design]), np.concatenate(design)[:, None]
-        lines = (design[0][:, None], design[1][:, None]), (design[2][:, None], design[3][:, None])
+        places, index = prediction.points.T, prediction.axes.index
+        every = np.eye(len(prediction.mean)).reshape(len(places.T), -1, len(prediction.mean))
+        combine, design = [], []
+        for own, axis in ((of_row, "x"), (of_row, "y"), (of_column, "y"), (of_column, "x")):
+            H = contrasts(len(own))
+            combine.append(H @ every[own, index(axis)])
+            design.append(H @ places[AXES.index(axis), own])
+        combined, nominal = np.vstack(combine), np.concatenate(design)
+        ends = np.cumsum([len(x) for x in design])[:-1]
+        u_r, v_r, u_c, v_c = (x[:, None] for x in design)
+        lines = (u_r, v_r), (u_c, v_c)
 
         def measure(errors: FloatArray) -> FloatArray:
-            u_r, v_r, u_c, v_c = np.split(errors + nominal, ends[:-1])
+            u_r, v_r, u_c, v_c = np.split(errors + nominal[:, None], ends)
             return angle_error(((u_r, v_r), (u_c, v_c)), lines)[None, :]
 
-        slopes = np.zeros((len(prediction.ids), len(prediction.axes)))
-        errors = mean.reshape(slopes.shape)
-        for (own, x), (_, y) in (sides[:2], sides[2:]):
-            each = (places[AXES.index(axis), own] + errors[own, index(axis)] for axis in (x, y))
-            u, v = (side - side.mean() for side in each)
-            b = float(u @ v / (u @ u))
-            slopes[own, index(y)] -= u / (u @ u)
-            slopes[own, index(x)] -= (v - 2 * b * u) / (u @ u)
-        gradient = slopes.reshape(1, -1)
-        self.variance = prediction.variance(gradient)
-        dof = np.full(1, np.inf) if independent else self.variance.dof
-        owner = np.zeros(ends[-1], np.int64)
-        super().__init__(
-            prediction, (name,), measure, np.vstack(combine), owner, gradient, dof,
-            independent=independent,
-        )  # fmt: skip
+        falling = []
+        placed = np.split(combined @ prediction.mean + nominal, ends)
+        for u, v in (placed[:2], placed[2:]):
+            square = u @ u
+            falling += [(v - 2 * (u @ v) / square * u) / square, u / square]
+        gradient = -(np.concatenate(falling) @ combined)[None, :]
+        self.variance = None if independent else prediction.variance(gradient)
+        owner = np.zeros(len(nominal), np.int64)
+        super().__init__(prediction, (name,), measure, combined, owner, gradient, self.variance)
         self.square = float(slope(lines[0])[0] + slope(lines[1])[0])
-        self.of_row, self.n = len(design[0]), len(design[0]) + len(design[2])
-        at = np.split(np.arange(self.k), ends[:-1])
-        # u, then v, then the first-order form.
-        order = np.concatenate([*at[::2], *at[1::2], [self.k]])
-        means = (self.offset + np.vstack([nominal, np.zeros((1, 1))]))[order]
-        factor = self.factor[order]
-        _, size, normals = np.linalg.svd(factor[: self.n], full_matrices=False)
-        normals = normals[size > ROUNDING * size.max(initial=0.0)]
+        at = np.split(np.arange(self.k), ends)
+        order = np.concatenate([at[0], at[2], [self.k], at[1], at[3]])
+        means = self.offset + np.append(nominal, 0.0)[:, None]
+        self._reduce(self.factor[order], means[order], len(u_r))
+
+    def _reduce(self, factor: FloatArray, means: FloatArray, of_row: int) -> None:
+        """The product that draws u, the first-order form and v, which `factor` and `means` (2 n +
+        1, ...) are of, and what is made of it. Directions within a line are those of the
+        eigenvectors of its part of V: of w'V w are left eigenvalues times squares, and what both
+        lines share.
+        """
+        n = len(factor) // 2
+        _, size, normals = np.linalg.svd(factor[:n], full_matrices=False)
+        least = ROUNDING * size.max(initial=0.0)
+        normals = normals[size > least]
         by_z = factor @ normals.T
-        left = (factor - by_z @ normals)[self.n :]
-        self.rest = float(np.linalg.norm(left[-1]))
-        self.V = left[:-1] @ left[:-1].T
+        left = (factor - by_z @ normals)[n:]
+        last = np.zeros_like(means)
+        last[n] = np.linalg.norm(left[0])
         # The means ride along in the product: a pass over the array is saved.
-        self.product, self.drawn = np.hstack([by_z, means]), len(normals)
+        product = np.hstack([by_z, last, means])
+        self.of_lines, self.lines = np.zeros((4, n)), (slice(of_row), slice(of_row, n))
+        v_left, u, v = left[1:], product[:n], product[n + 1 :]
+        for i, line in enumerate(self.lines):
+            d, Q = np.linalg.eigh(v_left[line] @ v_left[line].T)
+            for rows in (u, v, v_left):
+                rows[line] = Q.T @ rows[line]
+            self.of_lines[[i, 2 + i], line] = np.ones(len(d)), d
+        row, column = self.lines
+        self.twice_shared = 2.0 * v_left[row] @ v_left[column].T
+        # Of errors that are all independent v has no part in z: u'v needs no v that is drawn.
+        self.v_fixed = bool(np.abs(by_z[n + 1 :]).max(initial=0.0) <= least)
+        if self.v_fixed:
+            v = np.array([v[line, -1] @ u[line] for line in self.lines])
+        self.n, self.product = n, np.vstack([product[: n + 1], v])
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (1, m)."""
-        n, rank = self.n, self.drawn
-        z = self.work.array("z", (rank + 2, m))
-        rng.standard_normal(out=z[:rank])
-        rng.standard_normal(out=z[-1])
+        n, (drawn, columns) = self.n, self.product.shape
+        z = self.work.array("z", (columns, m))
+        rng.standard_normal(out=z[:-1])
         if np.isfinite(self.linear_dof[0]):
-            scale = t_scales(float(self.linear_dof[0]), rng, self.work.array("scale", (m,)))
-            z[:rank] *= scale
-            z[-1] *= scale
-        z[rank] = 1.0
-        rows = np.matmul(self.product, z[:-1], out=self.work.array("rows", (2 * n + 1, m)))
-        w, v, linear = rows[:n], rows[n : 2 * n], rows[2 * n :]
+            z[:-1] *= t_scales(float(self.linear_dof[0]), rng, self.work.array("scale", (m,)))
+        z[-1] = 1.0
+        rows = np.matmul(self.product, z, out=self.work.array("rows", (drawn, m)))
+        u, linear, along = rows[:n], rows[n : n + 1], rows[n + 1 :]
+        if not self.v_fixed:
+            along = np.array([np.einsum("ij,ij->j", u[x], along[x]) for x in self.lines])
+        if shared := bool(self.twice_shared.any()):
+            row, column = self.lines
+            both = np.einsum("ij,ij->j", u[row], self.twice_shared @ u[column])
+        squares = np.multiply(u, u, out=u)
+        of_lines = np.matmul(self.of_lines, squares, out=self.work.array("of_lines", (4, m)))
+        inverse, spread = of_lines[:2], of_lines[2:]
         values = self.work.array("values", (1, m))
         # A line of no length has no direction: its trials are not finite, which is counted.
         with np.errstate(divide="ignore", invalid="ignore"):
-            for u in (w[: self.of_row], w[self.of_row :]):
-                u *= 1.0 / np.einsum("ij,ij->j", u, u)
-            spread = np.matmul(self.V, w, out=self.work.array("spread", (n, m)))
-            np.einsum("ij,ij->j", w, spread, out=values[0])
-            np.sqrt(values, out=values)
-        values *= z[-1]
-        values -= np.einsum("ij,ij->j", w, v)
+            np.divide(1.0, inverse, out=inverse)
+            along *= inverse
+            spread *= inverse
+            spread *= inverse
+            np.add(spread[0], spread[1], out=values[0])
+            if shared:
+                both *= inverse[0]
+                both *= inverse[1]
+                values += both
+            np.sqrt(np.maximum(values, 0.0, out=values), out=values)
+            values *= z[-2]
+            values -= along[0]
+            values -= along[1]
         values += self.square
-        z[-1] *= self.rest
-        linear += z[-1]
         return Draws(values=values, linear=linear)

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from mtu_cli.files.part import Tolerance
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.variance import Variance
 from mtu_cli.stats.blocks import Draws
-from mtu_cli.stats.covariance import as_covariance, factor_of
+from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
 from mtu_cli.stats.least_squares import FloatArray, IntArray
@@ -36,13 +37,13 @@ class PointTrials:
     """A Monte Carlo model: m future parts a block, each with errors at all points.
 
     `combine` (combinations, rows) says which linear combinations of the errors `measure` needs;
-    only these are drawn, normal with the prediction's covariance or, with `independent`, with every
-    error on its own, as Gilsinn & Ling 2004, eq. (23), have it. `owner` (combinations,) is the
-    output that a combination belongs to. `dof` (outputs,) are the effective degrees of freedom:
-    where they are finite its combinations are scaled to Student's t (JCGM 101:2008, 6.4.9), so that
-    the trials and the first-order interval differ by what the measurand is not linear in, and by
-    nothing else. The first-order form, `gradient` (outputs, rows), is drawn along and serves as
-    control variate.
+    only these are drawn, normal with the prediction's covariance or, without the `variance` of the
+    outputs, with every error on its own, as Gilsinn & Ling 2004, eq. (23), have it. `owner`
+    (combinations,) is the output that a combination belongs to. Where the effective degrees of
+    freedom of the `variance` are finite its combinations are scaled to Student's t (JCGM 101:2008,
+    6.4.9), so that the trials and the first-order interval differ by what the measurand is not
+    linear in, and by nothing else. The first-order form, `gradient` (outputs, rows), is drawn along
+    and serves as control variate.
     """
 
     smooth = True
@@ -55,9 +56,7 @@ class PointTrials:
         combine: FloatArray,
         owner: IntArray,
         gradient: FloatArray,
-        dof: FloatArray,
-        *,
-        independent: bool = False,
+        variance: Variance | None,
     ) -> None:
         self.names, self.measure, self.work = names, measure, Workspace()
         mean = combine @ prediction.mean
@@ -66,30 +65,36 @@ class PointTrials:
         self.offset = np.concatenate([mean, self.linear_mean])[:, None]
         self.k = len(combine)
         self.owner = np.concatenate([owner, np.arange(len(names))])
-        self.factor = self._factor_of(np.vstack([combine, gradient]), prediction, independent)
+        stacked = np.vstack([combine, gradient])
+        if variance is None:
+            self.factor = stacked * np.sqrt(prediction.independent_variance)
+            # Many more errors than combinations of them: as many normals as these need.
+            if len(mean) * 1.5 < len(prediction.mean):
+                self.factor = factor_of(self.factor @ self.factor.T)
+            self.dof = np.full(len(names), np.inf)
+        else:
+            self.factor = self._factor_of(stacked, prediction, variance.total)
+            self.dof = variance.dof
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
-        self.dof, self.u_exists = dof, dof > 2
-        self.linear_dof = np.where(dof < NORMAL_DOF, dof, np.inf)
+        self.u_exists = self.dof > 2
+        self.linear_dof = np.where(self.dof < NORMAL_DOF, self.dof, np.inf)
         self.finite = np.flatnonzero(np.isfinite(self.linear_dof))
         inflation = np.where(self.u_exists, 1.0, np.nan)
         live = self.u_exists & np.isfinite(self.linear_dof)
-        inflation[live] = dof[live] / (dof[live] - 2)
+        inflation[live] = self.dof[live] / (self.dof[live] - 2)
         self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
 
     def _factor_of(
-        self, stacked: FloatArray, prediction: Prediction, independent: bool
+        self, stacked: FloatArray, prediction: Prediction, wanted: FloatArray
     ) -> FloatArray:
         """F with F F' the covariance of the stacked rows; where an output's own variance is another
         (a negative D was kept from making it too small, `variance.block_variance`), without
         negative part and with all rows of the output scaled alike.
         """
-        if independent:
-            return _factor(stacked * prediction.independent_variance @ stacked.T)
         raw = stacked @ prediction.covariance @ stacked.T
-        wanted = prediction.variance(stacked[self.k :]).total
         if np.allclose(np.diag(raw)[self.k :], wanted, rtol=1e-9, atol=0.0):
-            return _factor(raw)
-        factor = _factor(stacked @ prediction.drawable @ stacked.T)
+            return factor_of(raw)
+        factor = factor_of(stacked @ prediction.drawable @ stacked.T)
         ratio = _ratio(wanted, np.sum(factor[self.k :] ** 2, axis=1))
         return factor * ratio[self.owner, None]
 
@@ -112,13 +117,6 @@ class PointTrials:
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
         """Those (outputs, n) of the first-order values less their mean."""
         return self.linear_u * [t_quantile(probability, dof) for dof in self.linear_dof.tolist()]
-
-
-def _factor(covariance: FloatArray) -> FloatArray:
-    """F (rows, rank) with F F' = covariance, of errors that with a moment estimate of D need not
-    have one when they are very many together.
-    """
-    return np.ascontiguousarray(factor_of(as_covariance(covariance)))
 
 
 def _ratio(wanted: FloatArray, drawn: FloatArray) -> FloatArray:

@@ -1,24 +1,23 @@
-"""Blocks of Monte Carlo trials: how long they are, what a model draws, what is kept of it."""
+"""Blocks of Monte Carlo trials: how long they are, what a model draws, what is kept of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.workspace import Workspace
 
 Quantiles = Callable[[FloatArray], FloatArray]
 
-FIXED_BLOCK = 8192
-"""Trials a block for a given count: 26 inputs of a block are 1.7 MB and stay in cache."""
-ADAPTIVE_BLOCK = 2048
-"""Trials a block for an adaptive count: small, so that a first look has many blocks."""
+AT_ONCE, VALUES_AT_ONCE = 16_000, 128_000
+"""Trials that are drawn at once, in one long block or in several, and values of all outputs: their
+arrays stay in cache, and rows that are no power of two apart do not drive each other out of it."""
 LEAST_BLOCKS = 10
 """Fewest blocks whose scatter is taken as the Monte Carlo's own standard uncertainty."""
 FIRST_LOOK = 20
@@ -32,7 +31,7 @@ a parabola, to 1e-5 u."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draws:
-    """What a model returns for one block of m trials: `values` (outputs, m) and their first-order
+    """What a model returns for m trials: `values` (outputs, m) and their first-order
     form `linear` (outputs, m) on the same draws. The engine reads the arrays before the next `draw`
     in the same thread and never writes to them: they may be of the model's `Workspace`.
     """
@@ -66,9 +65,9 @@ class TrialModel(Protocol):
     def draw(self, rng: np.random.Generator, m: int) -> Draws: ...
 
 
-def block_generator(seed: int, block: int) -> np.random.Generator:
-    """The stream of one block: it depends on the seed and the block's number alone."""
-    sequence = np.random.SeedSequence(seed, spawn_key=(block,))
+def batch_generator(seed: int, batch: range) -> np.random.Generator:
+    """The stream of blocks drawn at once: it depends on the seed and the first one alone."""
+    sequence = np.random.SeedSequence(seed, spawn_key=(batch.start,))
     return np.random.Generator(np.random.SFC64(sequence))
 
 
@@ -83,33 +82,44 @@ def least_block(probability: float, *, smooth: bool = False) -> int:
 @dataclass(frozen=True)
 class BlockPlan:
     """Blocks of `size` trials, the first `longer` of them of one more; `blocks` is None where the
-    count adapts. Equal blocks weigh the same in an average of block quantiles.
+    count adapts. Equal blocks weigh the same in an average of block quantiles. About `at_once`
+    trials are drawn at once.
     """
 
     probability: float
     size: int
     blocks: int | None
     longer: int = 0
+    at_once: int = AT_ONCE
 
     @classmethod
-    def fixed(cls, trials: int, probability: float, *, smooth: bool = False) -> BlockPlan:
-        """Exactly `trials`: one block, without the control variate, where ten would be too short
-        for their quantiles.
+    def of(
+        cls, trials: int | None, probability: float, *, smooth: bool = False, outputs: int = 1
+    ) -> BlockPlan:
+        """Exactly `trials`, in one block, without the control variate, where ten would be too short
+        for their quantiles; or None, in blocks as short as can be, so that a first look has many.
         """
-        if trials < LEAST_BLOCKS * least_block(probability, smooth=smooth):
+        least = least_block(probability, smooth=smooth)
+        at_once = min(AT_ONCE, VALUES_AT_ONCE // outputs)
+        if trials is None:
+            return cls(probability, least, None, at_once=at_once)
+        if trials < LEAST_BLOCKS * least:
             return cls(probability, trials, 1)
-        blocks = max(LEAST_BLOCKS, trials // max(FIXED_BLOCK, least_block(probability)))
-        return cls(probability, trials // blocks, blocks, trials % blocks)
-
-    @classmethod
-    def adaptive(cls, probability: float, *, smooth: bool = False) -> BlockPlan:
-        size = least_block(probability, smooth=smooth)
-        return cls(probability, size if smooth else max(ADAPTIVE_BLOCK, size), None)
+        blocks = max(LEAST_BLOCKS, trials // max(at_once, least_block(probability)))
+        return cls(probability, trials // blocks, blocks, trials % blocks, at_once)
 
     @property
     def total(self) -> int | None:
         """All trials; None where the count adapts."""
         return None if self.blocks is None else self.size * self.blocks + self.longer
+
+    def batches(self, first: int, end: int) -> Iterator[range]:
+        """Blocks `first` to `end` in runs of equal length that are drawn at once."""
+        most = max(1, self.at_once // self.size)
+        while first < end:
+            stop = min(first + most, end, self.longer if first < self.longer else end)
+            yield range(first, stop)
+            first = stop
 
     def trials_in(self, block: int) -> int:
         return self.size + (block < self.longer)
@@ -117,7 +127,7 @@ class BlockPlan:
     def first_trial(self, block: int) -> int:
         return self.size * block + min(block, self.longer)
 
-    @cached_property
+    @property
     def shares(self) -> FloatArray:
         """Probabilities (n,), rising, of the quantiles kept at either end of a block, from that of
         the first ordered value: denser towards both ends, and alike about (1 - p)/2, as the partner
@@ -127,101 +137,111 @@ class BlockPlan:
         first = min(1.0 / (self.size + 1), end)
         return end + (end - first) * np.sin(np.linspace(-np.pi / 2, np.pi / 2, QUANTILES))
 
-    def weights(self, m: int) -> FloatArray:
-        """Weights (tail, n) of the ordered values of a block of `m` that estimate Q at `shares`."""
-        if m not in self._weights:
-            tail = min(m, math.ceil(1.5 * (1.0 - self.probability) * (m + 1)) + 2)
-            columns = [_of_rank(share * (m + 1), m, tail) for share in self.shares]
-            self._weights[m] = np.column_stack(columns)
-        return self._weights[m]
 
-    @cached_property
-    def _weights(self) -> dict[int, FloatArray]:
-        return {}
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """Estimates of n quantiles as sums of `weight` (r, n), 1 in all, times the ordered values at
+    `place` (r, n), counted from 0, all of them among the first `tail`.
+    """
+
+    tail: int
+    place: IntArray
+    weight: FloatArray
+
+    def __call__(self, ordered: FloatArray) -> FloatArray:
+        """(..., n) of `ordered` (..., tail); of equal values that value, to the bit."""
+        picked = ordered.take(self.place, axis=-1)
+        near = picked[..., 0, :].copy()
+        picked -= near[..., np.newaxis, :]
+        result: FloatArray = near + np.einsum("...rn,rn->...n", picked, self.weight)
+        return result
 
 
-def _of_rank(rank: float, m: int, tail: int) -> FloatArray:
-    """Weights (tail,) of the first ordered values of m that estimate Q(a), a = rank/(m + 1).
+@lru_cache(64)
+def weights_of(plan: BlockPlan, m: int) -> Weights:
+    """Those of Q(a) at the shares a = rank/(m + 1) of a plan, from the values of a block of `m`.
 
     E y_(j) = Q(a) + a (1 - a) Q''(a) / (2 (m + 2)) + O(1/m^2) (David & Johnson 1954). The
     second term, 8e-4 u at an end of a normal output and m = 8192, would not average out over
     blocks. It is taken off, with Q'' from the ordered values by the central difference of
     fourth order, which is right to 2 % where the quantile runs as a logarithm.
     """
-
-    def at(rank: float) -> FloatArray:
-        weights = np.zeros(tail)
-        j = min(max(1, math.floor(rank)), tail - 1)
-        weights[j - 1], weights[j] = 1.0 - (rank - j), rank - j
-        return weights
-
-    step = 0.25 * min(rank, m + 1 - rank)
-    if rank < WITH_STENCIL or rank + 2.0 * step > tail:
-        return at(rank)
-    a, h = rank / (m + 1), step / (m + 1)
-    near, far = at(rank - step) + at(rank + step), at(rank - 2 * step) + at(rank + 2 * step)
-    second_derivative = (16.0 * near - far - 30.0 * at(rank)) / (12.0 * h * h)
-    bias: FloatArray = a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
-    return at(rank) - bias
+    tail = min(m, math.ceil(1.5 * (1.0 - plan.probability) * (m + 1)) + 2)
+    a = plan.shares
+    ranks = a * (m + 1)
+    step = 0.25 * np.minimum(ranks, m + 1 - ranks)
+    h = step / (m + 1)
+    bias = a * (1.0 - a) / (2.0 * (m + 2)) / (12.0 * h * h)
+    bias[(ranks < WITH_STENCIL) | (ranks + 2.0 * step > tail)] = 0.0
+    share = np.array([1.0 + 30.0 * bias, *[-16.0 * bias] * 2, bias, bias])
+    places = ranks + np.multiply.outer([0.0, -1.0, 1.0, -2.0, 2.0], step)
+    after = np.clip(np.floor(places).astype(np.int64), 1, tail - 1)
+    beyond = places - after
+    place = np.concatenate([after - 1, after])
+    return Weights(tail, place, np.concatenate([share * (1.0 - beyond), share * beyond]))
 
 
 @dataclass(frozen=True, slots=True)
-class BlockSummary:
-    """All that is kept of a block of `count` trials: `statistics` (2 + 2 n, outputs) mean,
+class BatchSummary:
+    """All that is kept of h blocks of `size` trials: `statistics` (h, 2 + 2 n, outputs) mean,
     variance, and the quantiles at the plan's n shares from below and from above; `controls` the
     same of the first-order form minus their exact values, 0 where unknown; `squares` (outputs,
-    outputs) sums of products about the block's mean.
+    outputs) sums of products about the blocks' means.
     """
 
-    count: int
+    size: int
     statistics: FloatArray
     controls: FloatArray
     squares: FloatArray
 
 
 class BlockSummariser:
-    """Turns the draws of a block into its summary; safe to call from several threads."""
+    """Turns draws of h blocks into their summary; safe to call from several threads."""
 
     def __init__(self, model: TrialModel, plan: BlockPlan) -> None:
-        self.plan = plan
+        self.plan, self._work = plan, Workspace()
         outputs, n = len(model.names), QUANTILES
-        self._exact = np.full((2 + 2 * n, outputs), np.nan)
+        exact = np.full((2 + 2 * n, outputs), np.nan)
         if (mean := model.linear_mean) is not None:
-            self._exact[0] = mean
-            self._exact[1] = getattr(model, "linear_variance", np.nan)
+            exact[0] = mean
+            exact[1] = getattr(model, "linear_variance", np.nan)
             quantiles: Quantiles | None = getattr(model, "linear_quantiles", None)
             if quantiles is not None:
                 away = quantiles(plan.shares).T
-                self._exact[2 : 2 + n], self._exact[2 + n :] = mean + away, mean - away
-        self._work = Workspace()
+                exact[2 : 2 + n], exact[2 + n :] = mean + away, mean - away
+        self._known = np.isfinite(exact)
+        self._exact = np.where(self._known, exact, 0.0)
 
-    def summarise(self, draws: Draws) -> BlockSummary:
-        """Summary of one block of finite values."""
-        statistics, centred = self._statistics(draws.values)
-        squares = centred @ centred.T
-        statistics[1] = np.diagonal(squares) / (draws.values.shape[1] - 1)
-        controls = np.zeros_like(statistics)
-        if draws.linear is not None and not np.isnan(self._exact[0]).all():
-            controls = np.nan_to_num(self._statistics(draws.linear)[0] - self._exact)
-        return BlockSummary(draws.values.shape[1], statistics, controls, squares)
-
-    def _statistics(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Those of a block (outputs, m), and its values less their mean."""
-        m = values.shape[1]
-        mean = values.mean(axis=1)
+    def summarise(self, draws: Draws, h: int) -> BatchSummary:
+        """Summary of `h` equal blocks of finite values, one after the other."""
+        outputs, count = draws.values.shape
+        drawn, m = [draws.values], count // h
+        if draws.linear is not None and self._known.any():
+            drawn.append(draws.linear)
+        values = self._work.array("values", (len(drawn) * outputs, h, m))
+        np.concatenate(drawn, out=values.reshape(-1, count))
+        mean = values.mean(axis=2)
         centred = self._work.array("centred", values.shape)
-        np.subtract(values, mean[:, np.newaxis], out=centred)
-        variance = np.einsum("ij,ij->i", centred, centred) / (m - 1)
-        weights = self.plan.weights(m)
-        n = len(weights)
-        if 2 * n < m:
+        np.subtract(values, mean[:, :, np.newaxis], out=centred)
+        found = np.empty((h, len(self._exact), len(values)))
+        found[:, 0] = mean.T
+        found[:, 1] = np.einsum("ijk,ijk->ji", centred, centred) / (m - 1)
+        weights = weights_of(self.plan, m)
+        tail = weights.tail
+        lower, upper = values[:, :, :tail], values[:, :, m - tail :]
+        if 2 * tail < m:
             # numpy is several times quicker to part at one place than at two.
-            parted = np.partition(values, n - 1, axis=1)
-            rest = np.partition(parted[:, n:], m - 2 * n, axis=1)
-            lower, upper = np.sort(parted[:, :n], axis=1), np.sort(rest[:, m - 2 * n :], axis=1)
+            values.partition(tail - 1, axis=2)
+            values[:, :, tail:].partition(m - 2 * tail, axis=2)
+            lower.sort(axis=2)
+            upper.sort(axis=2)
         else:
-            ordered = np.sort(values, axis=1)
-            lower, upper = ordered[:, :n], ordered[:, m - n :]
-        return np.vstack(
-            [mean, variance, (lower @ weights).T, (upper[:, ::-1] @ weights).T]
-        ), centred
+            values.sort(axis=2)
+        for ends, ordered in zip(
+            np.split(found[:, 2:], 2, axis=1), (lower, upper[:, :, ::-1]), strict=True
+        ):
+            ends[:] = weights(ordered).transpose(1, 2, 0)
+        statistics, of_form = found[:, :, :outputs], found[:, :, outputs:]
+        controls = (of_form - self._exact) * self._known if len(drawn) > 1 else 0.0 * statistics
+        whole = centred[:outputs].reshape(outputs, count)
+        return BatchSummary(m, statistics, controls, whole @ whole.T)

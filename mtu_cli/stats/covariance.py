@@ -7,7 +7,7 @@ import numpy as np
 from mtu_cli.stats.least_squares import FloatArray
 
 ROUNDING = 1e-9
-"""Eigenvalue of a correlation matrix that is 0 but for rounding."""
+"""Difference of two correlations that is 0 but for rounding."""
 LIVE = 1e-12
 """Eigenvalue of a correlation matrix above which there is scatter."""
 
@@ -23,11 +23,17 @@ def correlation_of(C: FloatArray) -> FloatArray:
 
 
 def factor_of(C: FloatArray) -> FloatArray:
-    """F (k, rank) with F F' = C, which may be singular (r = 1), and whose units may differ."""
-    s = np.sqrt(np.diag(C))
-    values, vectors = np.linalg.eigh(np.where(np.outer(s, s) > 0, correlation_of(C), 0.0))
-    kept = values > 1e-14 * max(float(values[-1]), np.finfo(np.float64).eps)
-    return s[:, None] * vectors[:, kept] * np.sqrt(values[kept])
+    """F (k, rank) with F F' = C, which may be singular (r = 1), and whose units may differ; where C
+    is no covariance, that of `as_covariance`.
+    """
+    s = np.sqrt(np.clip(np.diag(C), 0.0, None))
+    divisor = np.where(s > 0, s, np.inf)
+    values, vectors = np.linalg.eigh(C / divisor / divisor[:, None])
+    kept = values > 1e-14 * values.max(initial=np.finfo(np.float64).eps)
+    root = vectors[:, kept] * np.sqrt(values[kept])
+    size = np.sqrt(np.sum(root**2, axis=1))
+    scale = np.divide(s, size, out=np.zeros_like(s), where=size > 0)
+    return np.ascontiguousarray(scale[:, None] * root)
 
 
 def covariance_root(C: FloatArray) -> FloatArray:
@@ -87,13 +93,9 @@ def as_covariance(C: FloatArray) -> FloatArray:
     """
     if not np.isfinite(C).all():
         return C
-    C = (C + C.T) / 2
     s = np.sqrt(np.clip(np.diag(C), 0.0, None))
-    divisor = np.where(s > 0, s, np.inf)
-    values, vectors = np.linalg.eigh(C / divisor / divisor[:, None])
-    if values.min(initial=0.0) >= -ROUNDING:
-        return np.where(np.outer(s, s) > 0, C, 0.0)
-    whole = (vectors * np.clip(values, 0.0, None)) @ vectors.T
-    root = np.sqrt(np.diag(whole))
-    scale = np.divide(s, root, out=np.zeros_like(s), where=s > 0)
-    return whole * np.outer(scale, scale)
+    units = np.outer(s, s)
+    C = np.where(units > 0, (C + C.T) / 2, 0.0)
+    F = factor_of(C)
+    whole = F @ F.T
+    return C if np.all(np.abs(whole - C) <= ROUNDING * units) else whole

@@ -5,18 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from itertools import islice
 
 import numpy as np
 
 from mtu_cli.findings import InputError, error, finding
 from mtu_cli.stats.blocks import (
     FIRST_LOOK,
+    BatchSummary,
     BlockPlan,
     BlockSummariser,
-    BlockSummary,
     Draws,
     TrialModel,
-    block_generator,
+    batch_generator,
+    least_block,
 )
 from mtu_cli.stats.coverage import (
     PROBABILITY,
@@ -32,8 +34,8 @@ Progress = Callable[[int, int | None], None]
 
 LARGEST_PROBABILITY = 0.999
 """Beyond it a block of 100/(1 - p) trials no longer fits the memory the engine promises."""
-AT_ONCE = 256
-"""Blocks that are given to the threads at once."""
+QUEUED = 256
+"""Batches of blocks that are given to the threads at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,15 +96,15 @@ def monte_carlo(
     kept = plan.size if single else min(keep, max_trials if total is None else total)
     samples = np.empty((len(model.names), kept))
 
-    def block(number: int) -> tuple[int, IntArray, BlockSummary | None]:
-        m, start = plan.trials_in(number), plan.first_trial(number)
-        draws = model.draw(block_generator(seed, number), m)
+    def batch(blocks: range) -> tuple[range, int, IntArray, BatchSummary | None]:
+        m, start = len(blocks) * plan.trials_in(blocks.start), plan.first_trial(blocks.start)
+        draws = model.draw(batch_generator(seed, blocks), m)
         not_finite, room = _not_finite(draws), kept - start
         if room > 0:
             samples[:, start : start + m] = draws.values[:, :room]
         if summariser is None or np.any(not_finite):
-            return m, not_finite, None
-        return m, not_finite, summariser.summarise(draws)
+            return blocks, m, not_finite, None
+        return blocks, m, not_finite, summariser.summarise(draws, len(blocks))
 
     done = blocks = 0
     goal, largest = plan.blocks or FIRST_LOOK, plan.blocks or max_trials // plan.size
@@ -112,11 +114,10 @@ def monte_carlo(
         each = executor.map if threads > 1 and not single else map
         while True:
             # Some at a time: while tasks are queued an interrupt may leave the queue locked.
-            while blocks < goal:
-                for count, not_finite, summary in each(
-                    block, range(blocks, min(blocks + AT_ONCE, goal))
-                ):
-                    blocks, done = blocks + 1, done + count
+            batches = plan.batches(blocks, goal)
+            while some := list(islice(batches, QUEUED)):
+                for of_batch, count, not_finite, summary in each(batch, some):
+                    blocks, done = of_batch.stop, done + count
                     _refuse(model.names, not_finite, done)
                     if summary is not None:
                         pool.add(summary)
@@ -153,11 +154,11 @@ def _planned(
     if (max_trials if trials is None else trials) < least:
         expected = f"{least} or more for a {100 * probability:g} % interval"
         raise error("out-of-range", path="trials", value=str(trials), expected=expected)
-    smooth = bool(getattr(model, "smooth", False))
-    plan = BlockPlan.adaptive(probability, smooth=smooth)
-    if trials is None and max_trials >= FIRST_LOOK * plan.size:
-        return plan
-    return BlockPlan.fixed(trials or max_trials, probability, smooth=smooth)
+    smooth, outputs = bool(getattr(model, "smooth", False)), len(model.names)
+    least = least_block(probability, smooth=smooth)
+    if trials is None and max_trials < FIRST_LOOK * least:
+        trials = max_trials
+    return BlockPlan.of(trials, probability, smooth=smooth, outputs=outputs)
 
 
 def _refuse(names: Sequence[str], not_finite: IntArray, trials: int) -> None:

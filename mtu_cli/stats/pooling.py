@@ -5,12 +5,11 @@ JCGM 101:2008 to the letter.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.stats.blocks import LEAST_BLOCKS, QUANTILES, BlockSummary
+from mtu_cli.stats.blocks import LEAST_BLOCKS, QUANTILES, BatchSummary
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 GROUPS = 64
@@ -52,7 +51,7 @@ class Pool:
     """
 
     _origin: FloatArray
-    _mean: FloatArray
+    _shift: FloatArray
     _squares: FloatArray
     _sums: FloatArray
     _groups: FloatArray
@@ -62,30 +61,23 @@ class Pool:
         self.blocks = 0
         self.trials = 0
 
-    def add(self, block: BlockSummary) -> None:
-        """Takes in the next block."""
-        mean = block.statistics[0]
+    def add(self, batch: BatchSummary) -> None:
+        """Takes in the next blocks."""
         if self.blocks == 0:
-            self._origin, self._mean = block.statistics, mean
-            self._squares = block.squares.copy()
-            self._count = np.zeros(GROUPS, dtype=np.int64)
-            self._groups = np.zeros((5, GROUPS, len(ENDS), len(mean)))
-            self._sums = np.zeros((4, *block.statistics.shape))
-        else:
-            # Chan, Golub & LeVeque 1983: sums of products of two samples into one.
-            total = self.trials + block.count
-            apart = mean - self._mean
-            self._squares += block.squares
-            self._squares += np.outer(apart, apart) * (self.trials * block.count / total)
-            self._mean = self._mean + apart * (block.count / total)
-        group = self.blocks % GROUPS
-        self.trials += block.count
-        self.blocks += 1
-        away, c = block.statistics - self._origin, block.controls
-        self._sums += np.array([away, c, c * c, away * c])
-        away, c = away[ENDS], c[ENDS]
-        self._count[group] += 1
-        self._groups[:, group] += np.array([away, away * away, c, c * c, away * c])
+            self._origin = batch.statistics[0]
+            self._shift, self._squares = np.zeros(len(self.u_exists)), np.zeros_like(batch.squares)
+            self._sums = np.zeros((5, *self._origin.shape))
+            self._groups = np.zeros((GROUPS, 5, len(ENDS), len(self.u_exists)))
+        away, c = batch.statistics - self._origin, batch.controls
+        means = away[:, 0]
+        self._shift += batch.size * means.sum(axis=0)
+        self._squares += batch.squares + batch.size * (means.T @ means)
+        products = np.stack([away, away * away, c, c * c, away * c], axis=1)
+        self._sums += products.sum(axis=0)
+        groups = np.arange(self.blocks, self.blocks + len(c)) % GROUPS
+        np.add.at(self._groups, groups, products[:, :, ENDS])
+        self.trials += batch.size * len(c)
+        self.blocks += len(c)
 
     def estimates(self) -> Estimates:
         """Estimates and their standard errors from all blocks so far (at least two): mean and
@@ -94,14 +86,17 @@ class Pool:
         s/sqrt(h).
         """
         value, of_value, slope = self._controlled()
-        plain_covariance = self._squares / (self.trials - 1)
-        plain = np.array([self._mean, np.diagonal(plain_covariance), value[2], value[3]])
+        shift = self._shift / self.trials
+        squares = self._squares - self.trials * np.multiply.outer(shift, shift)
+        plain_covariance = squares / (self.trials - 1)
+        variances = np.diagonal(plain_covariance)
+        plain = np.array([self._origin[0] + shift, variances, value[2], value[3]])
         mean, variance, low, high = np.where(slope == 0.0, plain, value)
         u = np.where(self.u_exists, np.sqrt(np.maximum(variance, 0.0)), np.nan)
         se = np.sqrt(of_value)
         shortest_low, shortest_high = self._shortest()
         # The correlations are the sample's, the standard uncertainties u.
-        sample = np.sqrt(np.diagonal(plain_covariance))
+        sample = np.sqrt(variances)
         ratio = np.divide(u, sample, out=np.where(np.isnan(u), np.nan, 1.0), where=sample > 0.0)
         return Estimates(
             mean=mean,
@@ -129,21 +124,23 @@ class Pool:
         half a standard error where s is a curved function of c. The variance is that of the
         Y_g, sum n_g^2 (Y_g - Y)^2 G/(G - 1)/h^2.
         """
-        h, groups = self.blocks, np.flatnonzero(self._count)
-        n = self._count[groups][:, np.newaxis, np.newaxis]
-        s, ss, c, cc, sc = (sums[groups] for sums in self._groups)
-        total_s, total_c = s.sum(axis=0), c.sum(axis=0)
-        plain = np.maximum(ss.sum(axis=0) - total_s**2 / h, 0.0) / (h * (h - 1))
+        h = self.blocks
+        # Blocks in each group, of which the first have one more.
+        groups = np.arange(min(h, GROUPS))
+        n = (h // GROUPS + (groups < h % GROUPS))[:, np.newaxis, np.newaxis]
+        s, _, c, cc, sc = self._groups[: len(n)].transpose(1, 0, 2, 3)
+        total_s, total_ss, total_c, total_cc, total_sc = self._sums[:, ENDS]
+        plain = np.maximum(total_ss - total_s**2 / h, 0.0) / (h * (h - 1))
         rest_c, rest_s, rest = total_c - c, total_s - s, h - n
-        s_cc = cc.sum(axis=0) - cc - rest_c**2 / rest
-        s_sc = sc.sum(axis=0) - sc - rest_s * rest_c / rest
-        usable = np.all(s_cc > 0.0, axis=0) & (h >= LEAST_BLOCKS)
+        s_cc = total_cc - cc - rest_c**2 / rest
+        s_sc = total_sc - sc - rest_s * rest_c / rest
+        usable = (s_cc > 0.0).all(axis=0) & (h >= LEAST_BLOCKS)
         usable[:2] &= self.u_exists
         slope = np.divide(s_sc, s_cc, out=np.zeros_like(s_sc), where=usable)
         adjusted = s - slope * c
         value = adjusted.sum(axis=0) / h
         scatter = ((adjusted - n * value) ** 2).sum(axis=0) / h**2
-        variance = scatter * (len(groups) / max(len(groups) - 1, 1))
+        variance = scatter * (len(n) / max(len(n) - 1, 1))
         better = usable & (variance < plain)
         value = self._origin[ENDS] + np.where(better, value, total_s / h)
         # Rounding leaves no less of the scatter than this, whatever the difference says.
@@ -157,7 +154,7 @@ class Pool:
         width being a parabola of the place between those at the plan's shares. A quantile takes the
         slope of its own control: that of another one may be worse than none.
         """
-        s, c, cc, sc = self._sums
+        s, _, c, cc, sc = self._sums
         spread = cc - c**2 / self.blocks
         usable = (spread > 0.0) & (self.blocks >= LEAST_BLOCKS)
         slope = np.divide(sc - s * c / self.blocks, spread, out=np.zeros_like(s), where=usable)
@@ -165,21 +162,21 @@ class Pool:
         lower, upper = averages[2 : 2 + QUANTILES], averages[: 1 + QUANTILES : -1]
         width = upper - lower
         best = np.argmin(width, axis=0)
-        near = [np.clip(best + d, 0, len(width) - 1) for d in (-1, 0, 1)]
-        each = np.arange(len(best))
-        before, least, after = (width[place, each] for place in near)
+        near = np.clip(best + np.array([[-1], [0], [1]]), 0, len(width) - 1)
+        place = near, np.arange(len(best))
+        before, least, after = width[place]
         bend = before - 2.0 * least + after
         inner = (near[0] < best) & (best < near[2]) & (bend > 0.0)
         step = np.where(inner, 0.5 * (before - after) / np.where(inner, bend, 1.0), 0.0)
-        low, high = (_between([end[place, each] for place in near], step) for end in (lower, upper))
-        return low, high
+        return _between(lower[place], step), _between(upper[place], step)
 
 
-def _between(values: Sequence[FloatArray], step: FloatArray) -> FloatArray:
-    """The parabola through values at -1, 0, 1, at `step`."""
+def _between(values: FloatArray, step: FloatArray) -> FloatArray:
+    """The parabola through `values` (3, outputs) at -1, 0, 1, at `step` (outputs,)."""
     before, middle, after = values
     bend = before - 2.0 * middle + after
-    return middle + 0.5 * step * (after - before + step * bend)
+    result: FloatArray = middle + 0.5 * step * (after - before + step * bend)
+    return result
 
 
 def single_block_estimates(

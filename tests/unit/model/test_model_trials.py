@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from model_examples import FloatArray, estimate, model_of
@@ -28,9 +30,7 @@ def prediction(s: float = 0.8) -> Prediction:
     return predict(model, list("abc"), POINTS)
 
 
-def trials(
-    given: Prediction, combine: FloatArray, dof: FloatArray, *, independent: bool = False
-) -> PointTrials:
+def trials(given: Prediction, combine: FloatArray, dof: FloatArray) -> PointTrials:
     """Trials of linear combinations of the errors: the measure hands them through."""
     k = len(combine)
     return PointTrials(
@@ -40,8 +40,7 @@ def trials(
         combine,
         np.arange(k),
         combine,
-        dof,
-        independent=independent,
+        replace(given.variance(combine), dof=dof),
     )
 
 

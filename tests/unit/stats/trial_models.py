@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from mtu_cli.stats.blocks import BlockPlan, Draws, block_generator
+from mtu_cli.stats.blocks import BlockPlan, Draws, batch_generator
 from mtu_cli.stats.distributions import Distribution
 from mtu_cli.stats.linear_distribution import sum_quantile
 from mtu_cli.stats.workspace import Workspace
@@ -97,13 +97,14 @@ class ScaledT:
 def plain_blocks(
     model: Bent, seed: int, trials: int, probability: float = 0.95
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    plan = BlockPlan.fixed(trials, probability)
+    plan = BlockPlan.of(trials, probability)
     values, linear = [], []
-    for block in range(plan.blocks or 0):
-        draws = model.draw(block_generator(seed, block), plan.trials_in(block))
-        values.append(draws.values[0].copy())
+    for batch in plan.batches(0, plan.blocks or 0):
+        m = len(batch) * plan.trials_in(batch.start)
+        draws = model.draw(batch_generator(seed, batch), m)
+        values += np.split(draws.values[0].copy(), len(batch))
         if draws.linear is not None:
-            linear.append(draws.linear[0].copy())
+            linear += np.split(draws.linear[0].copy(), len(batch))
     return values, linear
 
 
