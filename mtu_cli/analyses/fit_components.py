@@ -15,7 +15,7 @@ from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.covariance import positive_part
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.pass_tests import MAX_POSITIONS, FTest, Shift, by_runs
+from mtu_cli.stats.pass_tests import MAX_POSITIONS, FTest, Shift
 from mtu_cli.units import Unit
 
 NOTHING = 1e-9
@@ -287,21 +287,21 @@ def _left_open(item: InstrumentFit, *, constant: bool) -> Iterator[tuple[str, st
         because, would = "some passes have one position", "read every pass at two positions or more"
         yield "pass-to-pass change of slope", because, would
     if fit.separated and "trend" not in item.tests:
-        read, would = counted(fit.n_passes, "pass", "passes"), "4 passes, in each direction read"
-        if by_runs(fit):
-            read, would = f"{counted(len(fit.pairs), 'run')} there and back", "3 of them"
-        yield "steady drift from pass to pass", f"{read}, too few or of equal levels", would
+        because = f"{counted(fit.n_passes, 'pass', 'passes')}, too few or of equal levels"
+        would = "4 passes, or 3 runs there and back"
+        yield "steady drift from pass to pass", because, would
     if fit.separated and not fit.within_dof > 0:
         because = "nothing is repeated within a pass from the same side: all its scatter counts as "
         would = "read it at least twice in a pass from the same side, in the same set-up"
         yield "repeatability of one visit", because + "pass-to-pass", would
     if not constant and "reversal" not in item.tests:
         ways = {*np.sign(item.direction).tolist()} - {0}
-        reasons = "no `direction` is given", "read in one direction only", "its passes are too few"
-        because = reasons[len(ways)] + " or do not differ" * (len(ways) == 2)
+        both = "its passes are too few or do not differ" if passes else "no `pass` is given"
+        because = ("no `direction` is given", "read in one direction only", both)[len(ways)]
         yield "reversal", because, "at least 3 passes, each in both directions"
     if not constant and "lack_of_fit" not in item.tests and item.profile is None:
-        because, would = "no position is repeated often enough", "the same positions in 2 passes"
+        because = "no position is repeated often enough, or its readings do not differ"
+        would = "the same positions in 2 passes"
         if positions <= item.powers:
             because = f"{counted(positions, 'position')} for {counted(item.powers, 'coefficient')}"
             would = f"readings at {item.powers + 1} positions or more"

@@ -66,9 +66,8 @@ def _constant(value: object) -> object:
 
 Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Width = Annotated[NonNegative, Field(le=LARGEST)]
-Coefficient = Annotated[float, Field(ge=-1, le=1)]
 Correlation = Annotated[
-    tuple[IdText, IdText, Coefficient], BeforeValidator(_triple, json_schema_input_type=list[Any])
+    tuple[IdText, IdText, float], BeforeValidator(_triple, json_schema_input_type=list[Any])
 ]
 
 
@@ -310,7 +309,7 @@ def _check_together(budget: Budget, faults: Faults) -> None:
     """Correlations of uncertain inputs, no pair twice; simultaneous inputs, each once."""
     known, inputs = faults.keys("inputs"), budget.inputs
     pairs: set[frozenset[str]] = set()
-    for index, (first, second, _) in present(budget.correlations):
+    for index, (first, second, r) in present(budget.correlations):
         path: YamlPath = ("correlations", index)
         for at, name in enumerate((first, second)):
             if name not in known:
@@ -318,6 +317,8 @@ def _check_together(budget: Budget, faults: Faults) -> None:
             elif name in inputs and not inputs[name].varies:
                 given = {"reason": "it has no uncertainty", "expected": "an uncertain input"}
                 faults.add((*path, at), "wrong-correlation", value=name, **given)
+        if not -1.0 <= r <= 1.0:
+            faults.add((*path, 2), "wrong-value", value=f"{r:g}", expected="-1 to 1")
         pair = frozenset((first, second))
         if first == second or pair in pairs:
             what = "the name" if first == second else "the correlation"

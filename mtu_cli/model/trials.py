@@ -23,6 +23,8 @@ from mtu_cli.stats.monte_carlo import monte_carlo
 from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
 
+MANY_ERRORS = 1.5
+"""Times as many independent errors as combinations of them: as many normals as these are drawn."""
 COUNTED_TRIALS = 200_000
 """Trials behind a probability that is counted; its standard error is stated."""
 
@@ -68,8 +70,7 @@ class PointTrials:
         stacked = np.vstack([combine, gradient])
         if variance is None:
             self.factor = stacked * np.sqrt(prediction.independent_variance)
-            # Many more errors than combinations of them: as many normals as these need.
-            if len(mean) * 1.5 < len(prediction.mean):
+            if MANY_ERRORS * len(mean) < len(prediction.mean):
                 self.factor = factor_of(self.factor @ self.factor.T)
             self.dof = np.full(len(names), np.inf)
         else:

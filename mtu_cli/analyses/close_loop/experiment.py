@@ -41,8 +41,9 @@ Change = Callable[[FloatArray], FloatArray]
 
 def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
     """The follow-up that separates the first of the class of an entry, as it was estimated, best
-    from its rivals, weighted by their posteriors; None for an effect that is alone in it. Of
-    follow-ups that do as well, the one that is less work stands first; `weights` (S,) of strata.
+    from its rivals, weighted by their posteriors; None where none does, or the effect is alone in
+    it. Of follow-ups that do as well, the one that is less work stands first; `weights` (S,) of
+    strata.
     """
     design, like = found.design, found.likelihood
     posteriors = {m: max(p, 1e-300) for _, m, p in entry.credible if m >= 0}
@@ -72,11 +73,12 @@ def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experimen
                 continue
             Q, R = np.linalg.qr(columns.T)
             Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(), 1e-300)]
-            distances.append(float(np.linalg.norm(signal - Q @ (Q.T @ signal))))
+            apart, whole = np.linalg.norm([signal - Q @ (Q.T @ signal), signal], axis=1).tolist()
+            distances.append(apart if apart > 1e-9 * whole else 0.0)
         d = float(np.average(distances, weights=[posteriors[m] for m in items[1:]]))
         if not best.do or d > ENOUGH * best.predicted_d:
             best = Experiment(do, d)
-    return best
+    return best if best.predicted_d > 0 else None
 
 
 def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:

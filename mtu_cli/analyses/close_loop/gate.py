@@ -53,8 +53,9 @@ class Gate:
         if key not in self._drawn:
             self._drawn[key] = self._tests(columns)
         names, T = self._drawn[key]
-        T = np.where(np.isin(names, scatter), 0.0, T)
-        return {n: float(p) for n, p, t in zip(names, _adjusted(T), T[0], strict=True) if t > 0}
+        known = np.isin(names, scatter)
+        p = _adjusted(np.where(known, 0.0, T)).tolist()
+        return {n: x for n, x, out in zip(names, p, known, strict=True) if not out}
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""

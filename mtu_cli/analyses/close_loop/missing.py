@@ -28,7 +28,7 @@ class Missing:
         self.cells = p, h = np.nonzero(~there)
         within = (np.eye(len(lines)) - lines @ lines.T)[h[:, None], h[None]]
         M = ((p[:, None] == p[None]) - 1 / len(there)) * within
-        self.inverse = np.linalg.pinv(M, hermitian=True) if len(p) else M
+        self.inverse = np.linalg.pinv(M, rcond=1e-9, hermitian=True) if len(p) else M
 
     def filled(self, table: FloatArray) -> FloatArray:
         """Tables (..., P, H) with their missing cells filled in, whatever stood there."""

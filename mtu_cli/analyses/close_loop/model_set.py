@@ -126,7 +126,8 @@ class ModelSet:
         smooth = self.columns(model)[len(own) :]
         value = self.value(model)
         base = value - float(like.evidence(own, smooth)[0])
-        weighed = base + np.log(design.prior)
+        with np.errstate(divide="ignore"):
+            weighed = base + np.log(design.prior)
         weighed += like.evidence(own, smooth, design.closures, design.inner)
         total = np.full(len(self.names), -np.inf)
         best = [0] * len(self.names)

@@ -143,6 +143,15 @@ def test_the_gate_alarms_rarely_on_pure_noise() -> None:
     assert low <= alarms <= high
 
 
+def test_what_is_tested_does_not_depend_on_the_errors() -> None:
+    """What finds nothing at all has a p of 1: here the mean of an axis."""
+    own = noise(1)
+    centred = replace(own, errors=own.errors - own.errors.mean(axis=(0, 1)))
+    found, nothing = (Gate(posed_of(x), np.random.default_rng(0))(()) for x in (own, centred))
+    assert found.keys() == nothing.keys()
+    assert nothing["offset-x"] == 1.0
+
+
 def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     """A scale that is known to 20 um at the ends: the information S of a column of size 1 there
     becomes 1/(1/S + u^2), of which the detectable size is the root's inverse.

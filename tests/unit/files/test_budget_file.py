@@ -111,11 +111,11 @@ def test_all_faults_at_once() -> None:
           c: {value: 1, u: 1, distribution: normall}
           sin: 3
           2x: 4
-        correlations: [[a, d, 0.5], [a, a, 0.1], [a, c, 1.5], [c, length], [sin, a, 0.2]]
+        correlations: [[a, d, .5], [a, a, .1], [a, c, 1.5], [c, a, .2], [c, length], [sin, a, .2]]
         coverage: {probability: 0.95, k: 2}
         """
     )
-    assert [each.line for each in found] == [3, 5, 6, 7, 8, 9, *[10] * 5, 11]
+    assert [each.line for each in found] == [3, 5, 6, 7, 8, 9, *[10] * 6, 11]
     codes = [each.code for each in found]
     for code in (
         "unknown-name", "exclusive", "name-taken", "wrong-correlation",

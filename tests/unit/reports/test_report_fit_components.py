@@ -186,7 +186,7 @@ REASONS: dict[str, tuple[dict[str, Any], dict[str, str | None]]] = {
         {
             "pass-to-pass drift apart from repeatability": "no `pass` is given",
             "reversal": "no `direction` is given",
-            "lack of fit": "no position is repeated often enough",
+            "lack of fit": "no position is repeated often enough, or its readings do not differ",
         },
     ),
     "one pass": (
@@ -200,7 +200,7 @@ REASONS: dict[str, tuple[dict[str, Any], dict[str, str | None]]] = {
     "two runs there and back": (
         {"passes": 2},
         {
-            "steady drift from pass to pass": "2 runs there and back, too few or of equal levels",
+            "steady drift from pass to pass": "4 passes, too few or of equal levels",
             "reversal": None,
         },
     ),
