@@ -56,8 +56,8 @@ class Fitted:
             b, self.unit_covariance, count = _stepwise(design, cycles, powers)
         else:
             inner = [(powers[p], item.inner(columns[1:])) for p, item in rows.items()]
-            X = np.vstack([np.kron(power, own[:, :-1]) for power, own in inner])
-            y = np.concatenate([own[:, -1] for _, own in inner])
+            X = np.vstack([np.kron(power, block[:, :-1]) for power, block in inner])
+            y = np.concatenate([block[:, -1] for _, block in inner])
             n = sum(item.n for item in rows.values())
             path = ridge(X, y, n, np.array([spec.penalty]) if penalties is None else penalties)
             b, count = path.coefficients, float(path.effective[0])
@@ -69,12 +69,12 @@ class Fitted:
             self.unit_covariance = path.unit_covariance(0)
         self.parameters = count + levels
         self.coefficients = b.reshape(*b.shape[:-1], spec.degree + 1, len(design.groups))
-        G, seen = _sums(powers, self.coefficients), [*rows]
+        G, places = _sums(powers, self.coefficients), [*rows]
         mean = np.array([item.mean(columns[1:]) for item in rows.values()])
-        of_seen = mean[:, -1] - np.sum(G[..., seen, :] * mean[:, :-1], axis=-1)
+        at_places = mean[:, -1] - np.sum(G[..., places, :] * mean[:, :-1], axis=-1)
         # A position that the fit has not seen takes the mean level of those that it has.
-        level = np.repeat(of_seen.mean(axis=-1, keepdims=True), len(powers), axis=-1)
-        level[..., seen] = of_seen
+        level = np.repeat(at_places.mean(axis=-1, keepdims=True), len(powers), axis=-1)
+        level[..., places] = at_places
         ones = np.ones((*level.shape, 1))
         self.weights = np.concatenate([-level[..., None], -G, ones], axis=-1)
 
@@ -92,14 +92,14 @@ class Fitted:
         """Of the residuals (...) of any cycles."""
         total = np.zeros(self.weights.shape[:-2])
         for position, item in self.design.rows(cycles).items():
-            left = item.factor[:, self.columns] @ self.weights[..., position, :].T
-            total = total + np.sum(left**2, axis=0)
+            residuals = item.factor[:, self.columns] @ self.weights[..., position, :].T
+            total = total + np.sum(residuals**2, axis=0)
         return total
 
     def mean_products(self, cycles: Iterable[int]) -> tuple[float, float]:
         """Mean e_i^2 and mean e_i e_(i+1) of the residuals of any cycles."""
-        own = self.design.rows(cycles).items()
-        return mean_products((item.only(self.columns), self.weights[p]) for p, item in own)
+        rows = self.design.rows(cycles).items()
+        return mean_products((item.only(self.columns), self.weights[p]) for p, item in rows)
 
     def group_shares(self, cycles: Iterable[int]) -> FloatArray:
         """Mean square (g,) of each group's part of the modelled drift about its mean."""
@@ -114,8 +114,8 @@ def _sums(A: FloatArray, B: FloatArray) -> FloatArray:
     """A B (..., p, g), A (p, m), B (..., m, g); terms that cancel leave 0 and no rounding."""
     terms = A[:, :, None] * B[..., None, :, :]
     result = terms.sum(axis=-2)
-    known = np.abs(result) > ROUNDING * np.abs(terms).sum(axis=-2)
-    return np.where(known, result, 0.0)
+    valid = np.abs(result) > ROUNDING * np.abs(terms).sum(axis=-2)
+    return np.where(valid, result, 0.0)
 
 
 def _stepwise(
@@ -130,12 +130,12 @@ def _stepwise(
     gradients, unit, count = np.zeros((len(rows), g)), np.zeros((m, g, m, g)), 0.0
     for i, (position, item) in enumerate(rows.items()):
         key = frozenset(cycles), position
-        if key not in design.selected:
+        if key not in design.selections:
             plain = item.only(design.columns((0,) * g))
             columns = [0, *stepwise(replace(plain, n=max(item.n - item.levels + 1, 1)))]
-            found = least_squares(plain.factor[:, columns], plain.factor[:, -1])
-            design.selected[key] = np.array(columns[1:], int) - 1, found
-        chosen, fitted = design.selected[key]
+            fit = least_squares(plain.factor[:, columns], plain.factor[:, -1])
+            design.selections[key] = np.array(columns[1:], int) - 1, fit
+        chosen, fitted = design.selections[key]
         gradients[i, chosen] = fitted.coefficients[1:]
         covariance = np.zeros((g, g))
         covariance[np.ix_(chosen, chosen)] = fitted.unscaled_covariance[1:, 1:]
@@ -229,10 +229,10 @@ def _best(design: Design, blocks: Blocks, kind: str, spec: Spec) -> Scored:
     """The spec with the penalty that predicts each block best from the others."""
     penalties = np.zeros(1) if kind == "stepwise" else PENALTIES
     total, squares = np.zeros(len(penalties)), 0.0
-    for block, others in folds(blocks):
-        total = total + Fitted(design, others, spec, penalties).sum_of_squares(block)
-        own = design.rows(block).values()
-        squares += sum(float(item.factor[:, -1] @ item.factor[:, -1]) for item in own)
+    for block, training in folds(blocks):
+        total = total + Fitted(design, training, spec, penalties).sum_of_squares(block)
+        items = design.rows(block).values()
+        squares += sum(float(item.factor[:, -1] @ item.factor[:, -1]) for item in items)
     total = np.where(total > NEGLIGIBLE * squares, total, 0.0)
     i = int(np.argmin(total))
     return Scored(kind, spec._replace(penalty=float(penalties[i])), float(total[i]))
@@ -258,9 +258,9 @@ def _lagged(design: Design, blocks: Blocks) -> list[Scored]:
     none = (0,) * len(design.groups)
     degree = _simplest(_by_degree(design, blocks, "ridge", none)).spec.degree
     first = _searched(design, blocks, degree)
-    others = _by_degree(design, blocks, "lagged", first.spec.lags)
-    others[degree] = first
-    degree = _simplest(others).spec.degree
+    scores = _by_degree(design, blocks, "lagged", first.spec.lags)
+    scores[degree] = first
+    degree = _simplest(scores).spec.degree
     return [first] if degree == first.spec.degree else [first, _searched(design, blocks, degree)]
 
 
@@ -306,10 +306,10 @@ def held_out(design: Design, method: str) -> HeldOut | None:
     if len(design.blocks) < FEWEST_NESTED or not design.groups:
         return None
     none, losses = (0,) * len(design.groups), np.zeros(3)
-    for block, others in folds(design.blocks):
+    for block, training in folds(design.blocks):
         rest = [other for other in design.blocks if other != block]
         # A penalty without end leaves the levels alone.
         still, ordinary = Spec("ridge", 0, none, np.inf), Spec("ridge", design.most_degree, none)
         for i, spec in enumerate((still, choose(design, rest, method), ordinary)):
-            losses[i] += Fitted(design, others, spec).sum_of_squares(block)
+            losses[i] += Fitted(design, training, spec).sum_of_squares(block)
     return HeldOut(*np.sqrt(losses / len(design.y)).tolist())
