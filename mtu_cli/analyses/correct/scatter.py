@@ -1,12 +1,12 @@
-"""What measured points scatter beyond the machine's model, and the form that neither explains.
+"""The scatter of measured points beyond the machine's model, and the form that neither explains.
 
-Corrected coordinates scatter by the probing, too. Its variance s^2 is what the model leaves of
+Corrected coordinates scatter by the probing, too. Its variance s^2 is the unexplained one of
 
-- repeats of one feature of one part about their mean: what the machine did to a part is in all of
+- repeats of one feature of one part about their mean: errors of the manufacture are in all of
   them. Where the machine itself repeated the measurement, its repeatability counts twice, and so
   does the noise of temperature readings: an upper bound;
 - form: residuals of circles and spheres, less the shape that the model's covariance gives a ring;
-  what is left holds the form error of the ring itself.
+  the rest holds the form error of the ring itself.
 
 With squares S_j of k_j degrees of freedom and modelled variances m_j, E S_j = k_j (m_j + s^2),
 the likelihood of normal errors is largest at
@@ -118,13 +118,13 @@ def point_scatter(
     code = np.unique(cell + points.feature, return_inverse=True)[1].reshape(-1)
     squares = []
     for values in corrected.T:
-        known = np.isfinite(values)
-        group, value = code[known], values[known]
+        finite = np.isfinite(values)
+        group, value = code[finite], values[finite]
         count = np.bincount(group)
         away = value - (np.bincount(group, value) / np.maximum(count, 1))[group]
-        kept = count > 1
-        sums = np.bincount(group, away**2)[kept]
-        squares.append(np.array([sums, count[kept] - 1.0, np.zeros(len(sums))]))
+        repeated = count > 1
+        sums = np.bincount(group, away**2)[repeated]
+        squares.append(np.array([sums, count[repeated] - 1.0, np.zeros(len(sums))]))
     repeats = np.concatenate(squares, axis=1)
     if repeats[1].sum() >= FEWEST:
         return estimate(repeats, "repeats", r)
@@ -198,11 +198,11 @@ def forms_left(
         noise = max(s2 / n + float(hidden(s2, r)), NOTHING_MM**2)
         V = Q.T @ np.mean([ring.K for ring in visits], axis=0) @ Q + noise * np.eye(k)
         total = float(np.trace(V))
-        ours = total**2 / float((V**2).sum())
+        df1 = total**2 / float((V**2).sum())
         parts = np.maximum([total - k * noise, k * noise], 0.0)
-        theirs = welch_satterthwaite(parts, np.array([min(ring.dof for ring in visits), dof]))
+        df2 = welch_satterthwaite(parts, np.array([min(ring.dof for ring in visits), dof]))
         F = float(mean @ mean) / total
-        p = float(fdtrc(ours, min(max(theirs, 1.0), ENDLESS), F))
+        p = float(fdtrc(df1, min(max(df2, 1.0), ENDLESS), F))
         sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
         calibrated = any(ring.calibrated for ring in visits)
         result.append(FormLeft(*of, calibrated, n, *sizes, F, p))
