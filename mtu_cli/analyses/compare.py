@@ -1,4 +1,4 @@
-"""Does the prediction hold? Predicted errors and scatter beside those of measured parts: a test of
+"""Does the prediction hold? Predicted errors and scatter against those of measured parts: a test of
 bias and one of scatter of every item, the scatter of all features pooled, and the verdict.
 """
 

@@ -80,7 +80,7 @@ def predict_lengths(
         reason, expected = "the part has no lengths to predict", "lengths: [{from: '3', to: '9'}]"
         raise error("not-applicable", reason=reason, file=part.source.shown, expected=expected)
     names, ends = tuple(x.id for x in entries), tuple((x.from_, x.to) for x in entries)
-    features, points, noted = feature_points(part, model, [name for pair in ends for name in pair])
+    features, points, notes = feature_points(part, model, [name for pair in ends for name in pair])
     prediction = predict(model, features, points, covariates)
     pairs = np.array([[features.index(name) for name in pair] for pair in ends])
     delta = differences(points, pairs, names, part.source.shown)
@@ -107,12 +107,12 @@ def predict_lengths(
         conformance_of(x.tolerance, UM, *row) for x, row in zip(entries, rows, strict=True)
     ]
     validation = tuple(settings.validate(*row, run, i) for i, row in enumerate(rows))
-    without = []
+    missing = []
     for axis, along in zip(AXES, np.abs(delta).T > 1e-9, strict=True):
         if axis not in model.axes and along.any():
             first = names[int(np.argmax(along))]
             consequence = f"lengths along {axis} ({first}, ...) have no predicted error there"
-            without.append(finding("axis-without-equation", axis=axis, consequence=consequence))
+            missing.append(finding("axis-without-equation", axis=axis, consequence=consequence))
     return LengthsResult(
         prediction=prediction,
         ids=names,
@@ -134,8 +134,8 @@ def predict_lengths(
         joint_conformance=joint_conformance(trials, conformance, settings),
         run=run,
         warnings=(
-            *noted,
-            *without,
+            *notes,
+            *missing,
             *prediction_warnings(model, prediction, covariates),
             *dof_warnings(names, dof),
             *validation_warnings(names, validation, "um", UM),

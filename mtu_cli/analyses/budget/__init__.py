@@ -89,16 +89,16 @@ class OutputBudget(FirstOrder):
     def findings(self, u: FloatArray) -> Iterator[Finding]:
         """What first and second order and clause 8 show; `u` (n,) of the inputs."""
         verdict, drawn = self.validation, self.of_run("u")
-        shift, apart = abs(self.second_value - self.value), abs(self.second_u - self.u)
+        shift, change = abs(self.second_value - self.value), abs(self.second_u - self.u)
         if self.faults:
             reason = f"{self.faults[0].text} (column {self.faults[0].column} of its equation)"
             yield finding("not-differentiable", output=self.name, reason=reason)
         elif np.all(u == 0.0):
             yield finding("no-uncertainty", names=[f"the inputs of {self.name}"])
-        elif max(shift, apart) > verdict.tolerance > 0.0 or (self.u == 0.0 and drawn > 0.0):
-            known = math.isfinite(self.second_u)
+        elif max(shift, change) > verdict.tolerance > 0.0 or (self.u == 0.0 and drawn > 0.0):
+            finite = math.isfinite(self.second_u)
             second = "the variance below 0, so that u is undefined"
-            second = f"u {self.second_u:.4g}" if known else second
+            second = f"u {self.second_u:.4g}" if finite else second
             reason = "the equation is not linear over the uncertainties of its inputs"
             text = f"the value is {self.second_value:.10g} and {second}"
             facts = {"output": self.name, "reason": reason, "second": text, "u": second}

@@ -53,8 +53,8 @@ def first_order(loaded: LoadedBudget, inputs: Inputs) -> tuple[FirstOrder, ...]:
     values = {item.name: item.value for item in inputs.quantities}
     for name, tree in loaded.trees.items():
         # Inputs without uncertainty are constants; an equation has few of the others.
-        held = names(tree)
-        rows = [i for i, x in enumerate(inputs.quantities) if x.u > 0.0 and x.name in held]
+        variables = names(tree)
+        rows = [i for i, x in enumerate(inputs.quantities) if x.u > 0.0 and x.name in variables]
         slopes = derivatives(tree, values, [inputs.quantities[i].name for i in rows])
         if math.isfinite(slopes.value):
             # What overflows is inf or nan, and no uncertainty to the first order then exists.
@@ -113,8 +113,8 @@ def _second_order(
     kappa = np.array([item.excess for item in members])
     # Products of small numbers with large ones, in an order in which neither leaves the range.
     bent, twisted = np.diag(H) * u * u, slopes.third * u * u * u
-    own = float(np.sum(kappa * (bent**2 / 4.0 + g * u * twisted / 3.0)))
-    more = 0.5 * float(np.sum(HV * HV.T)) + own
+    fourth = float(np.sum(kappa * (bent**2 / 4.0 + g * u * twisted / 3.0)))
+    more = 0.5 * float(np.sum(HV * HV.T)) + fourth
     along = V @ g
     if not np.all(np.isfinite(along)):
         return 0.5 * float(np.trace(HV)), math.nan
@@ -154,9 +154,9 @@ class BudgetTrials:
         self.rounding = ROUNDING * np.maximum(np.abs(self.gradient) @ inputs.u, size)
         # Where the variance overflows the trials do, too, which stops them.
         with np.errstate(over="ignore", invalid="ignore"):
-            known = [self._control(g) for g in self.gradient]
-        self.linear_variance = np.array([variance for variance, _ in known])
-        self._quantiles = [quantile for _, quantile in known]
+            controls = [self._control(g) for g in self.gradient]
+        self.linear_variance = np.array([variance for variance, _ in controls])
+        self._quantiles = [quantile for _, quantile in controls]
 
     def _control(self, g: FloatArray) -> tuple[float, Quantile | None]:
         """Variance and quantiles of a first-order form with gradient `g`; nan and None where inputs
@@ -164,13 +164,13 @@ class BudgetTrials:
         """
         terms = []
         for source in self.inputs.sources:
-            own, item = source.variance(g), source.members[0]
+            u2, item = source.variance(g), source.members[0]
             if source.factor is not None and not source.is_t and np.any(g[source.rows]):
                 return math.nan, None
-            if own > 0.0 and source.factor is None:
+            if u2 > 0.0 and source.factor is None:
                 terms.append((float(g[source.rows[0]]), item))
-            elif own > 0.0:
-                terms.append((1.0, Distribution(kind="normal", u=math.sqrt(own), dof=item.dof)))
+            elif u2 > 0.0:
+                terms.append((1.0, Distribution(kind="normal", u=math.sqrt(u2), dof=item.dof)))
         return math.fsum(c * c * item.drawn_variance for c, item in terms), sum_quantile(terms)
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
