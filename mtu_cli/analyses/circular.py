@@ -138,7 +138,7 @@ class Fit(NamedTuple):
     u: FloatArray
     residuals: list[FloatArray]
     designs: list[FloatArray]
-    lagged: FloatArray
+    acov: FloatArray
 
 
 def waves(trace: Trace, radius: float, axis: int, pitch: float) -> FloatArray:
@@ -170,17 +170,17 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
         circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
         columns = [terms(t, trace.sign, speed), circle]
         for axis, pitch in enumerate(pitches or ()):
-            there = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
-            columns.append(there * waves(trace, traces.radius, axis, pitch))
+            valid = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
+            columns.append(valid * waves(trace, traces.radius, axis, pitch))
         designs.append(np.hstack(columns))
-    most = MOST_SAMPLES * (1 if pitches is None else 3)
+    limit = MOST_SAMPLES * (1 if pitches is None else 3)
     reversals = [at for ends in REVERSALS.values() for at in ends]
     masks = [
         np.all([after(trace.angle, trace.sign, at) > WINDOW for at in reversals], axis=0)
         for trace in traces.traces
     ]
     for k, (trace, design, mask) in enumerate(zip(traces.traces, designs, masks, strict=True)):
-        group = np.arange(mask.sum()) // (int(mask.sum()) // most + 1)
+        group = np.arange(mask.sum()) // (int(mask.sum()) // limit + 1)
         rows = np.column_stack([design[mask], trace.deviation[mask]])
         means = [np.bincount(group, x) / np.bincount(group) for x in rows.T]
         if len(group):
@@ -192,19 +192,19 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
         raise error("too-little-data", what=what, expected=expected)
     with one_blas_thread():
         fit = SerialFit(blocks, levels=False)
-    stated = fit.combinations(np.eye(p))
+    parameters = fit.combinations(np.eye(p))
     beta, covariance = fit.transform @ fit.beta, fit.transform @ fit.covariance @ fit.transform.T
     residuals = [
         np.where(mask, trace.deviation - design @ beta, np.nan)
         for trace, design, mask in zip(traces.traces, designs, masks, strict=True)
     ]
-    lagged = []
+    acov = []
     for k in range(min(map(len, residuals)) // 4):
         # Mean product of residuals k samples apart.
         products = np.concatenate([e[k:] * e[: len(e) - k] for e in residuals])
-        lagged.append(float(np.nanmean(products)) if np.isfinite(products).any() else 0.0)
-    u = np.where(np.isfinite(stated.u), stated.u, np.nan)
-    return Fit(beta, covariance, u, residuals, designs, np.array(lagged))
+        acov.append(float(np.nanmean(products)) if np.isfinite(products).any() else 0.0)
+    u = np.where(np.isfinite(parameters.u), parameters.u, np.nan)
+    return Fit(beta, covariance, u, residuals, designs, np.array(acov))
 
 
 def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> CircularResult:
@@ -282,8 +282,8 @@ def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:
             rest.append(trace.deviation[inside] - design[inside] @ fit.beta)
             rows.append(design[inside])
             lag = np.minimum(np.abs(np.subtract.outer(*[np.arange(len(h))] * 2)),
-                             len(fit.lagged) - 1)  # fmt: skip
-            variance += max(float(h @ fit.lagged[lag] @ h), float(fit.lagged[0] * (h @ h)))
+                             len(fit.acov) - 1)  # fmt: skip
+            variance += max(float(h @ fit.acov[lag] @ h), float(fit.acov[0] * (h @ h)))
     h, e, X = np.concatenate(shape), np.concatenate(rest), np.vstack(rows)
     total = float(h @ h)
     if total < 1.0:
@@ -302,17 +302,17 @@ def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:
 
 def _arcs(traces: Traces) -> Iterator[Finding]:
     """A warning of traces that are no whole circle: of what their largest gap leaves of it."""
-    covered = []
+    coverage = []
     for trace in traces.traces:
-        turned = np.sort(np.mod(trace.angle, 2 * math.pi))
-        gap = np.diff(turned, append=turned[0] + 2 * math.pi).max()
-        covered.append(math.degrees(2 * math.pi - gap))
-    if min(covered) < LEAST_COVERED:
-        where = traces.traces[int(np.argmin(covered))].file
+        angle = np.sort(np.mod(trace.angle, 2 * math.pi))
+        gap = np.diff(angle, append=angle[0] + 2 * math.pi).max()
+        coverage.append(math.degrees(2 * math.pi - gap))
+    if min(coverage) < LEAST_COVERED:
+        where = traces.traces[int(np.argmin(coverage))].file
         yield finding(
             "partial-circle",
             file=where,
-            value=f"{min(covered):.0f} degrees",
+            value=f"{min(coverage):.0f} degrees",
             expected="360 degrees",
         )
 

@@ -183,10 +183,10 @@ class Compared:
     @cached_property
     def verdicts(self) -> tuple[Verdict | None, ...]:
         """The gravest fault of each item, or consistent; None where nothing was tested."""
-        tested = zip(self.biased, self.under_predicted, strict=True)
+        pairs = zip(self.biased, self.under_predicted, strict=True)
         return tuple(
             None if answers == (None, None) else (*self.faults(i), "consistent")[0]
-            for i, answers in enumerate(tested)
+            for i, answers in enumerate(pairs)
         )
 
     @cached_property
@@ -284,15 +284,15 @@ def compare(
         A[:, columns] = projector(prediction.points, axes, datum)[places]
         of_operation[operation] = prediction, A
     features, lengths = compared(tables, of_operation, k), None
-    if (long := length_tables(points, visits_of(points), part)) is not None:
+    if (table := length_tables(points, visits_of(points), part)) is not None:
         ends = {entry.id: (entry.from_, entry.to) for entry in part.part.lengths}
         holes, V_p = features.labels, features.one_way.ms_between.tolist()
         # Hole variances less a datum are not those of lengths.
         of_holes = dict(zip(holes, V_p, strict=True)) if datum == "none" else {}
-        variances = np.full(len(long.labels), np.nan)
+        variances = np.full(len(table.labels), np.nan)
         for operation, prediction in predictions.items():
-            rows = [i for i, label in enumerate(long.labels) if label[0] == operation]
-            ids = [long.labels[i][1] for i in rows]
+            rows = [i for i, label in enumerate(table.labels) if label[0] == operation]
+            ids = [table.labels[i][1] for i in rows]
             pairs = np.array([[*map(prediction.ids.index, ends[name])] for name in ids])
             pairs = pairs.reshape(-1, 2).astype(np.int64)
             delta = differences(prediction.points, pairs, ids, part.source.shown)
@@ -301,7 +301,7 @@ def compare(
             labels = [(operation, name, x) for name in prediction.ids for x in prediction.axes]
             V_holes = np.array([of_holes.get(label, np.nan) for label in labels])
             variances[rows] = paper_length_variance(A, V_holes)
-        lengths = compared(long, of_operation, k, variances)
+        lengths = compared(table, of_operation, k, variances)
     features, lengths = judged(features, lengths)
     kinds = [features] if lengths is None else [features, lengths]
     return CompareResult(
@@ -475,14 +475,14 @@ def _item_tests(
 def _variance(
     squares: FloatArray,
     dof: FloatArray,
-    *more: tuple[FloatArray, FloatArray],
+    *terms: tuple[FloatArray, FloatArray],
     rounding: FloatArray,
 ) -> UncertainVariance:
-    """A sum of mean squares (K, items) of `dof` (K,); of `more`, with degrees of freedom by item;
+    """A sum of mean squares (K, items) of `dof` (K,); of `terms`, with degrees of freedom by item;
     and of `rounding` (items,), of infinite ones.
     """
     rows, dofs = [squares, rounding[None]], [dof, np.array([inf])]
-    for values, df in more:
+    for values, df in terms:
         numbers = np.unique(df[(values > 0) & (df > 0)])
         rows.append(np.where(df == numbers[:, None], values, 0.0))
         dofs.append(numbers)
@@ -500,8 +500,8 @@ def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArr
     squares = prediction.variance(A).squares
     times = [1.0 if each is None else each.independent(weights)
              for each in squares.passes]  # fmt: skip
-    unsure = float((within**2 / t.df_within).sum())
-    cmm = float(within.sum()) ** 2 / unsure if unsure else inf
+    denominator = float((within**2 / t.df_within).sum())
+    cmm = float(within.sum()) ** 2 / denominator if denominator else inf
     rows = np.append((squares.of_part * weights).mean(axis=1), within.mean())
     return pooled_test(
         t.ms_between / expected,
@@ -566,13 +566,13 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
     for kind in (replace(features, pooled=pooled), *kinds[1:]):
         p = adjusted[:, start : start + len(kind.labels)]
         start += len(kind.labels)
-        off, scatter = p <= FAMILY_RATE
+        bias, scatter = p <= FAMILY_RATE
         under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
         # Parts too few to measure their scatter, but known to scatter more, explain a biased mean.
-        off &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
+        bias &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
         biased, under_predicted, over_predicted = (
-            tuple(bool(yes) if np.isfinite(one) else None for yes, one in zip(mask, q, strict=True))
-            for mask, q in ((off, p[0]), (under, p[1]), (over, p[1]))
+            tuple(bool(x) if np.isfinite(p_i) else None for x, p_i in zip(mask, q, strict=True))
+            for mask, q in ((bias, p[0]), (under, p[1]), (over, p[1]))
         )
         judged_kind = replace(
             kind, p_bias=p[0], p_scatter=p[1], biased=biased, under_predicted=under_predicted,

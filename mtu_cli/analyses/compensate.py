@@ -99,8 +99,8 @@ class AxisErrors:
             result += share * scale[:, None] * (z @ root.T)
         if self.known is not None:
             result += rng.standard_normal((trials, size)) @ covariance_root(self.known).T
-        drawn = result.reshape(trials, 2, -1)
-        return drawn - (1.0 - np.sqrt((1.0 + reversal_share(self.varies)) / 2)) * reversal_of(drawn)
+        draws = result.reshape(trials, 2, -1)
+        return draws - (1.0 - np.sqrt((1.0 + reversal_share(self.varies)) / 2)) * reversal_of(draws)
 
 
 def reversal_share(varies: FTest | None) -> float:
@@ -190,8 +190,8 @@ def _scatter(
     dof = rest - X.shape[1] * (R - 1)
     if dof > 0:
         s = np.sqrt(float(scatter @ scatter) / dof)
-        about = s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X))
-        of_lines.append(Block(about, float(dof)))
+        root = s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X))
+        of_lines.append(Block(root, float(dof)))
     return tuple(of_lines), R
 
 
@@ -338,10 +338,10 @@ def compensate(
     text = control.text(table, parameters, frame.says)
     readback = control.read_back(text, parameters)
     quantum = control.resolution(table, parameters)
-    far = np.abs(readback.at - table.at).max() if len(readback.at) == len(table.at) else np.inf
-    off = np.abs(readback.errors - table.errors).max() if np.isfinite(far) else np.inf
-    if far > max(quantum, 1e-6) or off > quantum * (0.5 + 1e-6):
-        reason = f"read back it is {off:.3g} off what was asked for, more than half of {quantum:g}"
+    shift = np.abs(readback.at - table.at).max() if len(readback.at) == len(table.at) else np.inf
+    gap = np.abs(readback.errors - table.errors).max() if np.isfinite(shift) else np.inf
+    if shift > max(quantum, 1e-6) or gap > quantum * (0.5 + 1e-6):
+        reason = f"read back it is {gap:.3g} off what was asked for, more than half of {quantum:g}"
         raise error("not-writable", reason=reason)
     applied = frame.applied(readback, errors.targets)
     if request.current is not None:
@@ -354,8 +354,8 @@ def compensate(
             facts = {"component": component, "p": test.p, "range_um": size, "mean_um": mean}
             warnings.append(finding("backlash-varies", **facts))
     if errors.blocks or errors.known is not None:
-        drawn = errors.draw(trials or TRIALS, seed)
-        after = figures(errors.expected - applied + drawn, errors.ways)
+        draws = errors.draw(trials or TRIALS, seed)
+        after = figures(errors.expected - applied + draws, errors.ways)
     else:
         facts = {"quantity": "figures after compensation", "names": [component]}
         warnings.append(finding("not-estimable", **facts, reason="one run shows no scatter"))
@@ -409,12 +409,12 @@ def _moves(
     all that were `measured` (2, T), nan elsewhere.
     """
     T = len(errors.targets)
-    chosen = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
-    chosen |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
+    indices = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
+    indices |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
     result = []
     for way, name in enumerate(WAYS[: errors.ways]):
-        stops = chosen if measured is None else np.flatnonzero(np.isfinite(measured[way])).tolist()
+        stops = indices if measured is None else np.flatnonzero(np.isfinite(measured[way])).tolist()
         for t in sorted(stops, reverse=way == 1):
             e, change = float(errors.means[way, t]), float(applied[way, t])
             reading = None if measured is None else float(measured[way, t])
@@ -445,10 +445,10 @@ def verify(
     assert errors is not None
     assert applied is not None
     at = np.abs(position[:, None] - errors.targets).argmin(1)
-    away = np.abs(position - errors.targets[at]) > SAME_PLACE
-    if away.any():
+    strays = np.abs(position - errors.targets[at]) > SAME_PLACE
+    if strays.any():
         expected = "readings at the targets of the first test"
-        where = f"{position[int(np.argmax(away))]:g} is no target"
+        where = f"{position[int(np.argmax(strays))]:g} is no target"
         raise error("not-applicable", reason=where, expected=expected)
     index = ((way < 0).astype(int) if errors.ways == 2 else 0) * len(errors.targets) + at
     t, e = applied.reshape(-1)[index], errors.means.reshape(-1)[index]

@@ -111,17 +111,17 @@ def fit_result(
     coverage_factor: float = 2.0,
 ) -> FitResult:
     """The figures of a fit; `estimates` holds the components of the machine file too."""
-    undetermined = tuple(observability(fit, estimates))
-    grouped: dict[tuple[str, str], list[str]] = {}
-    for item in undetermined:
-        grouped.setdefault((item.not_determined, item.because), []).append(item.component)
+    unknowns = tuple(observability(fit, estimates))
+    groups: dict[tuple[str, str], list[str]] = {}
+    for item in unknowns:
+        groups.setdefault((item.not_determined, item.because), []).append(item.component)
     if several := [name for name, x in fit.components.items() if len(x.instruments) > 1]:
-        grouped["dof and r2", "several instruments: see `instruments`"] = several
-    shared = []
+        groups["dof and r2", "several instruments: see `instruments`"] = several
+    passes = []
     for group in estimates.joint:
         units = [estimates.components[name].unit.to_internal for name in group.components]
         sizes = np.repeat(units, group.widths)
-        shared.append(SharedPasses(group, np.outer(sizes, sizes)))
+        passes.append(SharedPasses(group, np.outer(sizes, sizes)))
     return FitResult(
         machine=machine,
         fit=fit,
@@ -130,12 +130,12 @@ def fit_result(
             name: _component(estimate, fit, (says or {}).get(name))
             for name, estimate in estimates.components.items()
         },
-        joint=tuple(shared),
-        observability=undetermined,
+        joint=tuple(passes),
+        observability=unknowns,
         coverage_factor=coverage_factor,
         warnings=tuple(
             finding("not-estimable", quantity=quantity, names=names, reason=reason)
-            for (quantity, reason), names in grouped.items()
+            for (quantity, reason), names in groups.items()
         ),
     )
 
@@ -212,8 +212,8 @@ def _line(
         s_repeat=s_repeat,
         scatter=_scatter(s_repeat, s_pass, float(b[0]), [item]),
         tests={
-            name: Tested(made, key in machine.significant[name], estimate.unit)
-            for name, made in item.tests.items()
+            name: Tested(test, key in machine.significant[name], estimate.unit)
+            for name, test in item.tests.items()
         },
         r2=float(1.0 - fit.plain.rss / about_mean) if explains else None,
         role=item.role,

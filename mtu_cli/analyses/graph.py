@@ -205,17 +205,17 @@ def simulate_outputs(
     for i, item in enumerate(outputs):
         y, u = nominal[i], float(run.u[i])
         fixed = first_u[i] == 0.0 and u <= STILL * float(model.sizes[i])
-        made = dict.fromkeys(ENDS, y) if fixed else {x: float(getattr(run, x)[i]) for x in ENDS}
+        stats = dict.fromkeys(ENDS, y) if fixed else {x: float(getattr(run, x)[i]) for x in ENDS}
         coordinate = SimulatedCoordinate(
             output=item,
             nominal=y,
             first_order_u=first_u[i],
             shares={source: float(values[i]) for source, values in shares.items()},
             k=settings.coverage_factor,
-            mean=made["mean"],
+            mean=stats["mean"],
             u=0.0 if fixed else u,
-            interval=(made["low"], made["high"]),
-            shortest=(made["shortest_low"], made["shortest_high"]),
+            interval=(stats["low"], stats["high"]),
+            shortest=(stats["shortest_low"], stats["shortest_high"]),
             se_mean=0.0 if fixed else float(run.se_mean[i]),
             se_u=0.0 if fixed else float(run.se_u[i]),
             trials=0 if fixed else run.trials,
@@ -311,7 +311,7 @@ def sweep_graph(
     for number, at in enumerate(points):
         key = (1 << 20, number)
         state = np.random.SeedSequence(settings.seed, spawn_key=key).generate_state(2)
-        now = replace(settings, seed=int(state[0]) << 32 | int(state[1]), progress=None)
+        point_settings = replace(settings, seed=int(state[0]) << 32 | int(state[1]), progress=None)
         if settings.progress is not None:
             settings.progress(number, len(points))
         # The same net under other uncertainties of probing, um, and another number of probings.
@@ -321,11 +321,11 @@ def sweep_graph(
             transitions = [x.model_copy(update={"repeats": None}) for x in file.transitions]
             changes |= {"repeats": int(at[REPEATS]), "transitions": transitions}
         part = replace(graph, graph=file.model_copy(update=changes))
-        (point,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
+        (point,) = simulate_outputs(part, [output], point_settings, most=MOST_OF_GRID, ends=False)
         grid.append(GridPoint(at=at, **vars(point)))
     u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
-    settled = {name: np.array([item.at[name] for item in grid]) for name in values}
-    outcome = fit_formula(settled, u, se_u, linear_u, output.unit)
+    columns = {name: np.array([item.at[name] for item in grid]) for name in values}
+    outcome = fit_formula(columns, u, se_u, linear_u, output.unit)
     formula, why = (None, outcome) if isinstance(outcome, str) else (outcome, "")
     if formula is not None:
         both = zip(grid, formula.u, formula.error_percent, strict=True)

@@ -105,8 +105,8 @@ class Figure:
     @property
     def differs(self) -> bool | None:
         """Whether they do; None where that is not known."""
-        off = abs(self.difference)
-        return None if math.isnan(off + self.bound) else off > self.bound
+        change = abs(self.difference)
+        return None if math.isnan(change + self.bound) else change > self.bound
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,14 +264,14 @@ def sampling_u(
     step = np.where(noisy, pooled / np.sqrt(np.maximum(count, 1)), 0.0)
     means = mean + step * rng.standard_normal(shape)
     chi2 = 2 * rng.standard_gamma(np.maximum(dof, 1) / 2, shape)
-    drawn = pooled * np.sqrt(chi2 / np.maximum(dof, 1))
+    s_i = pooled * np.sqrt(chi2 / np.maximum(dof, 1))
     finite = np.isfinite(pooled)[..., 0]
     of_way = {way: finite[..., i] for i, way in enumerate(WAYS)}
     return {
         name: np.where(
             of_way.get(name.rpartition("_")[2], finite.all(axis=-1)), np.std(values, axis=0), np.nan
         )
-        for name, values in figures_of(means, np.where(estimable, drawn, np.nan)).items()
+        for name, values in figures_of(means, np.where(estimable, s_i, np.nan)).items()
     }
 
 
@@ -282,9 +282,9 @@ def corrected(axis: Axis, budget: InstrumentBudget | None) -> tuple[Axis, list[F
     if budget is None or budget.already_at_20 is not False or not axis.budgeted:
         return axis, []
     rise = (budget.alpha_um_per_m_K or 0.0) * (budget.T_mean_degC - REFERENCE_DEGC)
-    off = rise * UM / METRE * (axis.targets - axis.targets[0])
-    facts = {"component": axis.name, "size": float(off[-1] / UM), "rise": rise}
-    readings = axis.readings - off[:, None]
+    expansion = rise * UM / METRE * (axis.targets - axis.targets[0])
+    facts = {"component": axis.name, "size": float(expansion[-1] / UM), "rise": rise}
+    readings = axis.readings - expansion[:, None]
     return replace(axis, readings=readings), [finding("corrected-to-20", **facts)]
 
 
@@ -302,20 +302,20 @@ def instrument_u(
     span = float(x[-1]) or 1.0
     per_metre = UM / METRE
     alpha = budget.alpha_um_per_m_K or 0.0
-    away = abs(budget.T_mean_degC - REFERENCE_DEGC)
+    rise = abs(budget.T_mean_degC - REFERENCE_DEGC)
     samples: dict[str, list[FloatArray]] = {}
     zeroed = np.isnan(axis.of_runs[2])
     for start in range(0, trials, TOGETHER):
         n = min(TOGETHER, trials - start)
         scale = rng.standard_normal(n) * budget.device_U_um_per_m / budget.k
         scale += rng.uniform(-1, 1, n) * alpha * budget.T_half_width_K
-        scale += rng.uniform(-1, 1, n) * away * budget.alpha_half_width
+        scale += rng.uniform(-1, 1, n) * rise * budget.alpha_half_width
         bend = rng.uniform(0, 1, n) * budget.alignment_mm**2 / (2 * span**2)
-        off = (scale * per_metre + bend)[:, None, None, None] * x[:, None]
+        offset = (scale * per_metre + bend)[:, None, None, None] * x[:, None]
         drift: FloatArray | float = 0.0
         if budget.E_VE_um:
             drift = rng.uniform(-0.5, 0.5, (n, *axis.readings.shape)) * budget.E_VE_um * UM
-        _, mean, s = statistics(axis.readings + off + drift)
+        _, mean, s = statistics(axis.readings + offset + drift)
         for name, values in figures_of(mean, np.where(zeroed, np.nan, s)).items():
             samples.setdefault(name, []).append(values)
     # What changes the readings of a target alike leaves R and B but for round-off.
@@ -368,9 +368,9 @@ def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
     roles = np.array(readings.roles)[readings.file_index]
     axes, rest = [], []
     for code, name in enumerate(readings.components):
-        mine = readings.code == code
-        for role in dict.fromkeys(roles[mine].tolist()):
-            rows = np.flatnonzero(mine & (roles == role))
+        mask = readings.code == code
+        for role in dict.fromkeys(roles[mask].tolist()):
+            rows = np.flatnonzero(mask & (roles == role))
             places = position[rows][np.isfinite(position[rows])]
             if not places.size or (len(places) == len(rows) and not np.ptp(places)):
                 rest.append(name)
@@ -388,7 +388,7 @@ def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
                     facts = {"of": name, "unit": unit, "wanted": common} if column == "unit" else {}
                     expected = f"as in the other rows of {name}"
                     raise error(code_, expected=expected, file=file, **place, **facts)
-            label = f"{name} ({role})" if len({*roles[mine]}) > 1 else name
+            label = f"{name} ({role})" if len({*roles[mask]}) > 1 else name
             axes.append(_axis(readings, label, position, bool(rotary[rows[0]]), rows))
     if not axes:
         expected = "readings with position_mm (of rotary axes position_deg)"
@@ -456,11 +456,11 @@ def warnings_of(axis: Axis) -> Iterator[Finding]:
         quantity = f"R at {listed(places)}"
         yield finding("not-estimable", quantity=quantity, names=axis.name, reason=reason)
     # Runs far off the others at their target and direction: reported, never left out.
-    off = axis.readings - medians(axis.readings, 2)
-    mask, scatter = outlying(off, int((count > 0).sum()))
+    deviation = axis.readings - medians(axis.readings, 2)
+    mask, scatter = outlying(deviation, int((count > 0).sum()))
     if mask.any() and axis.rows is not None:
         lines = tuple(sorted(axis.rows[mask].tolist()))
-        far = float(np.abs(off[mask]).max()) / axis.size
+        far = float(np.abs(deviation[mask]).max()) / axis.size
         yield finding(
             "outlying-value", file=axis.file, row=lines[0], column="error", what=axis.name,
             unit=axis.unit, beside="the other runs", off=far, count=int(mask.sum()),
@@ -503,10 +503,10 @@ def evaluate_all(
         reason = "the budget of the instrument is of lengths"
         warnings.append(finding("not-estimable", quantity="u", names=other, reason=reason))
     result = Iso230Result(axes=axes, standard=standard)
-    named = [(f"{x.name} of {axis.name}", x) for axis, x in result.decisions]
-    if unknown := [name for name, x in named if math.isnan(x.U)]:
+    pairs = [(f"{x.name} of {axis.name}", x) for axis, x in result.decisions]
+    if unknown := [name for name, x in pairs if math.isnan(x.U)]:
         warnings.append(finding("no-uncertainty", names=unknown))
-    if unproven := [name for name, x in named if x.verdict == "not proven"]:
+    if unproven := [name for name, x in pairs if x.verdict == "not proven"]:
         warnings.append(finding("not-proven", names=unproven))
     return replace(result, warnings=tuple(warnings))
 

@@ -210,10 +210,10 @@ def unusual_parts(kinds: Sequence[Analysed], seed: int) -> tuple[UnusualPart, ..
     raws, scales = [], []
     for kind in kinds:
         cells = kind.tables.cells
-        away = cells.mean - (kind.one_way.mean - cells.origin)[:, None]
+        deviation = cells.mean - (kind.one_way.mean - cells.origin)[:, None]
         part, repeat = (np.nan_to_num(of)[:, None] for of in (kind.reml.part, kind.reml.repeat))
         variance = part + repeat / np.where(cells.present, cells.n, 1.0)
-        raws.append(np.where(cells.present, away, np.nan))
+        raws.append(np.where(cells.present, deviation, np.nan))
         scales.append(np.sqrt(np.where(variance > 0, variance, 1.0)))
     raw, scale = np.concatenate(raws).T, np.concatenate(scales).T
     rounding = np.concatenate([kind.rounding for kind in kinds])
@@ -226,16 +226,16 @@ def unusual_parts(kinds: Sequence[Analysed], seed: int) -> tuple[UnusualPart, ..
     result = []
     for i in np.flatnonzero(p <= rate).tolist():
         rest = np.arange(len(parts)) != i
-        off = raw - _mean(raw[rest])
-        square = _mean(off[rest] ** 2)
+        deviations = raw - _mean(raw[rest])
+        square = _mean(deviations[rest] ** 2)
         size2 = square + rounding
-        size = np.abs(np.nan_to_num(off[i])) / np.sqrt(np.where(size2 > 0, size2, 1.0))
+        size = np.abs(np.nan_to_num(deviations[i])) / np.sqrt(np.where(size2 > 0, size2, 1.0))
         j = int(np.argmax(size))
         item = UnusualPart(
             part=parts[i],
             p=min(float(p[i]) / PARTS, 1.0),
             where=labels[j],
-            deviation=float(off[i, j]),
+            deviation=float(deviations[i, j]),
             typical=float(np.sqrt(square[j])),
             singles=tuple(labels[k] for k in np.flatnonzero(test.by_cell[i] <= rate)),
         )
@@ -271,8 +271,8 @@ def trends(kinds: Sequence[Analysed], sequence: Mapping[str, FloatArray]) -> tup
     present = np.concatenate([kind.tables.cells.present for kind in kinds]) & np.isfinite(places)
     rounding = np.concatenate([kind.rounding for kind in kinds])
     n = present.sum(axis=1)
-    masked = (np.ma.array(values, mask=~present) for values in (places, means))
-    x, y = (np.asarray((each - each.mean(axis=1)[:, None]).filled(0.0)) for each in masked)
+    arrays = (np.ma.array(values, mask=~present) for values in (places, means))
+    x, y = (np.asarray((each - each.mean(axis=1)[:, None]).filled(0.0)) for each in arrays)
     spread = (x**2).sum(axis=1)
     valid = (n >= FEWEST_PARTS) & (spread > 0)
     spread, dof = np.where(valid, spread, 1.0), np.where(valid, n - 2.0, 1.0)
@@ -345,10 +345,10 @@ def capabilities(
         rows = {label: i for i, label in enumerate(kind.labels)}
         of: Of = "position" if kind.kind == "feature" else kind.kind
         for (operation, name, axis), i in rows.items():
-            chosen = [i, rows.get((operation, name, "y"), -1)] if of == "position" else [i]
-            if (of, name) not in limits or axis in ("y", "z") or chosen[-1] < 0:
+            tables = [i, rows.get((operation, name, "y"), -1)] if of == "position" else [i]
+            if (of, name) not in limits or axis in ("y", "z") or tables[-1] < 0:
                 continue
-            values = np.column_stack([kind.part_means(j)[0] for j in chosen])
+            values = np.column_stack([kind.part_means(j)[0] for j in tables])
             order = np.argsort(sequence[operation], kind="stable")
             order = order[np.isfinite(values[order]).all(axis=1)]
             if len(order) < 2:

@@ -88,14 +88,14 @@ class OutputBudget(FirstOrder):
 
     def findings(self, u: FloatArray) -> Iterator[Finding]:
         """What first and second order and clause 8 show; `u` (n,) of the inputs."""
-        verdict, drawn = self.validation, self.of_run("u")
+        verdict, u_trials = self.validation, self.of_run("u")
         shift, change = abs(self.second_value - self.value), abs(self.second_u - self.u)
         if self.faults:
             reason = f"{self.faults[0].text} (column {self.faults[0].column} of its equation)"
             yield finding("not-differentiable", output=self.name, reason=reason)
         elif np.all(u == 0.0):
             yield finding("no-uncertainty", names=[f"the inputs of {self.name}"])
-        elif max(shift, change) > verdict.tolerance > 0.0 or (self.u == 0.0 and drawn > 0.0):
+        elif max(shift, change) > verdict.tolerance > 0.0 or (self.u == 0.0 and u_trials > 0.0):
             finite = math.isfinite(self.second_u)
             second = "the variance below 0, so that u is undefined"
             second = f"u {self.second_u:.4g}" if finite else second
@@ -109,7 +109,7 @@ class OutputBudget(FirstOrder):
         largest = max(verdict.d_low, verdict.d_high)
         if verdict.passed is False and self.u == 0.0 and largest <= ROUNDING * abs(self.value):
             # A step: the ends of its interval agree.
-            difference = f"u 0 against {drawn:.2g} {unit}".rstrip()
+            difference = f"u 0 against {u_trials:.2g} {unit}".rstrip()
             yield finding("validation-failed", names=[self.name], difference=difference)
         else:
             yield from validation_warnings([self.name], [verdict], unit, 1.0)
@@ -191,10 +191,10 @@ def evaluate_budget(
         run, verdicts = validated(run_to, estimates, settings.digits, settings.trials is None)
     except InputError as fault:
         # The engine knows no file: the equation's place makes its message one of the file's.
-        named = [(problem, problem.facts.get("output")) for problem in fault.findings]
+        pairs = [(problem, problem.facts.get("output")) for problem in fault.findings]
         raise InputError(
             problem.at(**loaded.where(name)) if name in loaded.trees else problem
-            for problem, name in named
+            for problem, name in pairs
         ) from None
     # Nothing but a standard error can say that a statistic has converged.
     errors = np.where(trials.u_exists, run.u + run.se_mean + run.se_u, 0.0)

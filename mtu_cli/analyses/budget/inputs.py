@@ -171,12 +171,12 @@ def inputs_of(loaded: LoadedBudget) -> Inputs:
     inputs = tuple(_quantity(name, item) for name, item in file.inputs.items())
     place = {item.name: i for i, item in enumerate(inputs)}
     u = np.array([item.u for item in inputs])
-    covariance, linked = np.diag(u**2), np.zeros((len(u), len(u)))
+    covariance, links = np.diag(u**2), np.zeros((len(u), len(u)))
     for first, second, r in file.correlations:
         i, j = place[first], place[second]
         covariance[i, j] = covariance[j, i] = r * u[i] * u[j]
-        linked[i, j] = r
-    _, label = connected_components(linked, directed=False)
+        links[i, j] = r
+    _, label = connected_components(links, directed=False)
     several = np.bincount(label) > 1
     sources: list[Source] = []
     problems: list[Finding] = []
@@ -198,9 +198,9 @@ def inputs_of(loaded: LoadedBudget) -> Inputs:
         parts = [(i, x) for i, x in parts if shared.get(i) is not x]
         rows, members = list(shared), [part.distribution for part in shared.values()]
         readings = np.array([file.inputs[inputs[i].name].readings for i in rows])
-        away = readings - readings.mean(axis=1, keepdims=True)
+        deviation = readings - readings.mean(axis=1, keepdims=True)
         n = readings.shape[1]
-        joint = away @ away.T / (n * (n - 1))
+        joint = deviation @ deviation.T / (n * (n - 1))
         np.fill_diagonal(joint, [item.u**2 for item in members])
         sources.append(Source(rows, members, joint, factor_of(joint)))
         off = ~np.eye(len(rows), dtype=bool)
@@ -222,11 +222,11 @@ def _quantity(name: str, item: Input) -> InputQuantity:
         s = float(np.std(readings - value, ddof=1))
         scatter = Distribution(kind="t", u=s / math.sqrt(n), dof=n - 1.0)
         parts.append(Part(scatter, "readings", type_a=True))
-    stated = [
+    type_b = [
         (_distribution(item), ""),
         *((_distribution(x), x.says or "") for x in item.contributions),
     ]
-    parts += [Part(shape, says) for shape, says in stated if shape is not None]
+    parts += [Part(shape, says) for shape, says in type_b if shape is not None]
     parts = [part for part in parts if part.distribution.u > NOTHING]
     shapes = [part.distribution for part in parts]
     squares = np.array([each.u**2 for each in shapes])
@@ -317,9 +317,9 @@ def _correlated(rows: list[int], inputs: Sequence[InputQuantity], covariance: Fl
         if (coefficient := normal_correlation(*of, target)) is None:
             unit = math.sqrt(joint[a, a] * joint[b, b])
             # Rounded towards 0, so that what it says is possible.
-            most = math.floor(1e6 * largest_covariance(*of) / unit) / 1e6
+            limit = math.floor(1e6 * largest_covariance(*of) / unit) / 1e6
             why, value = "their distributions allow no coefficient so large", f"{target / unit:.9g}"
-            ends = f"-{most:g} to {most:g}"
+            ends = f"-{limit:g} to {limit:g}"
             problems.append(impossible((names[b], names[a]), why, ends, value=value))
         else:
             rho[a, b] = rho[b, a] = coefficient

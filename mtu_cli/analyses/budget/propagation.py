@@ -80,7 +80,7 @@ def _output(
     if math.isfinite(variance):
         dofs = [source.dof(g) for source in inputs.sources]
         dof = welch_satterthwaite(np.array(variances), np.array(dofs))
-    shift, more = _second_order(tree, slopes, inputs, rows)
+    shift, increase = _second_order(tree, slopes, inputs, rows)
     joint = g * (inputs.covariance @ g)
     return FirstOrder(
         name=name,
@@ -91,7 +91,7 @@ def _output(
         dof=dof,
         share=joint / variance if variance > 0.0 else np.full(len(g), math.nan),
         second_value=slopes.value + shift,
-        second_u=math.sqrt(variance + more) if variance + more >= 0.0 else math.nan,
+        second_u=math.sqrt(variance + increase) if variance + increase >= 0.0 else math.nan,
         faults=slopes.faults,
     )
 
@@ -112,21 +112,21 @@ def _second_order(
     u = np.array([item.u for item in members])
     kappa = np.array([item.excess for item in members])
     # Products of small numbers with large ones, in an order in which neither leaves the range.
-    bent, twisted = np.diag(H) * u * u, slopes.third * u * u * u
-    fourth = float(np.sum(kappa * (bent**2 / 4.0 + g * u * twisted / 3.0)))
-    more = 0.5 * float(np.sum(HV * HV.T)) + fourth
-    along = V @ g
-    if not np.all(np.isfinite(along)):
+    second, third = np.diag(H) * u * u, slopes.third * u * u * u
+    fourth = float(np.sum(kappa * (second**2 / 4.0 + g * u * third / 3.0)))
+    increase = 0.5 * float(np.sum(HV * HV.T)) + fourth
+    Vg = V @ g
+    if not np.all(np.isfinite(Vg)):
         return 0.5 * float(np.trace(HV)), math.nan
-    if np.any(along):
+    if np.any(Vg):
         # The derivative of tr(HV) along Vg: V = F F', so that it is a sum over the columns of F.
         F = factor_of(V)
-        moved = np.stack([np.repeat(along[:, None], F.shape[1], axis=1), F])
+        vectors = np.stack([np.repeat(Vg[:, None], F.shape[1], axis=1), F])
         values = {item.name: item.value for item in inputs.quantities}
-        directions = {item.name: moved[:, i] for i, item in enumerate(members)}
+        directions = {item.name: vectors[:, i] for i, item in enumerate(members)}
         coefficients, _ = taylor(tree, values, directions.get, F.shape[1])
-        more += 2.0 * float(np.sum(coefficients[PLACE[1, 2]]))
-    return 0.5 * float(np.trace(HV)), more
+        increase += 2.0 * float(np.sum(coefficients[PLACE[1, 2]]))
+    return 0.5 * float(np.trace(HV)), increase
 
 
 class BudgetTrials:
@@ -182,18 +182,18 @@ class BudgetTrials:
         """Values and first-order values (outputs, m)."""
         deviation = self.work.array("deviation", (len(self.value), m))
         deviation[:] = 0.0
-        drawn = self.work.array("drawn", (m,))
+        draws = self.work.array("drawn", (m,))
         for source in self.inputs.sources:
             if source.factor is None:
-                source.members[0].draw(rng, drawn, self.work)
-                deviation[source.rows[0]] += drawn
+                source.members[0].draw(rng, draws, self.work)
+                deviation[source.rows[0]] += draws
                 continue
             joint = source.factor @ rng.standard_normal((source.factor.shape[1], m))
             if not source.is_t:
                 for row, item in zip(joint, source.members, strict=True):
-                    _marginal(item, row, rng, drawn)
+                    _marginal(item, row, rng, draws)
             elif source.members[0].dof < NORMAL_DOF:
-                joint *= t_scales(source.members[0].dof, rng, drawn)
+                joint *= t_scales(source.members[0].dof, rng, draws)
             deviation[source.rows] += joint
         x = np.add(deviation, self.value, out=self.work.array("x", deviation.shape))
         of_name = {item.name: x[i] for i, item in enumerate(self.inputs.quantities)}

@@ -178,14 +178,14 @@ def form_warnings(forms: Collection[FormLeft]) -> Iterator[Finding]:
     calibrated = [form for form in forms if form.calibrated]
     excess = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
     if excess:
-        most = max(excess, key=lambda form: form.F)
-        called = {form: f"{form.operation} {form.id}".strip() for form in excess}
+        worst = max(excess, key=lambda form: form.F)
+        labels = {form: f"{form.operation} {form.id}".strip() for form in excess}
         yield finding(
             "form-left",
-            names=[*dict.fromkeys(called.values())],
-            worst=called[most],
-            rms_um=most.rms / UM,
-            explained_um=most.explained / UM,
+            names=[*dict.fromkeys(labels.values())],
+            worst=labels[worst],
+            rms_um=worst.rms / UM,
+            explained_um=worst.explained / UM,
         )
 
 

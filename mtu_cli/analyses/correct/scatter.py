@@ -121,9 +121,9 @@ def point_scatter(
         finite = np.isfinite(values)
         group, value = code[finite], values[finite]
         count = np.bincount(group)
-        away = value - (np.bincount(group, value) / np.maximum(count, 1))[group]
+        deviation = value - (np.bincount(group, value) / np.maximum(count, 1))[group]
         repeated = count > 1
-        sums = np.bincount(group, away**2)[repeated]
+        sums = np.bincount(group, deviation**2)[repeated]
         squares.append(np.array([sums, count[repeated] - 1.0, np.zeros(len(sums))]))
     repeats = np.concatenate(squares, axis=1)
     if repeats[1].sum() >= FEWEST:

@@ -114,8 +114,8 @@ class RowErrors:
             variance, _ = self.variances(prediction, np.eye(len(rows) * a))
             error[place] = prediction.mean.reshape(-1, a)
             u[place] = np.sqrt(variance).reshape(-1, a)
-        lost = np.isnan(self.points.measured)
-        return np.where(lost, np.nan, error), np.where(lost, np.nan, u)
+        missing = np.isnan(self.points.measured)
+        return np.where(missing, np.nan, error), np.where(missing, np.nan, u)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,10 +156,10 @@ class Measurand:
             facts = {"quantity": "errors and their reduction", "reason": "no calibrated_mm"}
             return [finding("not-estimable", names=[self.name], **facts)]
         low, high = self.calibrated[[0, -1], 0].tolist()
-        off = {max(low - T, T - high): T for T in temperatures if np.isfinite(T)}
-        if not self.ranged or max(off, default=0.0) <= SLACK_DEGC:
+        gaps = {max(low - T, T - high): T for T in temperatures if np.isfinite(T)}
+        if not self.ranged or max(gaps, default=0.0) <= SLACK_DEGC:
             return []
-        facts = {"what": f"{off[max(off)]:.4g} degC", "low": low, "high": high, "unit": "degC"}
+        facts = {"what": f"{gaps[max(gaps)]:.4g} degC", "low": low, "high": high, "unit": "degC"}
         names = [f"the calibration of {self.name}"]
         return [finding("outside-measured-range", names=names, **facts)]
 
@@ -295,19 +295,19 @@ def measured_sizes(
     do not determine a size, with their row.
     """
     points, result, rings = rows.points, Visits(), list[Ring]()
-    used = only_features(points, [name for item in measurands for name in item.features])
-    if not len(used):
+    subset = only_features(points, [name for item in measurands for name in item.features])
+    if not len(subset):
         return result, rings, []
-    visits, (operations, _) = visits_of(used), operations_of(used)
+    visits, (operations, _) = visits_of(subset), operations_of(subset)
     # The last column stands for features that nobody measured.
-    row = np.full((len(visits.part), len(used.features) + 1), -1)
-    codes = [points.features.index(name) for name in used.features]
-    row[visits.of_point, used.feature] = np.flatnonzero(np.isin(points.feature, codes))
-    columns = {name: i for i, name in enumerate(used.features)}
+    row = np.full((len(visits.part), len(subset.features) + 1), -1)
+    codes = [points.features.index(name) for name in subset.features]
+    row[visits.of_point, subset.feature] = np.flatnonzero(np.isin(points.feature, codes))
+    columns = {name: i for i, name in enumerate(subset.features)}
     places = [[columns.get(name, -1) for name in item.features] for item in measurands]
     partial, problems = dict[str, list[str]](), list[Finding]()
     for visit, (code, which) in enumerate(zip(visits.part, visits.operation, strict=True)):
-        part, operation = used.parts[code], operations[which]
+        part, operation = subset.parts[code], operations[which]
         entries: list[tuple[int, IntArray, Measure]] = []
         for order, item in enumerate(measurands):
             indices = row[visit, places[order]]
@@ -337,13 +337,13 @@ def measured_sizes(
                 result.setdefault((order, operation, part), []).append(each)
     if problems:
         raise InputError(problems)
-    warned = []
-    for name, visited in partial.items():
+    notes = []
+    for name, parts in partial.items():
         # Repeats are not counted as parts.
-        count = counted(len(set(visited)), "part")
-        reason = f"not all its features were measured on {count} ({visited[0]!r})"
-        warned.append(finding("not-measured", names=[name], reason=reason))
-    return result, rings, warned
+        count = counted(len(set(parts)), "part")
+        reason = f"not all its features were measured on {count} ({parts[0]!r})"
+        notes.append(finding("not-measured", names=[name], reason=reason))
+    return result, rings, notes
 
 
 def _by_machine(
@@ -355,13 +355,13 @@ def _by_machine(
     """The sizes `entries` of one visit, each with its number and rows, with u: the variance of
     gradient' E over all points of the visit; and its circles and spheres.
     """
-    chosen = np.unique(np.concatenate([indices for _, indices, _ in entries]))
-    prediction = rows.predicted(chosen)
+    union = np.unique(np.concatenate([indices for _, indices, _ in entries]))
+    prediction = rows.predicted(union)
 
     def matrix(indices: IntArray, vectors: FloatArray) -> FloatArray:
         """A of the `vectors` (k, m, 3) in the points `indices` (m,)."""
-        A = np.zeros((len(vectors), len(chosen), len(rows.columns)))
-        A[:, np.searchsorted(chosen, indices)] = vectors[:, :, rows.columns]
+        A = np.zeros((len(vectors), len(union), len(rows.columns)))
+        A[:, np.searchsorted(union, indices)] = vectors[:, :, rows.columns]
         return A.reshape(len(vectors), -1)
 
     A = np.concatenate([matrix(indices, each.gradient[None]) for _, indices, each in entries])
@@ -412,8 +412,8 @@ def _round(item: Measurand, rows: IntArray, points: Points, corrected: FloatArra
 
 def _length(item: Measurand, rows: IntArray, points: Points, corrected: FloatArray) -> Measure:
     """End minus start; along z nothing is off where only the nominal z is known."""
-    drawn, measured = points.nominal[rows], points.measured[rows]
-    ends = [np.where(np.isnan(each), drawn, each) for each in (drawn, measured, corrected[rows])]
+    ideal, measured = points.nominal[rows], points.measured[rows]
+    ends = [np.where(np.isnan(each), ideal, each) for each in (ideal, measured, corrected[rows])]
     for each in ends:
         # A z that only one end has counts for neither.
         each[:, 2] = 0.0 if np.isnan(each[:, 2]).any() else each[:, 2]

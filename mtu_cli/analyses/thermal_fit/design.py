@@ -221,8 +221,8 @@ def about_means(values: FloatArray, parts: Iterable[slice]) -> FloatArray:
     result = np.empty_like(values)
     for rows in parts:
         # About the first one: equal values leave nothing.
-        away = values[rows] - values[rows.start]
-        result[rows] = away - away.mean(axis=0)
+        deviation = values[rows] - values[rows.start]
+        result[rows] = deviation - deviation.mean(axis=0)
     return result
 
 
@@ -266,8 +266,8 @@ def _offsets_explain(pieces: Pieces, g: int) -> bool:
     last, tests = both[0][0].factor.shape[1] - 1, []
     for first in range(1, last, g):
         columns = [*range(1, g + 1), *(range(first, first + g) if first > 1 else ())]
-        without = within = 0.0
-        more, used, fits = len(pieces) - len(places), len(pieces), []
+        rss_level = rss_offset = 0.0
+        df1, rank, fits = len(pieces) - len(places), len(pieces), []
         for rows, centred in both:
             level_fit, offset_fit = (
                 least_squares(x.inner(columns), x.inner([last])[:, 0]) for x in (rows, centred)
@@ -275,12 +275,12 @@ def _offsets_explain(pieces: Pieces, g: int) -> bool:
             weights = np.zeros(last + 1)
             weights[columns], weights[last] = -offset_fit.coefficients, 1.0
             fits.append((centred, weights))
-            without, within = without + level_fit.rss, within + offset_fit.rss
-            more, used = more + offset_fit.rank - level_fit.rank, used + offset_fit.rank
+            rss_level, rss_offset = rss_level + level_fit.rss, rss_offset + offset_fit.rss
+            df1, rank = df1 + offset_fit.rank - level_fit.rank, rank + offset_fit.rank
         n = sum(piece.n for piece in pieces.values())
-        dof = effective_number(n, autocorrelation(fits)) - used
-        if more > 0 and dof > 0 and within > 0:
-            F = max(without - within, 0.0) / more / (within / dof)
-            tests.append((1 - within / without, float(fdtrc(more, dof, F))))
+        dof = effective_number(n, autocorrelation(fits)) - rank
+        if df1 > 0 and dof > 0 and rss_offset > 0:
+            F = max(rss_level - rss_offset, 0.0) / df1 / (rss_offset / dof)
+            tests.append((1 - rss_offset / rss_level, float(fdtrc(df1, dof, F))))
     share, p = min(tests, default=(0.0, 1.0))
     return p < OFFSET_P and share > OFFSET_SHARE

@@ -135,12 +135,12 @@ def _stepwise(
             columns = [0, *stepwise(replace(plain, n=max(item.n - item.levels + 1, 1)))]
             fit = least_squares(plain.factor[:, columns], plain.factor[:, -1])
             design.selections[key] = np.array(columns[1:], int) - 1, fit
-        chosen, fitted = design.selections[key]
-        gradients[i, chosen] = fitted.coefficients[1:]
+        selection, fitted = design.selections[key]
+        gradients[i, selection] = fitted.coefficients[1:]
         covariance = np.zeros((g, g))
-        covariance[np.ix_(chosen, chosen)] = fitted.unscaled_covariance[1:, 1:]
+        covariance[np.ix_(selection, selection)] = fitted.unscaled_covariance[1:, 1:]
         unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
-        count += len(chosen) * m / len(rows)
+        count += len(selection) * m / len(rows)
     return _sums(W, gradients).reshape(-1), unit.reshape(m * g, m * g), count
 
 
@@ -208,21 +208,21 @@ def choose(design: Design, blocks: Blocks, method: str) -> Spec:
             "stepwise" if method in ("auto", "stepwise") else "ridge", design.most_degree, none
         )
     kinds = KINDS if method == "auto" else (method,)
-    tried = [
+    candidates = [
         x for kind in kinds if kind != "lagged" for x in _by_degree(design, blocks, kind, none)
     ]
     if "lagged" in kinds and len(design.time_constants) > 1:
-        tried += _lagged(design, blocks)
-    tried = tried or _by_degree(design, blocks, "ridge", none)
+        candidates += _lagged(design, blocks)
+    candidates = candidates or _by_degree(design, blocks, "ridge", none)
     # Of models that are alike but for rounding the first.
-    least = min(item.score for item in tried) * (1 + ALIKE)
-    best = next(item for item in tried if item.score <= least)
+    least = min(item.score for item in candidates) * (1 + ALIKE)
+    best = next(item for item in candidates if item.score <= least)
     # The best with lags only where these are worth it.
-    without = [item for item in tried if item.kind != "lagged"]
-    simple = min(without, key=lambda item: item.score, default=best)
+    unlagged = [item for item in candidates if item.kind != "lagged"]
+    simple = min(unlagged, key=lambda item: item.score, default=best)
     if best.score >= (1 - LAG_WORTH) * simple.score:
         best = simple
-    return _simplest([item for item in tried if item.kind == best.kind]).spec
+    return _simplest([item for item in candidates if item.kind == best.kind]).spec
 
 
 def _best(design: Design, blocks: Blocks, kind: str, spec: Spec) -> Scored:
@@ -245,10 +245,10 @@ def _by_degree(design: Design, blocks: Blocks, kind: str, lags: tuple[int, ...])
     return [_best(design, blocks, kind, spec) for spec in specs]
 
 
-def _simplest(tried: Sequence[Scored]) -> Scored:
+def _simplest(candidates: Sequence[Scored]) -> Scored:
     """The lowest degree that is as good as the best."""
-    most = min(item.score for item in tried) * (1 + WORTH)
-    return min((x for x in tried if x.score <= most), key=lambda item: item.spec.degree)
+    most = min(item.score for item in candidates) * (1 + WORTH)
+    return min((x for x in candidates if x.score <= most), key=lambda item: item.spec.degree)
 
 
 def _lagged(design: Design, blocks: Blocks) -> list[Scored]:

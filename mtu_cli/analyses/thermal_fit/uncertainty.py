@@ -88,10 +88,10 @@ def estimate(
     if products is not None and products[1] > 0:
         # Where held-out cycles show significantly more (5 %, F), the difference over their mean
         # x'C x is taken.
-        beyond = (max(products[0], 0.0) - max(lag, 0.0)) / products[1]
+        excess = (max(products[0], 0.0) - max(lag, 0.0)) / products[1]
         between = max(len(cycles) - 1.0, 1.0)
-        if beyond > scale * float(fdtri(between, coefficient_dof, PROBABILITY)):
-            scale, coefficient_dof = beyond, between
+        if excess > scale * float(fdtri(between, coefficient_dof, PROBABILITY)):
+            scale, coefficient_dof = excess, between
     root = np.kron(T, spread) @ covariance_root(fit.unit_covariance[np.ix_(terms, terms)])
     slow, leftover_dof = _slow(fit, residual, products)
     places = [position for position in design.positions if position is not None]
@@ -150,10 +150,10 @@ def _slow(
         series = [(p, residual[rows]) for (p, cycle), rows in design.runs.items() if cycle == c]
         second += sum(float(e[:-2] @ e[2:]) for _, e in series)
         triples += sum(max(len(e) - 2, 0) for _, e in series)
-        for (i, one), (j, other) in product(series, series):
-            if len(one) == len(other):
-                first[i, j] += float(one[:-1] @ other[1:])
-                pairs[i, j] += len(one) - 1
+        for (i, a), (j, b) in product(series, series):
+            if len(a) == len(b):
+                first[i, j] += float(a[:-1] @ b[1:])
+                pairs[i, j] += len(a) - 1
     slow = first / np.maximum(pairs, 1)
     slow = (slow + slow.T) / 2
     mean = float(np.trace(slow)) / count
@@ -165,10 +165,10 @@ def _slow(
         # Corrected for the degrees of freedom of the fit, by the effective number, but no further
         # than held-out cycles show.
         number = effective_number(n, memory)
-        lost = number / max(number - fit.parameters, number / MOST_LOST)
+        loss = number / max(number - fit.parameters, number / MOST_LOST)
         if products is not None:
-            lost = max(min(lost, products[0] / mean), n / max(n - fit.parameters, 1.0))
-        slow *= lost
+            loss = max(min(loss, products[0] / mean), n / max(n - fit.parameters, 1.0))
+        slow *= loss
     # Variances lose information to memory with its square (Bayley & Hammersley 1946).
     return slow, max(effective_number(n, memory**2) - fit.parameters, 1.0)
 
@@ -286,8 +286,8 @@ def _full(fit: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int
     runs = [(p, c, rows) for (p, c), rows in sorted(design.runs.items())]
     # A single reading has no rise of its own; where all are such, they share levels of positions.
     runs = [run for run in runs if run[2].stop - run[2].start > 1] or runs
-    chosen = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MOST_BLOCKS)).round())
-    for p, c, rows in (runs[int(i)] for i in chosen):
+    sample = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MOST_BLOCKS)).round())
+    for p, c, rows in (runs[int(i)] for i in sample):
         power, n = powers[p], rows.stop - rows.start
         edges = np.unique(np.linspace(0, n, min(n, BINS) + 1).astype(int)[:-1])
         count = np.diff(np.append(edges, n))[:, None]
