@@ -81,8 +81,8 @@ class TraceFigures(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircularResult:
-    """Figures of all traces, the causes, and the remainder of the joint fit, mm; `fitted` is what
-    it says of each trace.
+    """Figures of all traces, the causes, and the remainder of the joint fit, mm; `fitted` is its
+    prediction of each trace.
     """
 
     traces: Traces
@@ -269,8 +269,8 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
 
 
 def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:
-    """The height of a bump sin^2(pi past/WINDOW) after the reversals of an axis, of what the joint
-    fit leaves there, and its u.
+    """The height of a bump sin^2(pi past/WINDOW) after the reversals of an axis, of the residuals
+    of the joint fit there, and its u.
     """
     shape, rest, rows, variance = [], [], [], 0.0
     for trace, design in zip(traces.traces, fit.designs, strict=True):
@@ -301,7 +301,7 @@ def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:
 
 
 def _arcs(traces: Traces) -> Iterator[Finding]:
-    """A warning of traces that are no whole circle: of what their largest gap leaves of it."""
+    """A warning of traces that are no whole circle, by their largest gap."""
     coverage = []
     for trace in traces.traces:
         angle = np.sort(np.mod(trace.angle, 2 * math.pi))

@@ -1,8 +1,8 @@
-"""From the errors of an axis to the table of its control, and what the table will leave.
+"""From the errors of an axis to the table of its control, and the errors that will remain.
 
-Errors e = actual - nominal. With the table t a control moves to nominal - t, so that e - t is left:
+Errors e = actual - nominal. With the table t a control moves to nominal - t, so that e - t remains,
 after the quantum, the zero rule and the linear interpolation of the control. A new test of as many
-runs scatters about that by what the means of the first one do not know, and by its own scatter.
+runs scatters about that by the uncertainty of the means of the first one and by its scatter.
 """
 
 from __future__ import annotations
@@ -273,7 +273,7 @@ class Move(NamedTuple):
 
 
 class Verified(NamedTuple):
-    """The slope k of readings on the applied table, and what it says."""
+    """The slope k of readings on the applied table, and its verdict."""
 
     verdict: str
     k: float
@@ -321,7 +321,7 @@ def compensate(
     errors: AxisErrors, control: Controller, parameters: Parameters, request: Wanted, *,
     component: str = "", seed: int = 1, trials: int | None = None,
 ) -> CompensateResult:  # fmt: skip
-    """The table of a control for the errors of an axis, read back, with what it will leave.
+    """The table of a control for the errors of an axis, read back, with the errors that remain.
 
     Raises InputError for a table that the format cannot hold, or that comes back otherwise.
     """
@@ -493,7 +493,7 @@ def verify(
 def moves_program(
     result: CompensateResult, feed: float, dwell_s: float, axis: str, frame: Frame
 ) -> str:
-    """G-code of the verification moves: every target approached from its own side, with an overrun
+    """G-code of the verification moves: every target approached from its side, with an overrun
     at the reversals; `feed` in mm/min or deg/min. No work offset turns an axis: one that runs the
     other way than the readings moves in machine coordinates.
     """

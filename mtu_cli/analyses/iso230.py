@@ -159,7 +159,7 @@ class Plan(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Iso230Result:
-    """All axes by name, and what there is to say."""
+    """All axes by name, their warnings, and a plan of targets."""
 
     axes: Mapping[str, Axis]
     warnings: tuple[Finding, ...] = ()

@@ -108,7 +108,7 @@ def analyse_variance(
 ) -> AnovaResult:
     """Gilsinn & Ling 2004, section 4: one table a feature and axis, a length, an angle.
 
-    `datum` takes the freedoms of a set-up by hand out of the features' errors, measurement by
+    `datum` removes the best-fit alignment of a set-up by hand from the features' errors, by
     measurement; lengths and angles do not depend on it.
 
     Raises InputError for a feature that stands twice in one repeat of one part, and a row or

@@ -1,4 +1,4 @@
-"""An uncertainty budget: propagation to first and second order, and Monte Carlo beside it."""
+"""An uncertainty budget: propagation to first and second order, and by Monte Carlo."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["BudgetResult", "evaluate_budget"]
 DRAWN = 2**17
 """Trials kept for the histogram."""
 SHORTEST = 1.05
-"""More than its own scatter may make the shortest interval longer than the symmetric one."""
+"""By its scatter the shortest interval may be longer than the symmetric one by this factor."""
 ROUNDING = 1e-9
 """Share of a value below which ends of an interval agree."""
 Interval = tuple[float, float]
@@ -73,7 +73,7 @@ class OutputBudget(FirstOrder):
     def symmetric(self) -> Interval:
         """Of the trials, with equal chances beyond either end; one value where none varies."""
         if self.of_run("u") == 0.0:
-            # Weights of ordered values leave their rounding on equal ones.
+            # Weights of ordered values add rounding to equal ones.
             return self.of_run("mean"), self.of_run("mean")
         return self.of_run("low"), self.of_run("high")
 
@@ -136,7 +136,7 @@ class BudgetResult:
         C = np.array([item.sensitivity for item in self.outputs])
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
             joint: FloatArray = C @ self.given.covariance @ C.T
-            # Without the rounding that cancelling leaves.
+            # Without the rounding of what cancels.
             np.fill_diagonal(joint, np.square([item.u for item in self.outputs]))
         return joint
 
@@ -179,7 +179,7 @@ def evaluate_budget(
     ]
 
     def run_to(fraction: float) -> MonteCarloResult:
-        # Trials too far apart to be squared leave inf or nan, which a warning of ours reports.
+        # Trials too far apart to be squared give inf or nan, which a warning of ours reports.
         with catch_warnings():
             simplefilter("ignore", RuntimeWarning)
             return settings.run(
@@ -196,7 +196,7 @@ def evaluate_budget(
             problem.at(**loaded.where(name)) if name in loaded.trees else problem
             for problem, name in pairs
         ) from None
-    # Nothing but a standard error can say that a statistic has converged.
+    # Only a standard error shows that a statistic has converged.
     errors = np.where(trials.u_exists, run.u + run.se_mean + run.se_u, 0.0)
     finite = np.all(np.isfinite(errors + run.se_low + run.se_high))
     run = replace(run, converged=run.converged and bool(finite))

@@ -74,7 +74,7 @@ def _output(
 ) -> FirstOrder:
     g = np.zeros(len(inputs.quantities))
     g[rows] = slopes.first
-    # Summed by sources, so that a variance of 0 is 0 and not what rounding leaves.
+    # Summed by sources, so that a variance of 0 is 0 and not rounding.
     variances = [source.variance(g) for source in inputs.sources]
     variance, dof = math.fsum(variances), math.nan
     if math.isfinite(variance):
@@ -148,7 +148,7 @@ class BudgetTrials:
         slopes = np.array([item.sensitivity for item in first])
         self.gradient = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
         self.linear_mean = np.array([item.value for item in first])
-        # What cancels leaves a scatter that is none and would never converge.
+        # Rounding of what cancels would never converge.
         size = np.abs(self.gradient) @ np.abs(self.value[:, 0]) + np.abs(self.linear_mean)
         size[[item.u != 0.0 for item in first]] = 0.0
         self.rounding = ROUNDING * np.maximum(np.abs(self.gradient) @ inputs.u, size)

@@ -10,10 +10,10 @@ import numpy as np
 
 from mtu_cli.analyses.correct.scatter import (
     FEWEST,
-    FormLeft,
+    FormTest,
     Kind,
     PointScatter,
-    forms_left,
+    form_tests,
     point_scatter,
 )
 from mtu_cli.analyses.correct.sizes import (
@@ -64,7 +64,7 @@ class CorrectResult:
     u_corrected: FloatArray
     scatter: PointScatter | None
     sizes: tuple[Size, ...]
-    forms: tuple[FormLeft, ...]
+    forms: tuple[FormTest, ...]
     independent: bool
     warnings: tuple[Finding, ...]
 
@@ -131,7 +131,7 @@ def correct(
     scatter = point_scatter(points, corrected, rings)
     sizes = mean_sizes(measurands, visits, scatter, settings.coverage_factor)
     u_corrected = u if scatter is None else np.hypot(u, scatter.s)
-    forms = forms_left(rings, scatter, float(roundings(points).max()))
+    forms = form_tests(rings, scatter, float(roundings(points).max()))
     outside = replace(rows.predicted(np.arange(1)), outside=tuple(rows.outside.values()))
     warnings += [*outside_warnings(outside), *absent, *partial]
     for order, item in enumerate(measurands):
@@ -171,7 +171,7 @@ def _size_warnings(sizes: Sequence[Size], scatter: PointScatter | None) -> Itera
         yield finding("not-estimable", quantity="reduction_percent", **details)
 
 
-def form_warnings(forms: Collection[FormLeft]) -> Iterator[Finding]:
+def form_warnings(forms: Collection[FormTest]) -> Iterator[Finding]:
     """Of calibrated rings whose form is more than is explained, at 95 % of all together
     (Bonferroni): a ring of no calibration may have the form that it was made with.
     """

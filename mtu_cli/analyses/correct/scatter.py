@@ -77,20 +77,20 @@ class PointScatter:
 class Ring(NamedTuple):
     """A circle or sphere in one visit after the correction, the figure `of` (kind, id, operation).
 
-    `residuals` (n,) mm, unit vectors `away` (n, 3) from the centre, in the plane of a circle, and
-    the modelled covariance `K` (n, n) of the points along them, mm^2, with degrees of freedom
+    `residuals` (n,) mm, unit vectors `normals` (n, 3) from the centre, in the plane of a circle,
+    modelled covariance `K` (n, n) of the points along them, mm^2, with degrees of freedom
     `dof`.
     """
 
     of: tuple[Kind, str, str]
     calibrated: bool
     residuals: FloatArray
-    away: FloatArray
+    normals: FloatArray
     K: FloatArray
     dof: float
 
 
-class FormLeft(NamedTuple):
+class FormTest(NamedTuple):
     """The mean form of a ring over its `visits`: root mean square `rms` of its residuals, and
     `explained`, that of the model's uncertainty and the points' scatter, mm; F, p.
     """
@@ -130,7 +130,7 @@ def point_scatter(
         return estimate(repeats, "repeats", r)
     squares = [np.zeros((3, 0))]
     for ring in rings:
-        Q = ring_space(ring.away, ring.of[0])
+        Q = ring_space(ring.normals, ring.of[0])
         modelled, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
         each: FloatArray = (vectors.T @ Q.T @ ring.residuals) ** 2
         squares.append(np.array([each, np.ones(len(each)), np.clip(modelled, 0.0, None)]))
@@ -138,12 +138,12 @@ def point_scatter(
     return estimate(form, "form", r) if form.size else None
 
 
-def ring_space(away: FloatArray, kind: Kind) -> FloatArray:
+def ring_space(normals: FloatArray, kind: Kind) -> FloatArray:
     """Orthonormal (n, n - d - 1): the directions of n residuals that centre and radius of a circle
-    (d = 2) or sphere (3) leave; `away` (n, 3): see `Ring`.
+    (d = 2) or sphere (3) leave; `normals` (n, 3): see `Ring`.
     """
     # Vectors of a circle lie in its plane: two of the four columns and the ones have rank 3.
-    U: FloatArray = np.linalg.svd(np.column_stack([away, np.ones(len(away))]))[0]
+    U: FloatArray = np.linalg.svd(np.column_stack([normals, np.ones(len(normals))]))[0]
     return U[:, DIMENSIONS[kind] + 1 :]
 
 
@@ -169,9 +169,9 @@ def estimate(squares: FloatArray, origin: Origin, r: float = 0.0) -> PointScatte
     )
 
 
-def forms_left(
+def form_tests(
     rings: Sequence[Ring], scatter: PointScatter | None, r: float = 0.0
-) -> tuple[FormLeft, ...]:
+) -> tuple[FormTest, ...]:
     """The mean form of every ring against what the model and the scatter of points explain.
 
     F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n, with what the last
@@ -184,7 +184,7 @@ def forms_left(
     result = []
     for of in dict.fromkeys(ring.of for ring in rings):
         visits = [ring for ring in rings if ring.of == of]
-        Q = ring_space(np.mean([ring.away for ring in visits], axis=0), of[0])
+        Q = ring_space(np.mean([ring.normals for ring in visits], axis=0), of[0])
         n, k = len(visits), Q.shape[1]
         e = np.array([ring.residuals for ring in visits]) @ Q
         mean = e.mean(axis=0)
@@ -205,5 +205,5 @@ def forms_left(
         p = float(fdtrc(df1, min(max(df2, 1.0), ENDLESS), F))
         sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
         calibrated = any(ring.calibrated for ring in visits)
-        result.append(FormLeft(*of, calibrated, n, *sizes, F, p))
+        result.append(FormTest(*of, calibrated, n, *sizes, F, p))
     return tuple(result)

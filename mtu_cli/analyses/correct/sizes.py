@@ -266,7 +266,7 @@ class Size:
 class Measure(NamedTuple):
     """A size in one visit, mm: before and after with the `form` of each, its reference and
     temperature, its `gradient` (m, 3) in the corrected points, and its u and dof by the machine
-    alone. Of circles and spheres `residuals` (m,) after and unit vectors `away` (m, 3) from the
+    alone. Of circles and spheres `residuals` (m,) after and unit vectors `normals` (m, 3) from the
     centre, in the plane of a circle.
     """
 
@@ -276,7 +276,7 @@ class Measure(NamedTuple):
     form: Sides = (nan, nan)
     temperature: float = nan
     residuals: FloatArray = np.zeros(0)
-    away: FloatArray = np.zeros((0, 3))
+    normals: FloatArray = np.zeros((0, 3))
     u: float = nan
     dof: float = inf
 
@@ -376,15 +376,15 @@ def _by_machine(
         item = measurands[order]
         if item.kind == "length":
             continue
-        radial = matrix(indices, np.eye(len(indices))[:, :, None] * each.away)
-        Q, worst = ring_space(each.away, item.kind), inf
+        radial = matrix(indices, np.eye(len(indices))[:, :, None] * each.normals)
+        Q, worst = ring_space(each.normals, item.kind), inf
         if Q.size:
             # Those of the form's direction whose variance is known worst.
             squares, nu = rows.variances(prediction, Q.T @ radial)
             worst = float(nu[np.argmax(squares**2 / nu)])
         K, calibrated = rows.covariance(prediction, radial), bool(np.isfinite(each.reference))
         of = item.kind, item.id, operation
-        rings.append(Ring(of, calibrated, each.residuals, each.away, K, worst))
+        rings.append(Ring(of, calibrated, each.residuals, each.normals, K, worst))
     return sizes, rings
 
 
@@ -396,8 +396,8 @@ def _round(item: Measurand, rows: IntArray, points: Points, corrected: FloatArra
         raise GeometryError("its points have no z_mm")
     fit, d = fit_sphere if sphere else fit_circle, 2 if flat else 3
     first, last = fit(before[:, :d]), fit(after[:, :d])
-    gradient, away = np.zeros((2, len(after), 3))
-    gradient[:, :d], away[:, :d] = 2 * last.radius_gradient, last.away
+    gradient, normals = np.zeros((2, len(after), 3))
+    gradient[:, :d], normals[:, :d] = 2 * last.radius_gradient, last.away
     T = float(item.temperature[rows].mean())
     return Measure(
         size=(2 * first.radius, 2 * last.radius),
@@ -406,7 +406,7 @@ def _round(item: Measurand, rows: IntArray, points: Points, corrected: FloatArra
         form=(first.form, last.form),
         temperature=T,
         residuals=last.residuals,
-        away=away,
+        normals=normals,
     )
 
 

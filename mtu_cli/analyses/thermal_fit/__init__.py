@@ -174,7 +174,7 @@ def thermal_fit(
 
 
 def _component(fit: Fitted, method: str, share: float, of: str | None, unit: str) -> ComponentDrift:
-    """The model with its evidence; the residuals leave room for a `share` of the sensors' noise."""
+    """The model with its evidence; the residuals allow for a `share` of the sensors' noise."""
     design, spec, y = fit.design, fit.spec, fit.design.y
     modelled, drift, residual = (np.empty_like(y) for _ in range(3))
     for (p, _), rows in design.runs.items():

@@ -150,11 +150,11 @@ PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
 WORTH = 0.02
 """A further power of the position must lower the held-out sum of squares by this share ..."""
 LAG_WORTH = 0.1
-"""... and a lag of its own by this: the search tries many, and the best of many flatters itself."""
+"""... and a group's lag by this: the search tries many, and the best of many flatters itself."""
 NEGLIGIBLE = 1e-20
 """Share of the readings' squares below which held-out sums are rounding, and all alike."""
 SENSORS_SEARCHED = 8
-"""Groups, largest share of the drift first, that get a time constant of their own."""
+"""Groups, largest share of the drift first, whose time constants are searched one by one."""
 ALIKE = 1e-9
 """Share of a sum of squares by which two of the same model may differ."""
 FEWEST_NESTED = 3
@@ -289,7 +289,7 @@ def _searched(design: Design, blocks: Blocks, degree: int) -> Scored:
             for lag in constants:
                 other = changed(best, j, lag)
                 best = other if other.score < best.score * (1 - LAG_WORTH) else best
-        # A lag that came with the start and gains nothing goes again.
+        # A lag of the start that gains nothing is removed.
         for j in range(groups):
             other = changed(best, j, 0)
             best = other if other.score <= best.score else best
@@ -308,7 +308,7 @@ def held_out(design: Design, method: str) -> HeldOut | None:
     none, losses = (0,) * len(design.groups), np.zeros(3)
     for block, training in folds(design.blocks):
         rest = [other for other in design.blocks if other != block]
-        # A penalty without end leaves the levels alone.
+        # An infinite penalty leaves only the levels.
         still, ordinary = Spec("ridge", 0, none, np.inf), Spec("ridge", design.most_degree, none)
         for i, spec in enumerate((still, choose(design, rest, method), ordinary)):
             losses[i] += Fitted(design, training, spec).sum_of_squares(block)

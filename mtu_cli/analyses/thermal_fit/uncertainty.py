@@ -217,7 +217,7 @@ def _through_lags(fit: Fitted) -> FloatArray:
 
 
 def noise_share(fit: Fitted, sensor_u: FloatArray) -> float:
-    """What part of `sensor_u` (s,) the residuals leave room for, 1 at most.
+    """The largest share of `sensor_u` (s,) that the residuals allow for, 1 at most.
 
     The noise of the sensors makes residuals without memory, of variance sum_s g_s^2 u_s^2; so
     does the instrument. The mean e_i^2 less e_i e_(i+1) over all positions bounds both together.
@@ -234,7 +234,7 @@ def noise_share(fit: Fitted, sensor_u: FloatArray) -> float:
 
 def gradients(fit: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list[Gradient]]:
     """The model's gradients of every sensor at every observed position, and of the sensors that
-    are not separable; `sensor_u` (s,) as the residuals leave room for it, degC.
+    are not separable; `sensor_u` (s,) as the residuals allow for it, degC.
     """
     single, several = list[Gradient](), list[Gradient]()
     if not fit.used.size:
@@ -284,7 +284,7 @@ def _full(fit: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int
     powers = design.powers(fit.spec.degree)
     blocks, squares = [], np.zeros((g, g))
     runs = [(p, c, rows) for (p, c), rows in sorted(design.runs.items())]
-    # A single reading has no rise of its own; where all are such, they share levels of positions.
+    # A single reading does not rise from its level; where all are such, levels are of positions.
     runs = [run for run in runs if run[2].stop - run[2].start > 1] or runs
     sample = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MOST_BLOCKS)).round())
     for p, c, rows in (runs[int(i)] for i in sample):
