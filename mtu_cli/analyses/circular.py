@@ -81,8 +81,8 @@ class TraceFigures(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircularResult:
-    """Figures of all traces, the causes, and the remainder of the joint fit, mm; `fitted` is what
-    it says of each trace.
+    """Figures of all traces, the causes, and the remainder of the joint fit, mm; `fitted` is its
+    prediction of each trace.
     """
 
     traces: Traces
@@ -123,7 +123,7 @@ def after(angle: FloatArray, sign: int, reversal: float) -> FloatArray:
 
 
 def about_circle(angle: FloatArray, deviation: FloatArray) -> FloatArray:
-    """What the least-squares circle leaves of a trace (n,)."""
+    """Residuals of a trace (n,) about its least-squares circle."""
     X = np.column_stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
     return np.asarray(deviation - X @ np.linalg.lstsq(X, deviation, rcond=None)[0])
 
@@ -136,9 +136,9 @@ class Fit(NamedTuple):
     beta: FloatArray
     covariance: FloatArray
     u: FloatArray
-    left: list[FloatArray]
+    residuals: list[FloatArray]
     designs: list[FloatArray]
-    lagged: FloatArray
+    acov: FloatArray
 
 
 def waves(trace: Trace, radius: float, axis: int, pitch: float) -> FloatArray:
@@ -153,7 +153,7 @@ def waves(trace: Trace, radius: float, axis: int, pitch: float) -> FloatArray:
 
 
 def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit:
-    """One least-squares fit of all traces: TERMS in common, a circle of each trace's own, and waves
+    """One least-squares fit of all traces: TERMS in common, a circle for each trace, and waves
     of `pitches`. Waves of fewer than FEWEST_CYCLES over the diameter, or of fewer than four
     samples, are 0.
 
@@ -170,18 +170,18 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
         circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
         columns = [terms(t, trace.sign, speed), circle]
         for axis, pitch in enumerate(pitches or ()):
-            there = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
-            columns.append(there * waves(trace, traces.radius, axis, pitch))
+            valid = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
+            columns.append(valid * waves(trace, traces.radius, axis, pitch))
         designs.append(np.hstack(columns))
-    most = MOST_SAMPLES * (1 if pitches is None else 3)
+    limit = MOST_SAMPLES * (1 if pitches is None else 3)
     reversals = [at for ends in REVERSALS.values() for at in ends]
-    used = [
+    masks = [
         np.all([after(trace.angle, trace.sign, at) > WINDOW for at in reversals], axis=0)
         for trace in traces.traces
     ]
-    for k, (trace, design, own) in enumerate(zip(traces.traces, designs, used, strict=True)):
-        group = np.arange(own.sum()) // (int(own.sum()) // most + 1)
-        rows = np.column_stack([design[own], trace.deviation[own]])
+    for k, (trace, design, mask) in enumerate(zip(traces.traces, designs, masks, strict=True)):
+        group = np.arange(mask.sum()) // (int(mask.sum()) // limit + 1)
+        rows = np.column_stack([design[mask], trace.deviation[mask]])
         means = [np.bincount(group, x) / np.bincount(group) for x in rows.T]
         if len(group):
             X = np.column_stack(means[:-1])
@@ -192,19 +192,19 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
         raise error("too-little-data", what=what, expected=expected)
     with one_blas_thread():
         fit = SerialFit(blocks, levels=False)
-    stated = fit.combinations(np.eye(p))
+    parameters = fit.combinations(np.eye(p))
     beta, covariance = fit.transform @ fit.beta, fit.transform @ fit.covariance @ fit.transform.T
-    left = [
-        np.where(own, trace.deviation - design @ beta, np.nan)
-        for trace, design, own in zip(traces.traces, designs, used, strict=True)
+    residuals = [
+        np.where(mask, trace.deviation - design @ beta, np.nan)
+        for trace, design, mask in zip(traces.traces, designs, masks, strict=True)
     ]
-    lagged = []
-    for k in range(min(map(len, left)) // 4):
+    acov = []
+    for k in range(min(map(len, residuals)) // 4):
         # Mean product of residuals k samples apart.
-        products = np.concatenate([own[k:] * own[: len(own) - k] for own in left])
-        lagged.append(float(np.nanmean(products)) if np.isfinite(products).any() else 0.0)
-    u = np.where(np.isfinite(stated.u), stated.u, np.nan)
-    return Fit(beta, covariance, u, left, designs, np.array(lagged))
+        products = np.concatenate([e[k:] * e[: len(e) - k] for e in residuals])
+        acov.append(float(np.nanmean(products)) if np.isfinite(products).any() else 0.0)
+    u = np.where(np.isfinite(parameters.u), parameters.u, np.nan)
+    return Fit(beta, covariance, u, residuals, designs, np.array(acov))
 
 
 def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> CircularResult:
@@ -220,22 +220,22 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
         "servo-mismatch": ("ms", 2.0 / speed if timed else math.nan, 1e-3),
     }
     ranges = np.ptp(terms(np.linspace(0, 2 * math.pi, 1441), 1.0), axis=0)
-    found = []
+    items = []
     for name, beta, u, span in zip(TERMS, fit.beta, fit.u, ranges, strict=False):
         unit, factor, size = units.get(name, ("um", 1.0, UM))
         value = float(beta) if u == u else math.nan
-        own = abs(value) * float(span)
-        found.append(Cause(name, value * factor, float(u) * factor, unit, size, own))
+        extent = abs(value) * float(span)
+        items.append(Cause(name, value * factor, float(u) * factor, unit, size, extent))
     for name in REVERSALS:
         value, u = _spike(traces, fit, name)
-        found.append(Cause(name, value, u, "um", UM, abs(value)))
+        items.append(Cause(name, value, u, "um", UM, abs(value)))
     for i, name in enumerate(CYCLIC if pitches else ()):
         first = len(TERMS) + 3 * len(traces.traces) + 2 * i
         wave = _length(fit, np.eye(len(fit.beta))[first : first + 2])
         value, u = wave if np.isfinite(fit.u[first]) else (math.nan, math.nan)
-        found.append(Cause(name, value, u, "um", UM, 2 * value))
-    total = float(np.nansum([each.range for each in found]))
-    causes = [each._replace(share=each.range / total if total > 0 else math.nan) for each in found]
+        items.append(Cause(name, value, u, "um", UM, 2 * value))
+    total = float(np.nansum([each.range for each in items]))
+    causes = [each._replace(share=each.range / total if total > 0 else math.nan) for each in items]
     # The mean offset of the traces' centres.
     p, n = len(fit.beta), len(traces.traces)
     circles = np.eye(p)[len(TERMS) : len(TERMS) + 3 * n].reshape(n, 3, p)
@@ -244,7 +244,7 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
     ways = dict.fromkeys(trace.direction for trace in traces.traces)
     means = [np.mean([t.deviation.mean() for t in traces.traces if t.direction == way])
              for way in ways]  # fmt: skip
-    both, left = len(ways) > 1, np.concatenate(fit.left)
+    both, residuals = len(ways) > 1, np.concatenate(fit.residuals)
     angle = np.concatenate([trace.angle for trace in traces.traces])
     deviation = np.concatenate([trace.deviation for trace in traces.traces])
     return CircularResult(
@@ -261,16 +261,16 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
         G_bidirectional=float(np.ptp(about_circle(angle, deviation))) if both else math.nan,
         D=float(np.mean(means)) if both else math.nan,
         causes=tuple(causes),
-        remainder_rms=float(np.sqrt(np.nanmean(left**2))),
-        remainder_range=float(np.nanmax(left) - np.nanmin(left)),
+        remainder_rms=float(np.sqrt(np.nanmean(residuals**2))),
+        remainder_range=float(np.nanmax(residuals) - np.nanmin(residuals)),
         fitted=tuple(design @ fit.beta for design in fit.designs),
         warnings=(*_arcs(traces), *_warnings(causes, both, timed)),
     )
 
 
 def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:
-    """The height of a bump sin^2(pi past/WINDOW) after the reversals of an axis, of what the joint
-    fit leaves there, and its u.
+    """The height of a bump sin^2(pi past/WINDOW) after the reversals of an axis, of the residuals
+    of the joint fit there, and its u.
     """
     shape, rest, rows, variance = [], [], [], 0.0
     for trace, design in zip(traces.traces, fit.designs, strict=True):
@@ -282,8 +282,8 @@ def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:
             rest.append(trace.deviation[inside] - design[inside] @ fit.beta)
             rows.append(design[inside])
             lag = np.minimum(np.abs(np.subtract.outer(*[np.arange(len(h))] * 2)),
-                             len(fit.lagged) - 1)  # fmt: skip
-            variance += max(float(h @ fit.lagged[lag] @ h), float(fit.lagged[0] * (h @ h)))
+                             len(fit.acov) - 1)  # fmt: skip
+            variance += max(float(h @ fit.acov[lag] @ h), float(fit.acov[0] * (h @ h)))
     h, e, X = np.concatenate(shape), np.concatenate(rest), np.vstack(rows)
     total = float(h @ h)
     if total < 1.0:
@@ -301,18 +301,18 @@ def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:
 
 
 def _arcs(traces: Traces) -> Iterator[Finding]:
-    """A warning of traces that are no whole circle: of what their largest gap leaves of it."""
-    covered = []
+    """A warning of traces that are no whole circle, by their largest gap."""
+    coverage = []
     for trace in traces.traces:
-        turned = np.sort(np.mod(trace.angle, 2 * math.pi))
-        gap = np.diff(turned, append=turned[0] + 2 * math.pi).max()
-        covered.append(math.degrees(2 * math.pi - gap))
-    if min(covered) < LEAST_COVERED:
-        where = traces.traces[int(np.argmin(covered))].file
+        angle = np.sort(np.mod(trace.angle, 2 * math.pi))
+        gap = np.diff(angle, append=angle[0] + 2 * math.pi).max()
+        coverage.append(math.degrees(2 * math.pi - gap))
+    if min(coverage) < LEAST_COVERED:
+        where = traces.traces[int(np.argmin(coverage))].file
         yield finding(
             "partial-circle",
             file=where,
-            value=f"{min(covered):.0f} degrees",
+            value=f"{min(coverage):.0f} degrees",
             expected="360 degrees",
         )
 

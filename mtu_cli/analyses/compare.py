@@ -1,4 +1,4 @@
-"""Does the prediction hold? Predicted errors and scatter beside those of measured parts: a test of
+"""Does the prediction hold? Predicted errors and scatter against those of measured parts: a test of
 bias and one of scatter of every item, the scatter of all features pooled, and the verdict.
 """
 
@@ -183,10 +183,10 @@ class Compared:
     @cached_property
     def verdicts(self) -> tuple[Verdict | None, ...]:
         """The gravest fault of each item, or consistent; None where nothing was tested."""
-        tested = zip(self.biased, self.under_predicted, strict=True)
+        pairs = zip(self.biased, self.under_predicted, strict=True)
         return tuple(
             None if answers == (None, None) else (*self.faults(i), "consistent")[0]
-            for i, answers in enumerate(tested)
+            for i, answers in enumerate(pairs)
         )
 
     @cached_property
@@ -210,8 +210,8 @@ class Compared:
         """One an operation, in the order in which they come."""
 
         def ends(values: FloatArray, rows: list[int]) -> Ends | None:
-            known = values[rows][np.isfinite(values[rows])]
-            return (float(known.min()), float(known.max())) if len(known) else None
+            finite = values[rows][np.isfinite(values[rows])]
+            return (float(finite.min()), float(finite.max())) if len(finite) else None
 
         result = []
         sizes = dict.fromkeys(FAULTS, self.ratio_scatter) | {"biased": np.abs(self.bias)}
@@ -255,9 +255,9 @@ def compare(
 ) -> CompareResult:
     """Gilsinn & Ling 2004, section 5 and Table 10, with tests in place of a look.
 
-    The machine is predicted once an operation, with `covariates`, or the points' own: what these
-    change from part to part is taken out of the points. Means and scatter are tested item by item
-    (`Compared`), and the scatter of all features at once, as one family (Holm, 5 %): of clean
+    The machine is predicted once an operation, with `covariates` or those of the points: what these
+    change from part to part is subtracted from the points. Means and scatter are tested item by
+    item (`Compared`), and the scatter of all features at once, as one family (Holm, 5 %): of clean
     studies one in twenty is no "consistent".
 
     Raises InputError for points that share no axis with the machine, and for a missing covariate
@@ -265,7 +265,7 @@ def compare(
     """
     k, rounding = settings.coverage_factor, roundings(points)
     axes, warnings = judged_axes(model, points, ASIDE)
-    predictions, points, noted = predict_operations(model, points, covariates or {})
+    predictions, points, notes = predict_operations(model, points, covariates or {})
     loose, complete = freed(points, axes, datum)
     if not complete:
         warnings.append(incomplete_datum())
@@ -273,35 +273,35 @@ def compare(
     tables = tables.only([i for i, label in enumerate(tables.labels) if label[2] in names])
     of_operation: dict[str, Predicted] = {}
     for operation, prediction in predictions.items():
-        # Errors of features less the freedoms of the datum.
+        # Errors of features after the best-fit alignment to the datum.
         columns = [prediction.row(point, name) for point in prediction.ids for name in names]
         places = [
             prediction.ids.index(name) * len(axes) + names.index(axis)
-            for own, name, axis in tables.labels
-            if own == operation
+            for op, name, axis in tables.labels
+            if op == operation
         ]
         A = np.zeros((len(places), len(prediction.mean)))
         A[:, columns] = projector(prediction.points, axes, datum)[places]
         of_operation[operation] = prediction, A
     features, lengths = compared(tables, of_operation, k), None
-    if (long := length_tables(points, visits_of(points), part)) is not None:
+    if (table := length_tables(points, visits_of(points), part)) is not None:
         ends = {entry.id: (entry.from_, entry.to) for entry in part.part.lengths}
         holes, V_p = features.labels, features.one_way.ms_between.tolist()
         # Hole variances less a datum are not those of lengths.
         of_holes = dict(zip(holes, V_p, strict=True)) if datum == "none" else {}
-        variances = np.full(len(long.labels), np.nan)
+        variances = np.full(len(table.labels), np.nan)
         for operation, prediction in predictions.items():
-            rows = [i for i, label in enumerate(long.labels) if label[0] == operation]
-            ids = [long.labels[i][1] for i in rows]
+            rows = [i for i, label in enumerate(table.labels) if label[0] == operation]
+            ids = [table.labels[i][1] for i in rows]
             pairs = np.array([[*map(prediction.ids.index, ends[name])] for name in ids])
             pairs = pairs.reshape(-1, 2).astype(np.int64)
             delta = differences(prediction.points, pairs, ids, part.source.shown)
             A = length_gradient(prediction, pairs, delta)
             of_operation[operation] = prediction, A
             labels = [(operation, name, x) for name in prediction.ids for x in prediction.axes]
-            own = np.array([of_holes.get(label, np.nan) for label in labels])
-            variances[rows] = paper_length_variance(A, own)
-        lengths = compared(long, of_operation, k, variances)
+            V_holes = np.array([of_holes.get(label, np.nan) for label in labels])
+            variances[rows] = paper_length_variance(A, V_holes)
+        lengths = compared(table, of_operation, k, variances)
     features, lengths = judged(features, lengths)
     kinds = [features] if lengths is None else [features, lengths]
     return CompareResult(
@@ -309,24 +309,24 @@ def compare(
         lengths=lengths,
         datum=datum,
         coverage_factor=k,
-        warnings=(*warnings, *noted, *_warnings(part, points, kinds)),
+        warnings=(*warnings, *notes, *_warnings(part, points, kinds)),
     )
 
 
 def predict_operations(
-    model: MachineModel, points: Points, given: Mapping[str, float]
+    model: MachineModel, points: Points, covariates: Mapping[str, float]
 ) -> tuple[dict[str, Prediction], Points, list[Finding]]:
-    """The prediction of every operation at its features; the points less what their own covariates
+    """The prediction of every operation at its features; the points less what their covariates
     change in the modelled error, so that all readings of a feature are of one state of the
     machine; and warnings.
 
-    A covariate is what `given` says, else the points' own. Means are over the readings of an
-    (operation, feature) at their own covariates; uncertainties are those at the covariates' mean.
+    A covariate is taken from `covariates`, else from the points. Means are over the readings of an
+    (operation, feature) at their covariates; uncertainties are those at the covariates' mean.
 
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
-    stated = {name: x for name, x in point_columns(points).items() if name not in given}
-    values, _ = needed_covariates(model, points, stated, given)
+    stated = {name: x for name, x in point_columns(points).items() if name not in covariates}
+    values, _ = needed_covariates(model, points, stated, covariates)
     warnings = guess_warnings(model, points.nominal, values)
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
     vary, a = any(np.ndim(values[name]) for name in model.covariates()), len(along)
@@ -338,14 +338,14 @@ def predict_operations(
         rows = np.flatnonzero(operation == code)
         if not len(rows):
             continue
-        seen, first, of = np.unique(points.feature[rows], return_index=True, return_inverse=True)
+        codes, first, of = np.unique(points.feature[rows], return_index=True, return_inverse=True)
 
         def mean(column: FloatArray, first: IntArray = first, of: IntArray = of) -> FloatArray:
             # About the first of each feature, so that equal values stay equal.
             start = column[first]
             return start + np.bincount(of, column - start[of]) / np.bincount(of)
 
-        features, place = [points.features[i] for i in seen], points.nominal[rows[first]]
+        features, place = [points.features[i] for i in codes], points.nominal[rows[first]]
         means: dict[str, FloatArray | float] = {}
         for key in model.covariates():
             column = np.asarray(values[key])
@@ -382,34 +382,34 @@ def compared(
     mean, total, independent, D, u, p_bias, expected, p_scatter = np.zeros((8, len(part)))
     pooled: dict[str, Pooled] = {}
     for operation, (prediction, A) in predicted.items():
-        own = [i for i, label in enumerate(tables.labels) if label[0] == operation]
-        if not own:
+        rows = [i for i, label in enumerate(tables.labels) if label[0] == operation]
+        if not rows:
             continue
-        V, t = prediction.variance(A), only(table, own)
-        mean[own], total[own] = A @ prediction.mean, np.maximum(V.total, 0.0)
-        independent[own] = A**2 @ prediction.independent_variance
-        D[own] = np.maximum(V.passes + V.repeatability, 0.0)
-        u[own], p_bias[own], expected[own], p_scatter[own] = _item_tests(
-            t, t.mean - mean[own], V, of_mean[own], repeat[own], rounding[own], r[own]
+        V, t = prediction.variance(A), only(table, rows)
+        mean[rows], total[rows] = A @ prediction.mean, np.maximum(V.total, 0.0)
+        independent[rows] = A**2 @ prediction.independent_variance
+        D[rows] = np.maximum(V.passes + V.repeatability, 0.0)
+        u[rows], p_bias[rows], expected[rows], p_scatter[rows] = _item_tests(
+            t, t.mean - mean[rows], V, of_mean[rows], repeat[rows], rounding[rows], r[rows]
         )
         # The scatter of features, of which lengths are made, is pooled; that of the CMM is too
         # little to be seen at one item, and without repeats MS_between holds it.
-        kept = np.isfinite(p_scatter[own]) & (t.n0 * D[own] > ROUNDING * expected[own])
-        kept &= t.df_within > 0
-        if tables.labels[own[0]][2] and kept.sum() > 1:
-            pooled[operation] = _pooled(only(t, kept), expected[own][kept], prediction, A[kept])
+        valid = np.isfinite(p_scatter[rows]) & (t.n0 * D[rows] > ROUNDING * expected[rows])
+        valid &= t.df_within > 0
+        if tables.labels[rows[0]][2] and valid.sum() > 1:
+            pooled[operation] = _pooled(only(t, valid), expected[rows][valid], prediction, A[valid])
     s_part, bias = np.sqrt(components.part), table.mean - mean
     # V_p(m) (1 + 1/N), eq. (33); of lengths V_p(m) is what eq. (22) makes of hole variances.
     V_p = table.ms_between if holes is None else np.where(np.isnan(holes), table.ms_between, holes)
-    ours, papers = Side.of(mean, total, k), Side.of(mean, independent, k)
+    model_side, paper_side = Side.of(mean, total, k), Side.of(mean, independent, k)
     measured = Side.of(table.mean, part + of_mean + rounding, k)
     paper = Side.of(table.mean, V_p * (1 + 1 / table.N), k)
     # Scatter where none at all is predicted is infinitely more.
     endless = (expected == 0) & (table.ms_between > 0)
     return Compared(
         labels=tables.labels,
-        predicted=ours,
-        independent=papers,
+        predicted=model_side,
+        independent=paper_side,
         measured=measured,
         measured_paper=paper,
         one_way=table,
@@ -420,11 +420,11 @@ def compared(
         p_bias=p_bias,
         ratio_ms=np.where(endless, inf, _ratio(table.ms_between, expected)),
         p_scatter=p_scatter,
-        ratio_u=_ratio(measured.u, ours.u),
-        ratio_range=_ratio(measured.width, ours.width),
+        ratio_u=_ratio(measured.u, model_side.u),
+        ratio_range=_ratio(measured.width, model_side.width),
         ratio_scatter=_ratio(np.sqrt(part), np.sqrt(D)),
-        paper_ratio_u=_ratio(paper.u, papers.u),
-        paper_ratio_range=_ratio(paper.width, papers.width),
+        paper_ratio_u=_ratio(paper.u, paper_side.u),
+        paper_ratio_range=_ratio(paper.width, paper_side.width),
         ms_share=_ratio(np.sqrt(table.ms_between), s_part),
         pooled=pooled,
     )
@@ -475,18 +475,18 @@ def _item_tests(
 def _variance(
     squares: FloatArray,
     dof: FloatArray,
-    *more: tuple[FloatArray, FloatArray],
+    *terms: tuple[FloatArray, FloatArray],
     rounding: FloatArray,
 ) -> UncertainVariance:
-    """A sum of mean squares (K, items) of `dof` (K,); of `more`, each item with degrees of freedom
-    of its own; and of `rounding` (items,), which is known.
+    """A sum of mean squares (K, items) of `dof` (K,); of `terms`, with degrees of freedom by item;
+    and of `rounding` (items,), of infinite ones.
     """
-    rows, known = [squares, rounding[None]], [dof, np.array([inf])]
-    for values, own in more:
-        numbers = np.unique(own[(values > 0) & (own > 0)])
-        rows.append(np.where(own == numbers[:, None], values, 0.0))
-        known.append(numbers)
-    return uncertain_variance(np.concatenate(rows), np.concatenate(known))
+    rows, dofs = [squares, rounding[None]], [dof, np.array([inf])]
+    for values, df in terms:
+        numbers = np.unique(df[(values > 0) & (df > 0)])
+        rows.append(np.where(df == numbers[:, None], values, 0.0))
+        dofs.append(numbers)
+    return uncertain_variance(np.concatenate(rows), np.concatenate(dofs))
 
 
 def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArray) -> Pooled:
@@ -500,8 +500,8 @@ def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArr
     squares = prediction.variance(A).squares
     times = [1.0 if each is None else each.independent(weights)
              for each in squares.passes]  # fmt: skip
-    unsure = float((within**2 / t.df_within).sum())
-    cmm = float(within.sum()) ** 2 / unsure if unsure else inf
+    denominator = float((within**2 / t.df_within).sum())
+    cmm = float(within.sum()) ** 2 / denominator if denominator else inf
     rows = np.append((squares.of_part * weights).mean(axis=1), within.mean())
     return pooled_test(
         t.ms_between / expected,
@@ -558,22 +558,21 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
     adjusted = np.minimum(holm(p.ravel()) / (1 - share), 1.0).reshape(2, -1)
     pooled = {}
     p_pooled = holm(np.array([x.p for x in features.pooled.values()])) / JOINT_SHARE
-    for (name, each), own in zip(features.pooled.items(), p_pooled.tolist(), strict=True):
+    for (name, each), p_test in zip(features.pooled.items(), p_pooled.tolist(), strict=True):
         way: Verdict = "under-predicted" if each.ratio > 1 else "over-predicted"
-        verdict = way if own <= FAMILY_RATE else None
-        pooled[name] = each._replace(p=min(own, 1.0), verdict=verdict)
+        verdict = way if p_test <= FAMILY_RATE else None
+        pooled[name] = each._replace(p=min(p_test, 1.0), verdict=verdict)
     result, start = list[Compared](), 0
     for kind in (replace(features, pooled=pooled), *kinds[1:]):
         p = adjusted[:, start : start + len(kind.labels)]
         start += len(kind.labels)
-        off, scatter = p <= FAMILY_RATE
+        bias, scatter = p <= FAMILY_RATE
         under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
-        # Parts too few to measure their scatter, but known to scatter more, explain a mean that is
-        # off.
-        off &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
+        # Parts too few to measure their scatter, but known to scatter more, explain a biased mean.
+        bias &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
         biased, under_predicted, over_predicted = (
-            tuple(bool(yes) if np.isfinite(one) else None for yes, one in zip(met, q, strict=True))
-            for met, q in ((off, p[0]), (under, p[1]), (over, p[1]))
+            tuple(bool(x) if np.isfinite(p_i) else None for x, p_i in zip(mask, q, strict=True))
+            for mask, q in ((bias, p[0]), (under, p[1]), (over, p[1]))
         )
         judged_kind = replace(
             kind, p_bias=p[0], p_scatter=p[1], biased=biased, under_predicted=under_predicted,

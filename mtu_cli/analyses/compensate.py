@@ -1,8 +1,8 @@
-"""From the errors of an axis to the table of its control, and what the table will leave.
+"""From the errors of an axis to the table of its control, and the errors that will remain.
 
-Errors e = actual - nominal. With the table t a control moves to nominal - t, so that e - t is left:
+Errors e = actual - nominal. With the table t a control moves to nominal - t, so that e - t remains,
 after the quantum, the zero rule and the linear interpolation of the control. A new test of as many
-runs scatters about that by what the means of the first one do not know, and by its own scatter.
+runs scatters about that by the uncertainty of the means of the first one and by its scatter.
 """
 
 from __future__ import annotations
@@ -64,12 +64,12 @@ class AxisErrors:
     rotary: bool = False
     read: bool = True
 
-    def plus(self, own: StatedErrors) -> AxisErrors:
+    def plus(self, stated: StatedErrors) -> AxisErrors:
         """With what a machine file states of another component or effect at the same targets."""
-        known = own.covariance if self.known is None else self.known + own.covariance
-        means, expected = self.means + own.values, self.expected + own.values
-        ways = 2 if own.turns else self.ways
-        return replace(self, means=means, expected=expected, ways=ways, known=known)
+        covariance = stated.covariance if self.known is None else self.known + stated.covariance
+        means, expected = self.means + stated.values, self.expected + stated.values
+        ways = 2 if stated.turns else self.ways
+        return replace(self, means=means, expected=expected, ways=ways, known=covariance)
 
     @property
     def backlash(self) -> FloatArray | None:
@@ -81,13 +81,13 @@ class AxisErrors:
         return sum((b.root @ b.root.T for b in self.blocks), np.zeros((self.means.size,) * 2))
 
     def of_means(self) -> FloatArray:
-        """The covariance (2T, 2T) of the means: the table's own."""
-        own = self.of_run() * (1.0 / self.runs if self.read else 0.0)
-        return own if self.known is None else own + self.known
+        """The covariance (2T, 2T) of the means, that of the table."""
+        covariance = self.of_run() * (1.0 / self.runs if self.read else 0.0)
+        return covariance if self.known is None else covariance + self.known
 
     def draw(self, trials: int, seed: int) -> FloatArray:
         """What a new test of as many runs differs by (trials, 2, T): each variance over chi-squared
-        with its own degrees of freedom (the scale of the table's error and of the new test's). Of
+        with its degrees of freedom (the scale of the table's error and of the new test's). Of
         `expected` the backlash of a target has K of its variance in `means`.
         """
         rng, size = stream(seed, 49), self.means.size
@@ -99,11 +99,11 @@ class AxisErrors:
             result += share * scale[:, None] * (z @ root.T)
         if self.known is not None:
             result += rng.standard_normal((trials, size)) @ covariance_root(self.known).T
-        drawn = result.reshape(trials, 2, -1)
-        return drawn - (1.0 - np.sqrt((1.0 + own_reversal(self.varies)) / 2)) * reversal_of(drawn)
+        draws = result.reshape(trials, 2, -1)
+        return draws - (1.0 - np.sqrt((1.0 + reversal_share(self.varies)) / 2)) * reversal_of(draws)
 
 
-def own_reversal(varies: FTest | None) -> float:
+def reversal_share(varies: FTest | None) -> float:
     """K = max(0, 1 - 1/F), the share of the variance of backlash over targets that is not scatter
     (James and Stein 1961, "Estimation with quadratic loss"); 1 where no F is known.
     """
@@ -124,7 +124,7 @@ def axis_errors(
     rotary: bool = False,
 ) -> AxisErrors:  # fmt: skip
     """Means by target and direction (`way` +1, -1, 0 unknown) of readings (n,) in runs (n,), and
-    their scatter: a line of each pass, jointly in a run, and what is left about the lines.
+    their scatter: a line of each pass, jointly in a run, and the residuals about the lines.
     Backlash is expected as its means drawn to their average over targets by 1 - K: the largest of
     the means themselves would be too large.
     """
@@ -154,7 +154,7 @@ def axis_errors(
     return AxisErrors(
         targets=targets,
         means=both,
-        expected=both - (1.0 - own_reversal(varies)) * reversal_of(both),
+        expected=both - (1.0 - reversal_share(varies)) * reversal_of(both),
         ways=ways,
         runs=runs,
         blocks=blocks,
@@ -181,17 +181,17 @@ def _scatter(
     middle, half = targets.mean(), float(np.ptp(targets)) / 2 or 1.0
     line = np.column_stack([np.ones(T), (targets - middle) / half])[:, : min(2, T - 1) or 1]
     X = np.kron(np.eye(ways), line)
-    lines, left = np.zeros((R, X.shape[1])), residual.copy()
+    lines, scatter = np.zeros((R, X.shape[1])), residual.copy()
     for i, number in enumerate(numbers):
         rows = run == number
         lines[i] = np.linalg.lstsq(X[cell[rows]], residual[rows], rcond=None)[0]
-        left[rows] -= X[cell[rows]] @ lines[i]
+        scatter[rows] -= X[cell[rows]] @ lines[i]
     of_lines = [Block(spread @ X @ covariance_root(lines.T @ lines / (R - 1)), float(R - 1))]
     dof = rest - X.shape[1] * (R - 1)
     if dof > 0:
-        s = np.sqrt(float(left @ left) / dof)
-        about = s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X))
-        of_lines.append(Block(about, float(dof)))
+        s = np.sqrt(float(scatter @ scatter) / dof)
+        root = s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X))
+        of_lines.append(Block(root, float(dof)))
     return tuple(of_lines), R
 
 
@@ -273,7 +273,7 @@ class Move(NamedTuple):
 
 
 class Verified(NamedTuple):
-    """The slope k of readings on the applied table, and what it says."""
+    """The slope k of readings on the applied table, and its verdict."""
 
     verdict: str
     k: float
@@ -318,34 +318,34 @@ class CompensateResult:
 
 
 def compensate(
-    errors: AxisErrors, control: Controller, parameters: Parameters, wanted: Wanted, *,
+    errors: AxisErrors, control: Controller, parameters: Parameters, request: Wanted, *,
     component: str = "", seed: int = 1, trials: int | None = None,
 ) -> CompensateResult:  # fmt: skip
-    """The table of a control for the errors of an axis, read back, with what it will leave.
+    """The table of a control for the errors of an axis, read back, with the errors that remain.
 
     Raises InputError for a table that the format cannot hold, or that comes back otherwise.
     """
-    two, frame = control.two(parameters), wanted.frame
-    direction = wanted.direction or ("both" if two and errors.ways == 2 else "mean")
+    two, frame = control.two(parameters), request.frame
+    direction = request.direction or ("both" if two and errors.ways == 2 else "mean")
     if direction == "both" and not two:
         reason = f"{control.name} has one column for both directions"
         raise error("not-applicable", reason=reason, expected="--direction mean or forward")
-    table = _asked(errors, direction, wanted)
-    reference = wanted.reference
+    table = _table(errors, direction, request)
+    reference = request.reference
     if reference is None:
         reference = 0.0 if np.any(np.abs(table.at) < SAME_PLACE) else float(table.at[0])
     table = control.zero(table, reference)
     text = control.text(table, parameters, frame.says)
-    held = control.read_back(text, parameters)
+    readback = control.read_back(text, parameters)
     quantum = control.resolution(table, parameters)
-    far = np.abs(held.at - table.at).max() if len(held.at) == len(table.at) else np.inf
-    off = np.abs(held.errors - table.errors).max() if np.isfinite(far) else np.inf
-    if far > max(quantum, 1e-6) or off > quantum * (0.5 + 1e-6):
-        reason = f"read back it is {off:.3g} off what was asked for, more than half of {quantum:g}"
+    shift = np.abs(readback.at - table.at).max() if len(readback.at) == len(table.at) else np.inf
+    gap = np.abs(readback.errors - table.errors).max() if np.isfinite(shift) else np.inf
+    if shift > max(quantum, 1e-6) or gap > quantum * (0.5 + 1e-6):
+        reason = f"read back it is {gap:.3g} off what was asked for, more than half of {quantum:g}"
         raise error("not-writable", reason=reason)
-    applied = frame.applied(held, errors.targets)
-    if wanted.current is not None:
-        applied = applied - frame.applied(wanted.current, errors.targets)
+    applied = frame.applied(readback, errors.targets)
+    if request.current is not None:
+        applied = applied - frame.applied(request.current, errors.targets)
     before, after, warnings = figures(errors.means, errors.ways), None, list[Finding]()
     B, test = errors.backlash, errors.varies
     if B is not None and test is not None and not errors.angle and test.p < VARIES_P:
@@ -354,8 +354,8 @@ def compensate(
             facts = {"component": component, "p": test.p, "range_um": size, "mean_um": mean}
             warnings.append(finding("backlash-varies", **facts))
     if errors.blocks or errors.known is not None:
-        drawn = errors.draw(trials or TRIALS, seed)
-        after = figures(errors.expected - applied + drawn, errors.ways)
+        draws = errors.draw(trials or TRIALS, seed)
+        after = figures(errors.expected - applied + draws, errors.ways)
     else:
         facts = {"quantity": "figures after compensation", "names": [component]}
         warnings.append(finding("not-estimable", **facts, reason="one run shows no scatter"))
@@ -364,7 +364,7 @@ def compensate(
         controller=control,
         direction=direction,
         asked=table,
-        held=held,
+        held=readback,
         text=text,
         quantum=quantum,
         reference=control.zero_at(table, reference),
@@ -377,9 +377,9 @@ def compensate(
     )
 
 
-def _asked(errors: AxisErrors, direction: str, wanted: Wanted) -> ErrorTable:
+def _table(errors: AxisErrors, direction: str, request: Wanted) -> ErrorTable:
     """The table in machine coordinates, at its targets or at equal steps, with the current one."""
-    frame, current = wanted.frame, wanted.current
+    frame, current = request.frame, request.current
     at, values = frame.places(errors.targets), frame.turned(errors.means)
     if direction == "forward":
         values = values[[0, 0]]
@@ -389,7 +389,7 @@ def _asked(errors: AxisErrors, direction: str, wanted: Wanted) -> ErrorTable:
     if current is not None:
         inside = (current.at > at[0]) & (current.at < at[-1])
         at = np.unique(np.round(np.concatenate([at, current.at[inside]]), 6))
-    if (places := wanted.places) is not None:
+    if (places := request.places) is not None:
         ends = table.at[[0, -1]]
         at = places
         if at[0] < ends[0] - SAME_PLACE or at[-1] > ends[1] + SAME_PLACE:
@@ -409,17 +409,17 @@ def _moves(
     all that were `measured` (2, T), nan elsewhere.
     """
     T = len(errors.targets)
-    chosen = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
-    chosen |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
+    indices = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
+    indices |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
     result = []
     for way, name in enumerate(WAYS[: errors.ways]):
-        own = chosen if measured is None else np.flatnonzero(np.isfinite(measured[way])).tolist()
-        for t in sorted(own, reverse=way == 1):
+        stops = indices if measured is None else np.flatnonzero(np.isfinite(measured[way])).tolist()
+        for t in sorted(stops, reverse=way == 1):
             e, change = float(errors.means[way, t]), float(applied[way, t])
-            seen = None if measured is None else float(measured[way, t])
+            reading = None if measured is None else float(measured[way, t])
             place = float(errors.targets[t])
-            result.append(Move(place, name, e, e - change, e + change, float(u[way, t]), seen))
+            result.append(Move(place, name, e, e - change, e + change, float(u[way, t]), reading))
     return tuple(result)
 
 
@@ -445,41 +445,41 @@ def verify(
     assert errors is not None
     assert applied is not None
     at = np.abs(position[:, None] - errors.targets).argmin(1)
-    away = np.abs(position - errors.targets[at]) > SAME_PLACE
-    if away.any():
+    strays = np.abs(position - errors.targets[at]) > SAME_PLACE
+    if strays.any():
         expected = "readings at the targets of the first test"
-        where = f"{position[int(np.argmax(away))]:g} is no target"
+        where = f"{position[int(np.argmax(strays))]:g} is no target"
         raise error("not-applicable", reason=where, expected=expected)
     index = ((way < 0).astype(int) if errors.ways == 2 else 0) * len(errors.targets) + at
     t, e = applied.reshape(-1)[index], errors.means.reshape(-1)[index]
-    own = np.unique(index)
-    if len(own) < 3 or len(t) < 4 or np.ptp(t) == 0:
+    places = np.unique(index)
+    if len(places) < 3 or len(t) < 4 or np.ptp(t) == 0:
         what = "a verdict needs four readings, at three places where the table differs"
         raise error("too-little-data", what=what)
     n, y, X = len(t), value - e + t, np.column_stack([t, np.ones(len(t))])
     cells = np.ix_(index, index)
     V = errors.of_means()[cells] + np.eye(n) * (result.quantum**2 / 12)
     for i, block in enumerate(errors.blocks):
-        # Lines are shared by a run, what scatters about them is each reading's own.
+        # Lines are shared by a run, the scatter about them is independent by reading.
         C = block.root @ block.root.T
         V = V + (np.eye(n) * C.diagonal().mean() if i else C[cells] * (run[:, None] == run))
     if not errors.blocks:
-        left = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
-        V = V + np.eye(n) * (left @ left) / (n - 2)
+        residuals = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+        V = V + np.eye(n) * (residuals @ residuals) / (n - 2)
     weighted = np.linalg.solve(V, X)
     C = np.linalg.inv(X.T @ weighted)
     estimate = C @ (weighted.T @ y)
-    left = y - X @ estimate
-    # Readings that scatter more than the first test says count by their own scatter.
-    C = C * max(1.0, float(left @ np.linalg.solve(V, left)) / (n - 2))
-    # Level aside: an offset is free.
-    M = np.eye(len(own)) - 1.0 / len(own)
-    noise = float(np.trace(M @ errors.of_means()[np.ix_(own, own)] @ M))
-    share = min(1.0, noise / float(applied.reshape(-1)[own] @ M @ applied.reshape(-1)[own]))
+    residuals = y - X @ estimate
+    # Readings that scatter more than in the first test count by their scatter.
+    C = C * max(1.0, float(residuals @ np.linalg.solve(V, residuals)) / (n - 2))
+    # Less the level: an offset is fitted.
+    M = np.eye(len(places)) - 1.0 / len(places)
+    noise = float(np.trace(M @ errors.of_means()[np.ix_(places, places)] @ M))
+    share = min(1.0, noise / float(applied.reshape(-1)[places] @ M @ applied.reshape(-1)[places]))
     k, u = float(estimate[0]), float(np.hypot(np.sqrt(C[0, 0]), share))
     dof = min((b.dof for b in errors.blocks), default=float(n - 2))
     measured = np.full(applied.size, np.nan)
-    measured[own] = np.bincount(index, value)[own] / np.bincount(index)[own]
+    measured[places] = np.bincount(index, value)[places] / np.bincount(index)[places]
     moves = _moves(errors, applied, measured.reshape(2, -1))
     half = coverage_factor(PROBABILITY, dof) * u
     inside = [name for slope, name in VERDICTS.items() if abs(k - slope) <= half]
@@ -493,7 +493,7 @@ def verify(
 def moves_program(
     result: CompensateResult, feed: float, dwell_s: float, axis: str, frame: Frame
 ) -> str:
-    """G-code of the verification moves: every target approached from its own side, with an overrun
+    """G-code of the verification moves: every target approached from its side, with an overrun
     at the reversals; `feed` in mm/min or deg/min. No work offset turns an axis: one that runs the
     other way than the readings moves in machine coordinates.
     """

@@ -1,4 +1,4 @@
-"""What the readings say of every component: lines, scatter, tests, and what stays undetermined."""
+"""Results for every component: lines, scatter, tests, and what the readings do not determine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mtu_cli.stats.pass_tests import MAX_POSITIONS, FTest, Shift
 from mtu_cli.units import Unit
 
 NOTHING = 1e-9
-"""Share of the figures beside it below which a scatter is the rounding of their sums."""
+"""Share of the other figures below which a scatter is the rounding of their sums."""
 
 
 class Tested(NamedTuple):
@@ -111,17 +111,17 @@ def fit_result(
     coverage_factor: float = 2.0,
 ) -> FitResult:
     """The figures of a fit; `estimates` holds the components of the machine file too."""
-    undetermined = tuple(observability(fit, estimates))
-    grouped: dict[tuple[str, str], list[str]] = {}
-    for item in undetermined:
-        grouped.setdefault((item.not_determined, item.because), []).append(item.component)
+    unknowns = tuple(observability(fit, estimates))
+    groups: dict[tuple[str, str], list[str]] = {}
+    for item in unknowns:
+        groups.setdefault((item.not_determined, item.because), []).append(item.component)
     if several := [name for name, x in fit.components.items() if len(x.instruments) > 1]:
-        grouped["dof and r2", "several instruments: see `instruments`"] = several
-    shared = []
+        groups["dof and r2", "several instruments: see `instruments`"] = several
+    passes = []
     for group in estimates.joint:
         units = [estimates.components[name].unit.to_internal for name in group.components]
         sizes = np.repeat(units, group.widths)
-        shared.append(SharedPasses(group, np.outer(sizes, sizes)))
+        passes.append(SharedPasses(group, np.outer(sizes, sizes)))
     return FitResult(
         machine=machine,
         fit=fit,
@@ -130,12 +130,12 @@ def fit_result(
             name: _component(estimate, fit, (says or {}).get(name))
             for name, estimate in estimates.components.items()
         },
-        joint=tuple(shared),
-        observability=undetermined,
+        joint=tuple(passes),
+        observability=unknowns,
         coverage_factor=coverage_factor,
         warnings=tuple(
             finding("not-estimable", quantity=quantity, names=names, reason=reason)
-            for (quantity, reason), names in grouped.items()
+            for (quantity, reason), names in groups.items()
         ),
     )
 
@@ -150,25 +150,25 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
     K = estimate.run_covariance
     if len(items) == 1:
         # Where some pass has one position only the level varies from pass to pass, not the slope.
-        own = items[0].fit
-        centre, T = float(own.center), np.eye(min(2, len(T[0])), len(own.D))
-        moment, halves = own.D_moment, own.half_differences
+        single = items[0].fit
+        centre, T = float(single.center), np.eye(min(2, len(T[0])), len(single.D))
+        moment, halves = single.D_moment, single.half_differences
     moment, halves = T @ moment @ T.T, None if halves is None else T @ halves @ T.T
     D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
     if len(items) == 1:
         D = T @ items[0].fit.D @ T.T
     lines = tuple(_line(estimate, item, centre, machine) for item in items)
     passes = [each.passes_read for each in lines]
-    known: dict[str, Any] = {
+    facts: dict[str, Any] = {
         "source": "readings" if items else "machine file",
         "passes_read": sum(filter(None, passes)) if passes and all(passes) else None,
         "n": sum(len(item.error) for item in items) or None,
         "agreement_p": None if fit is None else fit.agreement_p,
     }
     if len(lines) == 1:
-        known = {**vars(lines[0])}
+        facts = {**vars(lines[0])}
     level, s_pass = float(estimate.coefficients[0]), float(np.sqrt(D[0, 0]))
-    known |= {
+    facts |= {
         "label": estimate.name,
         "of": estimate.of,
         "unit": estimate.unit,
@@ -178,7 +178,7 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
         "scatter": _scatter(estimate.s_repeat, s_pass, level, items),
     }
     return Component(
-        **known,
+        **facts,
         estimate=estimate,
         says=says,
         pass_center=centre,
@@ -212,8 +212,8 @@ def _line(
         s_repeat=s_repeat,
         scatter=_scatter(s_repeat, s_pass, float(b[0]), [item]),
         tests={
-            name: Tested(made, key in machine.significant[name], estimate.unit)
-            for name, made in item.tests.items()
+            name: Tested(test, key in machine.significant[name], estimate.unit)
+            for name, test in item.tests.items()
         },
         r2=float(1.0 - fit.plain.rss / about_mean) if explains else None,
         role=item.role,
@@ -234,7 +234,7 @@ def _scatter(
 
 
 class NotDetermined(NamedTuple):
-    """One thing that the data leave open, in plain words."""
+    """One thing that the data do not determine, in plain words."""
 
     component: str
     not_determined: str
@@ -244,7 +244,7 @@ class NotDetermined(NamedTuple):
 
 def observability(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
     """All that the readings of a machine do not determine, component by component."""
-    alone = []
+    candidates = []
     for name, estimate in estimates.components.items():
         if (component := fit.components.get(name)) is None:
             what, because = "drift, reversal and lack of fit", "known from the machine file only"
@@ -252,24 +252,24 @@ def observability(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermin
             continue
         for item in component.instruments:
             by = f" by {item.role}" if len(component.instruments) > 1 else ""
-            for what, *why in _left_open(item, constant=estimate.of is None):
+            for what, *why in _undetermined(item, constant=estimate.of is None):
                 yield NotDetermined(name, f"{what}{by}", *why)
         if any(item.fit.separated for item in component.instruments):
-            alone.append(name)
+            candidates.append(name)
     # Components whose passes are not those of any other, or of some others only.
     groups = [", ".join(group.components) for group in estimates.joint]
     joint = {name for group in estimates.joint for name in group.components}
     # Where there is one group, all others are named.
-    apart = [*groups * (len(groups) > 1), *(name for name in alone if name not in joint)]
+    sets = [*groups * (len(groups) > 1), *(name for name in candidates if name not in joint)]
     what, would = "correlation of drift with other components", "read them in the same passes "
     would += "(same set-up) as the others, by one instrument, or give `time` or `setup`"
-    for names in apart if len(alone) > 1 else ():
-        several = names in alone and len(fit.components[names].instruments) > 1
+    for names in sets if len(candidates) > 1 else ():
+        several = names in candidates and len(fit.components[names].instruments) > 1
         because = "read by several instruments" if several else "read in passes of their own"
         yield NotDetermined(names, what, because, would)
 
 
-def _left_open(item: InstrumentFit, *, constant: bool) -> Iterator[tuple[str, str, str]]:
+def _undetermined(item: InstrumentFit, *, constant: bool) -> Iterator[tuple[str, str, str]]:
     """What readings, passes, repeats, directions and positions are too few for, why, and which
     readings would do; a `constant` has neither directions nor positions.
     """

@@ -27,7 +27,7 @@ from mtu_cli.units import UM
 MOST = 2_500_000
 """Trials where the count adapts, at most."""
 LINEAR = 0.5
-"""Share of u that the first-order u must have to say anything of it."""
+"""Share of u that the first-order u must have to represent it."""
 DRAWN = 2**16
 """Trials kept for the histogram."""
 ENDS = ("mean", "low", "high", "shortest_low", "shortest_high")
@@ -123,10 +123,10 @@ class GraphSimulation:
         units: dict[tuple[str, float], list[tuple[str, Validation]]] = {}
         for item in self.coordinates:
             if item.validation is not None:
-                shown = {"mm": ("um", UM), "rad": ("rad", 1.0)}.get(item.output.unit, ("", 1.0))
-                units.setdefault(shown, []).append((str(item.output), item.validation))
-        for (unit, size), judged in units.items():
-            names, outcomes = zip(*judged, strict=True)
+                scale = {"mm": ("um", UM), "rad": ("rad", 1.0)}.get(item.output.unit, ("", 1.0))
+                units.setdefault(scale, []).append((str(item.output), item.validation))
+        for (unit, size), validations in units.items():
+            names, outcomes = zip(*validations, strict=True)
             result += validation_warnings(names, outcomes, unit, size)
         short = [item for item in self.coordinates if not item.converged]
         if short:
@@ -205,17 +205,17 @@ def simulate_outputs(
     for i, item in enumerate(outputs):
         y, u = nominal[i], float(run.u[i])
         fixed = first_u[i] == 0.0 and u <= STILL * float(model.sizes[i])
-        made = dict.fromkeys(ENDS, y) if fixed else {x: float(getattr(run, x)[i]) for x in ENDS}
+        stats = dict.fromkeys(ENDS, y) if fixed else {x: float(getattr(run, x)[i]) for x in ENDS}
         coordinate = SimulatedCoordinate(
             output=item,
             nominal=y,
             first_order_u=first_u[i],
             shares={source: float(values[i]) for source, values in shares.items()},
             k=settings.coverage_factor,
-            mean=made["mean"],
+            mean=stats["mean"],
             u=0.0 if fixed else u,
-            interval=(made["low"], made["high"]),
-            shortest=(made["shortest_low"], made["shortest_high"]),
+            interval=(stats["low"], stats["high"]),
+            shortest=(stats["shortest_low"], stats["shortest_high"]),
             se_mean=0.0 if fixed else float(run.se_mean[i]),
             se_u=0.0 if fixed else float(run.se_u[i]),
             trials=0 if fixed else run.trials,
@@ -283,13 +283,13 @@ class Sweep:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """Grid points that have not converged; no formula."""
-        noted = []
+        notes = []
         if short := [item for item in self.grid if not item.converged]:
             where = f"at {len(short)} of {len(self.grid)} points of the grid"
-            noted.append(not_converged(max(x.trials for x in short), self.digits, where))
+            notes.append(not_converged(max(x.trials for x in short), self.digits, where))
         if self.formula is None:
-            noted.append(finding("no-formula", reason=self.no_formula))
-        return tuple(noted)
+            notes.append(finding("no-formula", reason=self.no_formula))
+        return tuple(notes)
 
 
 def sweep_graph(
@@ -311,22 +311,22 @@ def sweep_graph(
     for number, at in enumerate(points):
         key = (1 << 20, number)
         state = np.random.SeedSequence(settings.seed, spawn_key=key).generate_state(2)
-        now = replace(settings, seed=int(state[0]) << 32 | int(state[1]), progress=None)
+        point_settings = replace(settings, seed=int(state[0]) << 32 | int(state[1]), progress=None)
         if settings.progress is not None:
             settings.progress(number, len(points))
         # The same net under other uncertainties of probing, um, and another number of probings.
         probing = {name: value for name, value in at.items() if name != REPEATS}
         changes: dict[str, object] = {"uncertainty": file.uncertainty.model_copy(update=probing)}
         if REPEATS in at:
-            own = [x.model_copy(update={"repeats": None}) for x in file.transitions]
-            changes |= {"repeats": int(at[REPEATS]), "transitions": own}
+            transitions = [x.model_copy(update={"repeats": None}) for x in file.transitions]
+            changes |= {"repeats": int(at[REPEATS]), "transitions": transitions}
         part = replace(graph, graph=file.model_copy(update=changes))
-        (point,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
+        (point,) = simulate_outputs(part, [output], point_settings, most=MOST_OF_GRID, ends=False)
         grid.append(GridPoint(at=at, **vars(point)))
     u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
-    settled = {name: np.array([item.at[name] for item in grid]) for name in values}
-    found = fit_formula(settled, u, se_u, linear_u, output.unit)
-    formula, why = (None, found) if isinstance(found, str) else (found, "")
+    columns = {name: np.array([item.at[name] for item in grid]) for name in values}
+    outcome = fit_formula(columns, u, se_u, linear_u, output.unit)
+    formula, why = (None, outcome) if isinstance(outcome, str) else (outcome, "")
     if formula is not None:
         both = zip(grid, formula.u, formula.error_percent, strict=True)
         grid = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
@@ -359,8 +359,8 @@ def fit_formula(
 
     Least squares of u^2 with weights 1/u^4, that is, of relative errors. With a varied number of
     probings the probe's term is divided by it. A constant is added, and 1/repeats, where the
-    first-order u cannot do without: for sources that are not varied. Where the first-order u is
-    nil it tells nothing, and all terms enter.
+    first-order u needs them: for sources that are not varied. Where the first-order u is nil, all
+    terms enter.
 
     A text where there is no formula: why.
     """
@@ -369,8 +369,8 @@ def fit_formula(
         return "nothing varies"
     if not np.all(u > 0):
         return "u is 0 somewhere"
-    known = bool(np.all(linear_u >= LINEAR * u))
-    if known and np.ptp(linear_u) <= EXACT * linear_u.max():
+    first_order = bool(np.all(linear_u >= LINEAR * u))
+    if first_order and np.ptp(linear_u) <= EXACT * linear_u.max():
         return f"u does not depend on {', '.join(varied)}"
     n, scale = len(u), 1.0 / UM if unit == "mm" else 1.0
     per, over = ("/repeats", varied[REPEATS]) if REPEATS in varied else ("", np.ones(n))
@@ -383,14 +383,14 @@ def fit_formula(
     }
     needed = {*every, "" if "probe_um" in varied else "1/repeats"} - {""}
     every |= {"1/repeats": 1.0 / over, "": np.ones(n)} if per else {"": np.ones(n)}
-    if known and n >= len(every):
+    if first_order and n >= len(every):
         X = np.column_stack([*every.values()]) / (linear_u[:, None] * scale) ** 2
         share = np.abs(X * least_squares(X, np.ones(n)).coefficients).max(axis=0)
         pairs = zip(every.items(), share, strict=True)
-        every = {x: column for (x, column), own in pairs if x in needed or own > EXACT}
-    left = {"mm": "u_um", "rad": "u_rad"}.get(unit, "u")
+        every = {x: column for (x, column), part in pairs if x in needed or part > EXACT}
+    symbol = {"mm": "u_um", "rad": "u_rad"}.get(unit, "u")
     joint = [f"*{term}".replace("*1/", "/").removesuffix("*") for term in every]
-    form = f"{left} = sqrt({' + '.join(map(''.join, zip(LETTERS, joint, strict=False)))})"
+    form = f"{symbol} = sqrt({' + '.join(map(''.join, zip(LETTERS, joint, strict=False)))})"
     if n < len(every):
         return f"{n} grid points are too few for its {len(every)} terms, {form}"
     X = np.column_stack([*every.values()]) / (u[:, None] * scale) ** 2

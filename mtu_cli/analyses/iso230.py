@@ -105,8 +105,8 @@ class Figure:
     @property
     def differs(self) -> bool | None:
         """Whether they do; None where that is not known."""
-        off = abs(self.difference)
-        return None if math.isnan(off + self.bound) else off > self.bound
+        change = abs(self.difference)
+        return None if math.isnan(change + self.bound) else change > self.bound
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +159,7 @@ class Plan(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Iso230Result:
-    """All axes by name, and what there is to say."""
+    """All axes by name, their warnings, and a plan of targets."""
 
     axes: Mapping[str, Axis]
     warnings: tuple[Finding, ...] = ()
@@ -257,21 +257,21 @@ def sampling_u(
     total = dof.sum(axis=-1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
         pooled = np.sqrt((dof * np.nan_to_num(s) ** 2).sum(axis=-1, keepdims=True) / total)
-    free = dof > 0
+    estimable = dof > 0
     shape = (trials, *mean.shape)
-    # A single run scatters as the others do, where there are others.
-    noisy = (free | (count == 1)) & np.isfinite(pooled)
+    # A single run scatters as the others of its direction, where there are any.
+    noisy = (estimable | (count == 1)) & np.isfinite(pooled)
     step = np.where(noisy, pooled / np.sqrt(np.maximum(count, 1)), 0.0)
     means = mean + step * rng.standard_normal(shape)
     chi2 = 2 * rng.standard_gamma(np.maximum(dof, 1) / 2, shape)
-    drawn = pooled * np.sqrt(chi2 / np.maximum(dof, 1))
-    known = np.isfinite(pooled)[..., 0]
-    of_way = {way: known[..., i] for i, way in enumerate(WAYS)}
+    s_i = pooled * np.sqrt(chi2 / np.maximum(dof, 1))
+    finite = np.isfinite(pooled)[..., 0]
+    of_way = {way: finite[..., i] for i, way in enumerate(WAYS)}
     return {
         name: np.where(
-            of_way.get(name.rpartition("_")[2], known.all(axis=-1)), np.std(values, axis=0), np.nan
+            of_way.get(name.rpartition("_")[2], finite.all(axis=-1)), np.std(values, axis=0), np.nan
         )
-        for name, values in figures_of(means, np.where(free, drawn, np.nan)).items()
+        for name, values in figures_of(means, np.where(estimable, s_i, np.nan)).items()
     }
 
 
@@ -282,9 +282,9 @@ def corrected(axis: Axis, budget: InstrumentBudget | None) -> tuple[Axis, list[F
     if budget is None or budget.already_at_20 is not False or not axis.budgeted:
         return axis, []
     rise = (budget.alpha_um_per_m_K or 0.0) * (budget.T_mean_degC - REFERENCE_DEGC)
-    off = rise * UM / METRE * (axis.targets - axis.targets[0])
-    facts = {"component": axis.name, "size": float(off[-1] / UM), "rise": rise}
-    readings = axis.readings - off[:, None]
+    expansion = rise * UM / METRE * (axis.targets - axis.targets[0])
+    facts = {"component": axis.name, "size": float(expansion[-1] / UM), "rise": rise}
+    readings = axis.readings - expansion[:, None]
     return replace(axis, readings=readings), [finding("corrected-to-20", **facts)]
 
 
@@ -302,25 +302,25 @@ def instrument_u(
     span = float(x[-1]) or 1.0
     per_metre = UM / METRE
     alpha = budget.alpha_um_per_m_K or 0.0
-    away = abs(budget.T_mean_degC - REFERENCE_DEGC)
-    found: dict[str, list[FloatArray]] = {}
+    rise = abs(budget.T_mean_degC - REFERENCE_DEGC)
+    samples: dict[str, list[FloatArray]] = {}
     zeroed = np.isnan(axis.of_runs[2])
     for start in range(0, trials, TOGETHER):
         n = min(TOGETHER, trials - start)
         scale = rng.standard_normal(n) * budget.device_U_um_per_m / budget.k
         scale += rng.uniform(-1, 1, n) * alpha * budget.T_half_width_K
-        scale += rng.uniform(-1, 1, n) * away * budget.alpha_half_width
+        scale += rng.uniform(-1, 1, n) * rise * budget.alpha_half_width
         bend = rng.uniform(0, 1, n) * budget.alignment_mm**2 / (2 * span**2)
-        off = (scale * per_metre + bend)[:, None, None, None] * x[:, None]
+        offset = (scale * per_metre + bend)[:, None, None, None] * x[:, None]
         drift: FloatArray | float = 0.0
         if budget.E_VE_um:
             drift = rng.uniform(-0.5, 0.5, (n, *axis.readings.shape)) * budget.E_VE_um * UM
-        _, mean, s = statistics(axis.readings + off + drift)
+        _, mean, s = statistics(axis.readings + offset + drift)
         for name, values in figures_of(mean, np.where(zeroed, np.nan, s)).items():
-            found.setdefault(name, []).append(values)
+            samples.setdefault(name, []).append(values)
     # What changes the readings of a target alike leaves R and B but for round-off.
     round_off = 8 * np.finfo(float).eps * float(np.nanmax(np.abs(axis.readings)))
-    stds = {name: float(np.std(np.concatenate(parts))) for name, parts in found.items()}
+    stds = {name: float(np.std(np.concatenate(parts))) for name, parts in samples.items()}
     return {name: 0.0 if u < round_off else u for name, u in stds.items()}
 
 
@@ -366,14 +366,14 @@ def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
     """
     position, rotary = places_read(readings)
     roles = np.array(readings.roles)[readings.file_index]
-    axes, without = [], []
+    axes, rest = [], []
     for code, name in enumerate(readings.components):
-        mine = readings.code == code
-        for role in dict.fromkeys(roles[mine].tolist()):
-            rows = np.flatnonzero(mine & (roles == role))
-            known = position[rows][np.isfinite(position[rows])]
-            if not known.size or (len(known) == len(rows) and not np.ptp(known)):
-                without.append(name)
+        mask = readings.code == code
+        for role in dict.fromkeys(roles[mask].tolist()):
+            rows = np.flatnonzero(mask & (roles == role))
+            places = position[rows][np.isfinite(position[rows])]
+            if not places.size or (len(places) == len(rows) and not np.ptp(places)):
+                rest.append(name)
                 continue
             file = readings.sources[readings.file_index[rows[0]]].shown
             kinds = readings.dimension[rows]
@@ -384,17 +384,17 @@ def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
                 if bad.any():
                     i = int(np.argmax(bad))
                     place = {"row": int(readings.row[rows[i]]), "column": column}
-                    unit, wanted = dimension_name(kinds[i]), dimension_name(kinds[0])
-                    facts = {"of": name, "unit": unit, "wanted": wanted} if column == "unit" else {}
+                    unit, common = dimension_name(kinds[i]), dimension_name(kinds[0])
+                    facts = {"of": name, "unit": unit, "wanted": common} if column == "unit" else {}
                     expected = f"as in the other rows of {name}"
                     raise error(code_, expected=expected, file=file, **place, **facts)
-            label = f"{name} ({role})" if len({*roles[mine]}) > 1 else name
+            label = f"{name} ({role})" if len({*roles[mask]}) > 1 else name
             axes.append(_axis(readings, label, position, bool(rotary[rows[0]]), rows))
     if not axes:
         expected = "readings with position_mm (of rotary axes position_deg)"
         raise error("too-little-data", what="no component was read at targets", expected=expected)
     note = {"quantity": "positioning", "reason": "they were not read at targets"}
-    return axes, [finding("not-estimable", names=without, **note)] if without else []
+    return axes, [finding("not-estimable", names=rest, **note)] if rest else []
 
 
 def _axis(
@@ -430,16 +430,16 @@ def warnings_of(axis: Axis) -> Iterator[Finding]:
     """What ISO 230-2 asks of a test and this one lacks, figures that do not exist, outliers."""
     count, _, s = axis.of_runs
     unit, of = ("deg", 360.0) if axis.rotary else ("mm", LONG_MM)
-    m, wanted = len(axis.targets), max(FEWEST, math.ceil(FEWEST * axis.travel / METRE))
-    fewest, asked = int(count[count > 0].min()), []
-    if axis.travel <= of and not axis.rotary and m < wanted:
-        asked.append((f"{m} targets over {axis.travel:g} mm", f"{wanted} or more (five a metre)"))
+    m, least = len(axis.targets), max(FEWEST, math.ceil(FEWEST * axis.travel / METRE))
+    fewest, faults = int(count[count > 0].min()), []
+    if axis.travel <= of and not axis.rotary and m < least:
+        faults.append((f"{m} targets over {axis.travel:g} mm", f"{least} or more (five a metre)"))
     if axis.travel <= of and fewest < FEWEST:
-        asked.append((f"{fewest} runs at a target", f"{FEWEST} in each direction"))
+        faults.append((f"{fewest} runs at a target", f"{FEWEST} in each direction"))
     if axis.stepped:
-        asked.append(("a step cycle", "the standard test cycle for acceptance"))
+        faults.append(("a step cycle", "the standard test cycle for acceptance"))
     clause = ROTARY_CLAUSE if axis.rotary else CLAUSE
-    for what, how in asked:
+    for what, how in faults:
         facts = {"component": axis.name, "clause": clause, "what": what, "wanted": how}
         yield finding("test-conditions", **facts)
     if missing := [name for name in ISO if math.isnan(axis.figures[name].value)]:
@@ -456,11 +456,11 @@ def warnings_of(axis: Axis) -> Iterator[Finding]:
         quantity = f"R at {listed(places)}"
         yield finding("not-estimable", quantity=quantity, names=axis.name, reason=reason)
     # Runs far off the others at their target and direction: reported, never left out.
-    off = axis.readings - medians(axis.readings, 2)
-    mask, scatter = outlying(off, int((count > 0).sum()))
+    deviation = axis.readings - medians(axis.readings, 2)
+    mask, scatter = outlying(deviation, int((count > 0).sum()))
     if mask.any() and axis.rows is not None:
         lines = tuple(sorted(axis.rows[mask].tolist()))
-        far = float(np.abs(off[mask]).max()) / axis.size
+        far = float(np.abs(deviation[mask]).max()) / axis.size
         yield finding(
             "outlying-value", file=axis.file, row=lines[0], column="error", what=axis.name,
             unit=axis.unit, beside="the other runs", off=far, count=int(mask.sum()),
@@ -479,12 +479,12 @@ def evaluate_all(
     standard: str = "iso230-2",
 ) -> Iso230Result:
     """The figures of every component of `readings`, against those `before` and their `limits`."""
-    found, warnings = axes_of(readings)
+    tests, warnings = axes_of(readings)
     axes = {}
-    for index, each in enumerate(found):
-        own, noted = corrected(each, budget)
-        axis = evaluate(own, budget, k, seed, index, limits)
-        warnings += [*noted, *warnings_of(axis)]
+    for index, each in enumerate(tests):
+        at_20, notes = corrected(each, budget)
+        axis = evaluate(at_20, budget, k, seed, index, limits)
+        warnings += [*notes, *warnings_of(axis)]
         axes[axis.name] = axis
     if before is not None:
         earlier = {x.name: (i, x) for i, x in enumerate(axes_of(before)[0])}
@@ -503,11 +503,11 @@ def evaluate_all(
         reason = "the budget of the instrument is of lengths"
         warnings.append(finding("not-estimable", quantity="u", names=other, reason=reason))
     result = Iso230Result(axes=axes, standard=standard)
-    named = [(f"{x.name} of {axis.name}", x) for axis, x in result.decisions]
-    if unknown := [name for name, x in named if math.isnan(x.U)]:
+    pairs = [(f"{x.name} of {axis.name}", x) for axis, x in result.decisions]
+    if unknown := [name for name, x in pairs if math.isnan(x.U)]:
         warnings.append(finding("no-uncertainty", names=unknown))
-    if open_ := [name for name, x in named if x.verdict == "not proven"]:
-        warnings.append(finding("not-proven", names=open_))
+    if unproven := [name for name, x in pairs if x.verdict == "not proven"]:
+        warnings.append(finding("not-proven", names=unproven))
     return replace(result, warnings=tuple(warnings))
 
 

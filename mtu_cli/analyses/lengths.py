@@ -80,14 +80,14 @@ def predict_lengths(
         reason, expected = "the part has no lengths to predict", "lengths: [{from: '3', to: '9'}]"
         raise error("not-applicable", reason=reason, file=part.source.shown, expected=expected)
     names, ends = tuple(x.id for x in entries), tuple((x.from_, x.to) for x in entries)
-    features, points, noted = feature_points(part, model, [name for pair in ends for name in pair])
+    features, points, notes = feature_points(part, model, [name for pair in ends for name in pair])
     prediction = predict(model, features, points, covariates)
     pairs = np.array([[features.index(name) for name in pair] for pair in ends])
     delta = differences(points, pairs, names, part.source.shown)
     gradient = length_gradient(prediction, pairs, delta)
-    shared = prediction.variance(gradient)
+    split = prediction.variance(gradient)
     independent = gradient**2 @ prediction.independent_variance
-    variance, dof = shared.total, shared.dof
+    variance, dof = split.total, split.dof
     if settings.independent:
         variance, dof = independent, np.full(len(names), np.inf)
     u = np.sqrt(variance)
@@ -95,24 +95,24 @@ def predict_lengths(
     owner = np.tile(np.arange(len(names)), len(prediction.axes))
     alone = settings.independent
     trials = PointTrials(
-        prediction, names, measure, combine, owner, gradient, None if alone else shared
+        prediction, names, measure, combine, owner, gradient, None if alone else split
     )
     run, errors = settings.run(trials), trials.linear_mean
     half = np.array([coverage_factor(PROBABILITY, each) for each in dof]) * u
     separate = predict(replace(model, joint=()), prediction.ids, prediction.points, covariates)
     uncorrelated = separate.variance(gradient).total
-    bounds = [_bounds(prediction, by_block) for by_block in shared.by_block.T]
+    bounds = [_bounds(prediction, by_block) for by_block in split.by_block.T]
     rows = list(zip(errors.tolist(), u.tolist(), dof.tolist(), strict=True))
     conformance = [
         conformance_of(x.tolerance, UM, *row) for x, row in zip(entries, rows, strict=True)
     ]
     validation = tuple(settings.validate(*row, run, i) for i, row in enumerate(rows))
-    without = []
-    for axis, along in zip(AXES, np.abs(delta).T > 1e-9, strict=True):
-        if axis not in model.axes and along.any():
-            first = names[int(np.argmax(along))]
+    missing = []
+    for axis, mask in zip(AXES, np.abs(delta).T > 1e-9, strict=True):
+        if axis not in model.axes and mask.any():
+            first = names[int(np.argmax(mask))]
             consequence = f"lengths along {axis} ({first}, ...) have no predicted error there"
-            without.append(finding("axis-without-equation", axis=axis, consequence=consequence))
+            missing.append(finding("axis-without-equation", axis=axis, consequence=consequence))
     return LengthsResult(
         prediction=prediction,
         ids=names,
@@ -126,7 +126,7 @@ def predict_lengths(
         u_uncorrelated=np.sqrt(np.where(uncorrelated >= 0, uncorrelated, np.nan)),
         u_bounds=np.array([ends for ends, _ in bounds]),
         pair=tuple(pair for _, pair in bounds),
-        shares=tuple(None if alone else shared.shares(i) for i in range(len(names))),
+        shares=tuple(None if alone else split.shares(i) for i in range(len(names))),
         conformance=tuple(conformance),
         validation=validation,
         outside=tuple(not prediction.beyond.keys().isdisjoint(pair) for pair in ends),
@@ -134,8 +134,8 @@ def predict_lengths(
         joint_conformance=joint_conformance(trials, conformance, settings),
         run=run,
         warnings=(
-            *noted,
-            *without,
+            *notes,
+            *missing,
             *prediction_warnings(model, prediction, covariates),
             *dof_warnings(names, dof),
             *validation_warnings(names, validation, "um", UM),

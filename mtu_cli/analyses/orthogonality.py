@@ -91,10 +91,10 @@ def predict_orthogonality(
     angles: list[Orthogonality] = []
     warnings: list[Finding] = []
     for entry in entries:
-        ids, points, noted = feature_points(part, model, [*entry.row, *entry.column])
+        ids, points, notes = feature_points(part, model, [*entry.row, *entry.column])
         prediction = predict(model, ids, points, covariates)
         angles.append(_angle(entry, prediction, settings))
-        warnings += [*noted, *prediction_warnings(model, prediction, covariates)]
+        warnings += [*notes, *prediction_warnings(model, prediction, covariates)]
         warnings += dof_warnings([entry.id], angles[-1].model.dof)
     names, validations = [x.id for x in angles], [x.validation for x in angles]
     if without_u := [x.id for x in angles if not np.isfinite(x.run.u[0])]:
@@ -113,12 +113,12 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
             )
         return model, settings.run(model, keep=DRAWN)
 
-    chosen, independent = trials(independent=True)
+    first_order, independent = trials(independent=True)
     run = independent
     if not settings.independent:
-        chosen, run = trials(independent=False)
-    mean, dof = float(chosen.linear_mean[0]), float(chosen.dof[0])
-    u, by_trials = float(chosen.linear_u[0, 0]), float(run.u[0])
+        first_order, run = trials(independent=False)
+    mean, dof = float(first_order.linear_mean[0]), float(first_order.dof[0])
+    u, by_trials = float(first_order.linear_u[0, 0]), float(run.u[0])
     half = coverage_factor(PROBABILITY, dof) * u
     return Orthogonality(
         id=entry.id,
@@ -127,11 +127,11 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
         prediction=prediction,
         run=run,
         scale=by_trials if np.isfinite(by_trials) else u,
-        model=chosen,
+        model=first_order,
         interval95=(mean - half, mean + half),
         independent=independent,
         validation=settings.validate(mean, u, dof, run, 0),
-        shares=None if chosen.variance is None else chosen.variance.shares(0),
+        shares=None if first_order.variance is None else first_order.variance.shares(0),
         conformance=conformance_of(entry.tolerance, ARCSEC, mean, u, dof),
         outside=bool(prediction.outside),
         k=settings.coverage_factor,

@@ -108,7 +108,7 @@ def analyse_variance(
 ) -> AnovaResult:
     """Gilsinn & Ling 2004, section 4: one table a feature and axis, a length, an angle.
 
-    `datum` takes the freedoms of a set-up by hand out of the features' errors, measurement by
+    `datum` removes the best-fit alignment of a set-up by hand from the features' errors, by
     measurement; lengths and angles do not depend on it.
 
     Raises InputError for a feature that stands twice in one repeat of one part, and a row or
@@ -123,16 +123,16 @@ def analyse_variance(
         names += [name for item in angles for name in (*item.row, *item.column)]
         if len(needed := only_features(points, names)):
             visits = visits_of(needed)
-            if (found := length_tables(needed, visits, part)) is not None:
-                tables["length"] = found
-            if (found := angle_tables(needed, visits, part)) is not None:
-                tables["angle"] = found
-        labels = {kind: found.labels for kind, found in tables.items()}
+            if (table := length_tables(needed, visits, part)) is not None:
+                tables["length"] = table
+            if (table := angle_tables(needed, visits, part)) is not None:
+                tables["angle"] = table
+        labels = {kind: table.labels for kind, table in tables.items()}
         warnings += missing_entries("length", lengths, labels.get("length", ()))
         warnings += missing_entries("right angle", angles, labels.get("angle", ()))
         warnings += length_warnings(points, part)
     k = settings.coverage_factor
-    kinds = [analysed(kind, found, method, k) for kind, found in tables.items()]
+    kinds = [analysed(kind, table, method, k) for kind, table in tables.items()]
     unusual = unusual_parts(kinds, settings.seed)
     outliers: dict[Label, tuple[str, ...]] = {}
     for item in unusual or ():
@@ -156,18 +156,18 @@ def analyse_variance(
     )
 
 
-def _totals(found: Analysed) -> tuple[Total, ...]:
+def _totals(analysis: Analysed) -> tuple[Total, ...]:
     """One an operation and axis, operation by operation."""
-    operations = list(dict.fromkeys(label[0] for label in found.labels))
-    keys = dict.fromkeys((label[0], label[2]) for label in found.labels)
+    operations = list(dict.fromkeys(label[0] for label in analysis.labels))
+    keys = dict.fromkeys((label[0], label[2]) for label in analysis.labels)
     result = []
     for operation, axis in sorted(keys, key=lambda key: operations.index(key[0])):
-        rows = [i for i, label in enumerate(found.labels) if label[::2] == (operation, axis)]
-        mean = found.one_way.mean[rows]
+        rows = [i for i, label in enumerate(analysis.labels) if label[::2] == (operation, axis)]
+        mean = analysis.one_way.mean[rows]
         spread = float(mean.std(ddof=1)) if len(mean) > 1 else np.nan
-        variances = found.components.part, found.components.repeat, found.both
-        known = [each[rows][np.isfinite(each[rows])] for each in variances]
-        part, repeat, both = (float(x.mean()) if len(x) else np.nan for x in known)
+        variances = analysis.components.part, analysis.components.repeat, analysis.both
+        values = [each[rows][np.isfinite(each[rows])] for each in variances]
+        part, repeat, both = (float(x.mean()) if len(x) else np.nan for x in values)
         total = Total(
             operation=operation,
             axis=axis,
@@ -177,8 +177,8 @@ def _totals(found: Analysed) -> tuple[Total, ...]:
             part=part,
             repeat=repeat,
             both=both,
-            differ=int((found.p_parts[rows] <= FAMILY_RATE).sum()),
-            tested=int(np.isfinite(found.one_way.F[rows]).sum()),
+            differ=int((analysis.p_parts[rows] <= FAMILY_RATE).sum()),
+            tested=int(np.isfinite(analysis.one_way.F[rows]).sum()),
         )
         result.append(total)
     return tuple(result)
@@ -210,10 +210,10 @@ def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
     """
     result = []
     for code, (condition, facts) in CONDITIONS.items():
-        met = [(KINDS[kind.kind], condition(kind)) for kind in kinds]
-        items = [some(rows, name) for name, rows in met if rows.any()]
+        masks = [(KINDS[kind.kind], condition(kind)) for kind in kinds]
+        items = [some(rows, name) for name, rows in masks if rows.any()]
         names = [f"u of a future part ({each})" for each in items]
-        if all(rows.all() for _, rows in met):
+        if all(rows.all() for _, rows in masks):
             items, names = ["all"], ["u of a future part"]
         result += [
             finding(code, items=each, names=[name], **facts)

@@ -117,9 +117,9 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
         between = (1 + share) * table.ms_between / table.n0
         bound = _t(table.df_between) * np.sqrt(between + rounding)
         half = np.where(dof_future < table.df_between, np.fmin(half, bound), half)
-    known = (u_mean > 0) & np.isfinite(dof_mean)
-    t = np.divide(np.abs(table.mean), u_mean, out=np.zeros_like(u_mean), where=known)
-    p_zero = np.where(known, 2 * stdtr(np.where(known, dof_mean, 1.0), -t), np.nan)
+    valid = (u_mean > 0) & np.isfinite(dof_mean)
+    t = np.divide(np.abs(table.mean), u_mean, out=np.zeros_like(u_mean), where=valid)
+    p_zero = np.where(valid, 2 * stdtr(np.where(valid, dof_mean, 1.0), -t), np.nan)
     both = np.where((table.df_within < 1) & (table.df_between > 0), table.ms_between, np.nan)
     df = np.maximum(table.df_between, 1.0)
     size = np.abs(table.mean) + np.nan_to_num(k * u_future)
@@ -151,8 +151,8 @@ def _t(dof: FloatArray) -> FloatArray:
     """Quantiles of Student's t for the interval; nan without degrees of freedom."""
     from scipy.special import stdtrit
 
-    known = np.isfinite(dof) & (dof > 0)
-    return np.where(known, stdtrit(np.where(known, dof, 1.0), 1 - TAIL), np.nan)
+    valid = np.isfinite(dof) & (dof > 0)
+    return np.where(valid, stdtrit(np.where(valid, dof, 1.0), 1 - TAIL), np.nan)
 
 
 def _satterthwaite(table: OneWay, weight: FloatArray, u2: FloatArray) -> FloatArray:
@@ -210,10 +210,10 @@ def unusual_parts(kinds: Sequence[Analysed], seed: int) -> tuple[UnusualPart, ..
     raws, scales = [], []
     for kind in kinds:
         cells = kind.tables.cells
-        away = cells.mean - (kind.one_way.mean - cells.origin)[:, None]
+        deviation = cells.mean - (kind.one_way.mean - cells.origin)[:, None]
         part, repeat = (np.nan_to_num(of)[:, None] for of in (kind.reml.part, kind.reml.repeat))
         variance = part + repeat / np.where(cells.present, cells.n, 1.0)
-        raws.append(np.where(cells.present, away, np.nan))
+        raws.append(np.where(cells.present, deviation, np.nan))
         scales.append(np.sqrt(np.where(variance > 0, variance, 1.0)))
     raw, scale = np.concatenate(raws).T, np.concatenate(scales).T
     rounding = np.concatenate([kind.rounding for kind in kinds])
@@ -225,17 +225,17 @@ def unusual_parts(kinds: Sequence[Analysed], seed: int) -> tuple[UnusualPart, ..
     p, rate = np.minimum(test.by_row, test.by_cell.min(axis=1)), PARTS * FAMILY_RATE
     result = []
     for i in np.flatnonzero(p <= rate).tolist():
-        others = np.arange(len(parts)) != i
-        off = raw - _mean(raw[others])
-        square = _mean(off[others] ** 2)
+        rest = np.arange(len(parts)) != i
+        deviations = raw - _mean(raw[rest])
+        square = _mean(deviations[rest] ** 2)
         size2 = square + rounding
-        size = np.abs(np.nan_to_num(off[i])) / np.sqrt(np.where(size2 > 0, size2, 1.0))
+        size = np.abs(np.nan_to_num(deviations[i])) / np.sqrt(np.where(size2 > 0, size2, 1.0))
         j = int(np.argmax(size))
         item = UnusualPart(
             part=parts[i],
             p=min(float(p[i]) / PARTS, 1.0),
             where=labels[j],
-            deviation=float(off[i, j]),
+            deviation=float(deviations[i, j]),
             typical=float(np.sqrt(square[j])),
             singles=tuple(labels[k] for k in np.flatnonzero(test.by_cell[i] <= rate)),
         )
@@ -268,24 +268,24 @@ def trends(kinds: Sequence[Analysed], sequence: Mapping[str, FloatArray]) -> tup
 
     places = np.array([sequence[label[0]] for kind in kinds for label in kind.labels])
     means = np.concatenate([kind.tables.cells.mean for kind in kinds])
-    there = np.concatenate([kind.tables.cells.present for kind in kinds]) & np.isfinite(places)
+    present = np.concatenate([kind.tables.cells.present for kind in kinds]) & np.isfinite(places)
     rounding = np.concatenate([kind.rounding for kind in kinds])
-    n = there.sum(axis=1)
-    masked = (np.ma.array(values, mask=~there) for values in (places, means))
-    x, y = (np.asarray((each - each.mean(axis=1)[:, None]).filled(0.0)) for each in masked)
+    n = present.sum(axis=1)
+    arrays = (np.ma.array(values, mask=~present) for values in (places, means))
+    x, y = (np.asarray((each - each.mean(axis=1)[:, None]).filled(0.0)) for each in arrays)
     spread = (x**2).sum(axis=1)
-    known = (n >= FEWEST_PARTS) & (spread > 0)
-    spread, dof = np.where(known, spread, 1.0), np.where(known, n - 2.0, 1.0)
+    valid = (n >= FEWEST_PARTS) & (spread > 0)
+    spread, dof = np.where(valid, spread, 1.0), np.where(valid, n - 2.0, 1.0)
     slope = (x * y).sum(axis=1) / spread
     s2 = ((y - slope[:, None] * x) ** 2).sum(axis=1) / dof
     u = np.sqrt((s2 + rounding) / spread)
     # Values that are all equal have no trend, those on a line have one beyond doubt.
-    known &= (u > 0) | (slope != 0)
+    valid &= (u > 0) | (slope != 0)
     t = np.divide(np.abs(slope), u, out=np.full_like(u, np.inf), where=u > 0)
-    p = np.minimum(holm(np.where(known, 2 * stdtr(dof, -t), np.nan)) / TRENDS, 1.0)
+    p = np.minimum(holm(np.where(valid, 2 * stdtr(dof, -t), np.nan)) / TRENDS, 1.0)
     labels = [label for kind in kinds for label in kind.labels]
-    found = zip(labels, slope.tolist(), u.tolist(), p.tolist(), strict=True)
-    return tuple(Trend(*each) for each in found if np.isfinite(each[-1]))
+    rows = zip(labels, slope.tolist(), u.tolist(), p.tolist(), strict=True)
+    return tuple(Trend(*each) for each in rows if np.isfinite(each[-1]))
 
 
 Of = Literal["position", "length", "angle"]
@@ -345,10 +345,10 @@ def capabilities(
         rows = {label: i for i, label in enumerate(kind.labels)}
         of: Of = "position" if kind.kind == "feature" else kind.kind
         for (operation, name, axis), i in rows.items():
-            chosen = [i, rows.get((operation, name, "y"), -1)] if of == "position" else [i]
-            if (of, name) not in limits or axis in ("y", "z") or chosen[-1] < 0:
+            tables = [i, rows.get((operation, name, "y"), -1)] if of == "position" else [i]
+            if (of, name) not in limits or axis in ("y", "z") or tables[-1] < 0:
                 continue
-            values = np.column_stack([kind.part_means(j)[0] for j in chosen])
+            values = np.column_stack([kind.part_means(j)[0] for j in tables])
             order = np.argsort(sequence[operation], kind="stable")
             order = order[np.isfinite(values[order]).all(axis=1)]
             if len(order) < 2:

@@ -1,4 +1,4 @@
-"""An uncertainty budget: propagation to first and second order, and Monte Carlo beside it."""
+"""An uncertainty budget: propagation to first and second order, and by Monte Carlo."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ __all__ = ["BudgetResult", "evaluate_budget"]
 DRAWN = 2**17
 """Trials kept for the histogram."""
 SHORTEST = 1.05
-"""More than its own scatter may make the shortest interval longer than the symmetric one."""
+"""By its scatter the shortest interval may be longer than the symmetric one by this factor."""
 ROUNDING = 1e-9
 """Share of a value below which ends of an interval agree."""
 Interval = tuple[float, float]
@@ -73,7 +73,7 @@ class OutputBudget(FirstOrder):
     def symmetric(self) -> Interval:
         """Of the trials, with equal chances beyond either end; one value where none varies."""
         if self.of_run("u") == 0.0:
-            # Weights of ordered values leave their rounding on equal ones.
+            # Weights of ordered values add rounding to equal ones.
             return self.of_run("mean"), self.of_run("mean")
         return self.of_run("low"), self.of_run("high")
 
@@ -88,17 +88,17 @@ class OutputBudget(FirstOrder):
 
     def findings(self, u: FloatArray) -> Iterator[Finding]:
         """What first and second order and clause 8 show; `u` (n,) of the inputs."""
-        verdict, drawn = self.validation, self.of_run("u")
-        shift, apart = abs(self.second_value - self.value), abs(self.second_u - self.u)
+        verdict, u_trials = self.validation, self.of_run("u")
+        shift, change = abs(self.second_value - self.value), abs(self.second_u - self.u)
         if self.faults:
             reason = f"{self.faults[0].text} (column {self.faults[0].column} of its equation)"
             yield finding("not-differentiable", output=self.name, reason=reason)
         elif np.all(u == 0.0):
             yield finding("no-uncertainty", names=[f"the inputs of {self.name}"])
-        elif max(shift, apart) > verdict.tolerance > 0.0 or (self.u == 0.0 and drawn > 0.0):
-            known = math.isfinite(self.second_u)
+        elif max(shift, change) > verdict.tolerance > 0.0 or (self.u == 0.0 and u_trials > 0.0):
+            finite = math.isfinite(self.second_u)
             second = "the variance below 0, so that u is undefined"
-            second = f"u {self.second_u:.4g}" if known else second
+            second = f"u {self.second_u:.4g}" if finite else second
             reason = "the equation is not linear over the uncertainties of its inputs"
             text = f"the value is {self.second_value:.10g} and {second}"
             facts = {"output": self.name, "reason": reason, "second": text, "u": second}
@@ -109,7 +109,7 @@ class OutputBudget(FirstOrder):
         largest = max(verdict.d_low, verdict.d_high)
         if verdict.passed is False and self.u == 0.0 and largest <= ROUNDING * abs(self.value):
             # A step: the ends of its interval agree.
-            difference = f"u 0 against {drawn:.2g} {unit}".rstrip()
+            difference = f"u 0 against {u_trials:.2g} {unit}".rstrip()
             yield finding("validation-failed", names=[self.name], difference=difference)
         else:
             yield from validation_warnings([self.name], [verdict], unit, 1.0)
@@ -136,7 +136,7 @@ class BudgetResult:
         C = np.array([item.sensitivity for item in self.outputs])
         with np.errstate(over="ignore", under="ignore", invalid="ignore"):
             joint: FloatArray = C @ self.given.covariance @ C.T
-            # Without the rounding that cancelling leaves.
+            # Without the rounding of what cancels.
             np.fill_diagonal(joint, np.square([item.u for item in self.outputs]))
         return joint
 
@@ -179,7 +179,7 @@ def evaluate_budget(
     ]
 
     def run_to(fraction: float) -> MonteCarloResult:
-        # Trials too far apart to be squared leave inf or nan, which a warning of ours reports.
+        # Trials too far apart to be squared give inf or nan, which a warning of ours reports.
         with catch_warnings():
             simplefilter("ignore", RuntimeWarning)
             return settings.run(
@@ -191,12 +191,12 @@ def evaluate_budget(
         run, verdicts = validated(run_to, estimates, settings.digits, settings.trials is None)
     except InputError as fault:
         # The engine knows no file: the equation's place makes its message one of the file's.
-        named = [(problem, problem.facts.get("output")) for problem in fault.findings]
+        pairs = [(problem, problem.facts.get("output")) for problem in fault.findings]
         raise InputError(
             problem.at(**loaded.where(name)) if name in loaded.trees else problem
-            for problem, name in named
+            for problem, name in pairs
         ) from None
-    # Nothing but a standard error can say that a statistic has converged.
+    # Only a standard error shows that a statistic has converged.
     errors = np.where(trials.u_exists, run.u + run.se_mean + run.se_u, 0.0)
     finite = np.all(np.isfinite(errors + run.se_low + run.se_high))
     run = replace(run, converged=run.converged and bool(finite))

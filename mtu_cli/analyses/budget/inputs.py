@@ -1,9 +1,9 @@
 """Inputs of a budget: quantities, their covariance, and the independent sources behind them.
 
-A contribution that nothing is correlated with is a source of its own. Inputs with stated
+A contribution that nothing is correlated with is one source. Inputs with stated
 correlations, and readings that were taken together, are one source each connected set: where all
 are normal or t, jointly normal, scaled to a multivariate t of their degrees of freedom (JCGM
-102:2011, 5.3.2; JCGM 101:2008, 6.4.9), or each by a scale of its own where these differ; where some
+102:2011, 5.3.2; JCGM 101:2008, 6.4.9), or each by its scale where these differ; where some
 are bounded (rectangular, ...), a Gaussian copula with the stated correlation. For
 Welch-Satterthwaite a source is one term g' V g with the smallest degrees of freedom of its members.
 """
@@ -112,10 +112,10 @@ class Source:
 
     def variance(self, gradient: FloatArray) -> float:
         """g' V g (first order) of the source for a gradient over all inputs."""
-        own = gradient[self.rows]
-        value = float(own @ self.covariance @ own)
-        # Of fully correlated inputs that cancel, rounding is all that is left.
-        return 0.0 if value <= ROUNDING * float(own**2 @ np.diag(self.covariance)) else value
+        g = gradient[self.rows]
+        value = float(g @ self.covariance @ g)
+        # Fully correlated inputs that cancel leave rounding alone.
+        return 0.0 if value <= ROUNDING * float(g**2 @ np.diag(self.covariance)) else value
 
     def dof(self, gradient: FloatArray) -> float:
         """Degrees of freedom of that variance; infinite where no member counts."""
@@ -168,46 +168,46 @@ def inputs_of(loaded: LoadedBudget) -> Inputs:
     from scipy.sparse.csgraph import connected_components
 
     file = loaded.budget
-    known = tuple(_quantity(name, item) for name, item in file.inputs.items())
-    place = {item.name: i for i, item in enumerate(known)}
-    u = np.array([item.u for item in known])
-    covariance, linked = np.diag(u**2), np.zeros((len(u), len(u)))
+    inputs = tuple(_quantity(name, item) for name, item in file.inputs.items())
+    place = {item.name: i for i, item in enumerate(inputs)}
+    u = np.array([item.u for item in inputs])
+    covariance, links = np.diag(u**2), np.zeros((len(u), len(u)))
     for first, second, r in file.correlations:
         i, j = place[first], place[second]
         covariance[i, j] = covariance[j, i] = r * u[i] * u[j]
-        linked[i, j] = r
-    _, label = connected_components(linked, directed=False)
+        links[i, j] = r
+    _, label = connected_components(links, directed=False)
     several = np.bincount(label) > 1
     sources: list[Source] = []
     problems: list[Finding] = []
     for number in np.flatnonzero(several):
         rows = np.flatnonzero(label == number).tolist()
         try:
-            sources.append(_correlated(rows, [known[i] for i in rows], covariance))
+            sources.append(_correlated(rows, [inputs[i] for i in rows], covariance))
         except InputError as fault:
             at = {"file": loaded.source.shown, "line": loaded.line_of("correlations")}
             problems += [each.at(path="correlations", **at) for each in fault.findings]
     if problems:
         raise InputError(problems)
-    alone = [(i, x) for i, item in enumerate(known) if not several[label[i]] for x in item.parts]
+    parts = [(i, x) for i, item in enumerate(inputs) if not several[label[i]] for x in item.parts]
     for group in file.simultaneous:
-        # Type B contributions stand apart: only the scatter of the readings is shared.
-        shared = {i: x for i, x in alone if x.type_a and known[i].name in group}
+        # Type B contributions are separate: only the scatter of the readings is shared.
+        shared = {i: x for i, x in parts if x.type_a and inputs[i].name in group}
         if not shared:
             continue
-        alone = [(i, x) for i, x in alone if shared.get(i) is not x]
+        parts = [(i, x) for i, x in parts if shared.get(i) is not x]
         rows, members = list(shared), [part.distribution for part in shared.values()]
-        readings = np.array([file.inputs[known[i].name].readings for i in rows])
-        away = readings - readings.mean(axis=1, keepdims=True)
+        readings = np.array([file.inputs[inputs[i].name].readings for i in rows])
+        deviation = readings - readings.mean(axis=1, keepdims=True)
         n = readings.shape[1]
-        joint = away @ away.T / (n * (n - 1))
+        joint = deviation @ deviation.T / (n * (n - 1))
         np.fill_diagonal(joint, [item.u**2 for item in members])
         sources.append(Source(rows, members, joint, factor_of(joint)))
         off = ~np.eye(len(rows), dtype=bool)
         covariance[np.ix_(rows, rows)] = np.where(off, joint, covariance[np.ix_(rows, rows)])
-    for i, part in alone:
+    for i, part in parts:
         sources.append(Source([i], [part.distribution], np.array([[part.distribution.u**2]])))
-    return Inputs(known, covariance, sources)
+    return Inputs(inputs, covariance, sources)
 
 
 def _quantity(name: str, item: Input) -> InputQuantity:
@@ -222,24 +222,24 @@ def _quantity(name: str, item: Input) -> InputQuantity:
         s = float(np.std(readings - value, ddof=1))
         scatter = Distribution(kind="t", u=s / math.sqrt(n), dof=n - 1.0)
         parts.append(Part(scatter, "readings", type_a=True))
-    stated = [
+    type_b = [
         (_distribution(item), ""),
         *((_distribution(x), x.says or "") for x in item.contributions),
     ]
-    parts += [Part(shape, says) for shape, says in stated if shape is not None]
+    parts += [Part(shape, says) for shape, says in type_b if shape is not None]
     parts = [part for part in parts if part.distribution.u > NOTHING]
-    known = [part.distribution for part in parts]
-    squares = np.array([each.u**2 for each in known])
+    shapes = [part.distribution for part in parts]
+    squares = np.array([each.u**2 for each in shapes])
     u = math.sqrt(math.fsum(squares))
-    dof = welch_satterthwaite(squares, np.array([each.dof for each in known]))
+    dof = welch_satterthwaite(squares, np.array([each.dof for each in shapes]))
     return InputQuantity(
         name=name,
         value=math.nan if value is None else value,
         unit=item.unit or "",
         parts=tuple(parts),
         u=u,
-        dof=known[0].dof if len(known) == 1 else dof,
-        excess=math.fsum(each.excess * (each.u / u) ** 4 for each in known),
+        dof=shapes[0].dof if len(shapes) == 1 else dof,
+        excess=math.fsum(each.excess * (each.u / u) ** 4 for each in shapes),
     )
 
 
@@ -277,8 +277,8 @@ def _distribution(item: Contribution) -> Distribution | None:
     return Distribution(kind=kind, u=u, dof=dof, half_width=half, top=top, inexact=share)
 
 
-def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: FloatArray) -> Source:
-    """The source of the inputs `known`, at `rows`; raises InputError where there is none."""
+def _correlated(rows: list[int], inputs: Sequence[InputQuantity], covariance: FloatArray) -> Source:
+    """The source of the `inputs` at `rows`; raises InputError where there is none."""
 
     def impossible(named: Sequence[str], why: str, expected: str, **value: str) -> Finding:
         reason = f"{listed(named, SHOWN_PAIRS)} cannot be correlated like this: {why}"
@@ -289,11 +289,11 @@ def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: Flo
         least = float(np.linalg.eigvalsh(r)[0])
         return least if least < -NOT_DEFINITE * len(rows) else None
 
-    names = [item.name for item in known]
+    names = [item.name for item in inputs]
     expected = "two inputs, their sum in the equation, and the correlation of one of them"
     problems = [
         impossible([item.name], "it has several contributions, not all normal", expected)
-        for item in known
+        for item in inputs
         if not item.normal and len(item.parts) > 1
     ]
     joint = covariance[np.ix_(rows, rows)]
@@ -306,20 +306,20 @@ def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: Flo
         raise InputError(problems)
     members = [
         Distribution(kind="normal", u=x.u, dof=x.dof) if x.normal else x.parts[0].distribution
-        for x in known
+        for x in inputs
     ]
     if not any(item.bounded for item in members):
         return Source(rows, members, joint, factor_of(joint))
     # The correlation matrix of the normals behind inputs that are not all normal.
     rho = np.eye(len(rows))
     for a, b in np.argwhere(np.tril(joint, -1)).tolist():
-        wanted, of = float(joint[a, b]), (members[a], members[b])
-        if (coefficient := normal_correlation(*of, wanted)) is None:
+        target, of = float(joint[a, b]), (members[a], members[b])
+        if (coefficient := normal_correlation(*of, target)) is None:
             unit = math.sqrt(joint[a, a] * joint[b, b])
             # Rounded towards 0, so that what it says is possible.
-            most = math.floor(1e6 * largest_covariance(*of) / unit) / 1e6
-            why, value = "their distributions allow no coefficient so large", f"{wanted / unit:.9g}"
-            ends = f"-{most:g} to {most:g}"
+            limit = math.floor(1e6 * largest_covariance(*of) / unit) / 1e6
+            why, value = "their distributions allow no coefficient so large", f"{target / unit:.9g}"
+            ends = f"-{limit:g} to {limit:g}"
             problems.append(impossible((names[b], names[a]), why, ends, value=value))
         else:
             rho[a, b] = rho[b, a] = coefficient

@@ -53,8 +53,8 @@ def first_order(loaded: LoadedBudget, inputs: Inputs) -> tuple[FirstOrder, ...]:
     values = {item.name: item.value for item in inputs.quantities}
     for name, tree in loaded.trees.items():
         # Inputs without uncertainty are constants; an equation has few of the others.
-        held = names(tree)
-        rows = [i for i, x in enumerate(inputs.quantities) if x.u > 0.0 and x.name in held]
+        variables = names(tree)
+        rows = [i for i, x in enumerate(inputs.quantities) if x.u > 0.0 and x.name in variables]
         slopes = derivatives(tree, values, [inputs.quantities[i].name for i in rows])
         if math.isfinite(slopes.value):
             # What overflows is inf or nan, and no uncertainty to the first order then exists.
@@ -74,13 +74,13 @@ def _output(
 ) -> FirstOrder:
     g = np.zeros(len(inputs.quantities))
     g[rows] = slopes.first
-    # Summed by sources, so that a variance of 0 is 0 and not what rounding leaves.
+    # Summed by sources, so that a variance of 0 is 0 and not rounding.
     variances = [source.variance(g) for source in inputs.sources]
     variance, dof = math.fsum(variances), math.nan
     if math.isfinite(variance):
         dofs = [source.dof(g) for source in inputs.sources]
         dof = welch_satterthwaite(np.array(variances), np.array(dofs))
-    shift, more = _second_order(tree, slopes, inputs, rows)
+    shift, increase = _second_order(tree, slopes, inputs, rows)
     joint = g * (inputs.covariance @ g)
     return FirstOrder(
         name=name,
@@ -91,7 +91,7 @@ def _output(
         dof=dof,
         share=joint / variance if variance > 0.0 else np.full(len(g), math.nan),
         second_value=slopes.value + shift,
-        second_u=math.sqrt(variance + more) if variance + more >= 0.0 else math.nan,
+        second_u=math.sqrt(variance + increase) if variance + increase >= 0.0 else math.nan,
         faults=slopes.faults,
     )
 
@@ -112,21 +112,21 @@ def _second_order(
     u = np.array([item.u for item in members])
     kappa = np.array([item.excess for item in members])
     # Products of small numbers with large ones, in an order in which neither leaves the range.
-    bent, twisted = np.diag(H) * u * u, slopes.third * u * u * u
-    own = float(np.sum(kappa * (bent**2 / 4.0 + g * u * twisted / 3.0)))
-    more = 0.5 * float(np.sum(HV * HV.T)) + own
-    along = V @ g
-    if not np.all(np.isfinite(along)):
+    second, third = np.diag(H) * u * u, slopes.third * u * u * u
+    fourth = float(np.sum(kappa * (second**2 / 4.0 + g * u * third / 3.0)))
+    increase = 0.5 * float(np.sum(HV * HV.T)) + fourth
+    Vg = V @ g
+    if not np.all(np.isfinite(Vg)):
         return 0.5 * float(np.trace(HV)), math.nan
-    if np.any(along):
+    if np.any(Vg):
         # The derivative of tr(HV) along Vg: V = F F', so that it is a sum over the columns of F.
         F = factor_of(V)
-        moved = np.stack([np.repeat(along[:, None], F.shape[1], axis=1), F])
+        vectors = np.stack([np.repeat(Vg[:, None], F.shape[1], axis=1), F])
         values = {item.name: item.value for item in inputs.quantities}
-        directions = {item.name: moved[:, i] for i, item in enumerate(members)}
+        directions = {item.name: vectors[:, i] for i, item in enumerate(members)}
         coefficients, _ = taylor(tree, values, directions.get, F.shape[1])
-        more += 2.0 * float(np.sum(coefficients[PLACE[1, 2]]))
-    return 0.5 * float(np.trace(HV)), more
+        increase += 2.0 * float(np.sum(coefficients[PLACE[1, 2]]))
+    return 0.5 * float(np.trace(HV)), increase
 
 
 class BudgetTrials:
@@ -148,15 +148,15 @@ class BudgetTrials:
         slopes = np.array([item.sensitivity for item in first])
         self.gradient = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
         self.linear_mean = np.array([item.value for item in first])
-        # What cancels leaves a scatter that is none and would never converge.
+        # Rounding of what cancels would never converge.
         size = np.abs(self.gradient) @ np.abs(self.value[:, 0]) + np.abs(self.linear_mean)
         size[[item.u != 0.0 for item in first]] = 0.0
         self.rounding = ROUNDING * np.maximum(np.abs(self.gradient) @ inputs.u, size)
         # Where the variance overflows the trials do, too, which stops them.
         with np.errstate(over="ignore", invalid="ignore"):
-            known = [self._control(g) for g in self.gradient]
-        self.linear_variance = np.array([variance for variance, _ in known])
-        self._quantiles = [quantile for _, quantile in known]
+            controls = [self._control(g) for g in self.gradient]
+        self.linear_variance = np.array([variance for variance, _ in controls])
+        self._quantiles = [quantile for _, quantile in controls]
 
     def _control(self, g: FloatArray) -> tuple[float, Quantile | None]:
         """Variance and quantiles of a first-order form with gradient `g`; nan and None where inputs
@@ -164,13 +164,13 @@ class BudgetTrials:
         """
         terms = []
         for source in self.inputs.sources:
-            own, item = source.variance(g), source.members[0]
+            u2, item = source.variance(g), source.members[0]
             if source.factor is not None and not source.is_t and np.any(g[source.rows]):
                 return math.nan, None
-            if own > 0.0 and source.factor is None:
+            if u2 > 0.0 and source.factor is None:
                 terms.append((float(g[source.rows[0]]), item))
-            elif own > 0.0:
-                terms.append((1.0, Distribution(kind="normal", u=math.sqrt(own), dof=item.dof)))
+            elif u2 > 0.0:
+                terms.append((1.0, Distribution(kind="normal", u=math.sqrt(u2), dof=item.dof)))
         return math.fsum(c * c * item.drawn_variance for c, item in terms), sum_quantile(terms)
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
@@ -182,18 +182,18 @@ class BudgetTrials:
         """Values and first-order values (outputs, m)."""
         deviation = self.work.array("deviation", (len(self.value), m))
         deviation[:] = 0.0
-        drawn = self.work.array("drawn", (m,))
+        draws = self.work.array("drawn", (m,))
         for source in self.inputs.sources:
             if source.factor is None:
-                source.members[0].draw(rng, drawn, self.work)
-                deviation[source.rows[0]] += drawn
+                source.members[0].draw(rng, draws, self.work)
+                deviation[source.rows[0]] += draws
                 continue
             joint = source.factor @ rng.standard_normal((source.factor.shape[1], m))
             if not source.is_t:
                 for row, item in zip(joint, source.members, strict=True):
-                    _marginal(item, row, rng, drawn)
+                    _marginal(item, row, rng, draws)
             elif source.members[0].dof < NORMAL_DOF:
-                joint *= t_scales(source.members[0].dof, rng, drawn)
+                joint *= t_scales(source.members[0].dof, rng, draws)
             deviation[source.rows] += joint
         x = np.add(deviation, self.value, out=self.work.array("x", deviation.shape))
         of_name = {item.name: x[i] for i, item in enumerate(self.inputs.quantities)}

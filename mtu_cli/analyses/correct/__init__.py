@@ -1,4 +1,4 @@
-"""What is left of measured points, diameters and lengths once the modelled error is taken off?"""
+"""Measured points, diameters and lengths less the modelled error."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 
 from mtu_cli.analyses.correct.scatter import (
     FEWEST,
-    FormLeft,
+    FormTest,
     Kind,
     PointScatter,
-    forms_left,
+    form_tests,
     point_scatter,
 )
 from mtu_cli.analyses.correct.sizes import (
@@ -21,8 +21,8 @@ from mtu_cli.analyses.correct.sizes import (
     Sides,
     Size,
     mean_sizes,
+    measurands_of,
     measured_sizes,
-    wanted_of,
 )
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import LoadedPart
@@ -64,7 +64,7 @@ class CorrectResult:
     u_corrected: FloatArray
     scatter: PointScatter | None
     sizes: tuple[Size, ...]
-    forms: tuple[FormLeft, ...]
+    forms: tuple[FormTest, ...]
     independent: bool
     warnings: tuple[Finding, ...]
 
@@ -126,17 +126,17 @@ def correct(
     warnings += _axis_warnings(model, points)
     error, u = rows.errors()
     corrected = places - np.nan_to_num(error)
-    wanted, absent = ([], []) if part is None else wanted_of(part, points, at)
-    visits, rings, partial = measured_sizes(wanted, rows, corrected)
+    measurands, absent = ([], []) if part is None else measurands_of(part, points, at)
+    visits, rings, partial = measured_sizes(measurands, rows, corrected)
     scatter = point_scatter(points, corrected, rings)
-    sizes = mean_sizes(wanted, visits, scatter, settings.coverage_factor)
+    sizes = mean_sizes(measurands, visits, scatter, settings.coverage_factor)
     u_corrected = u if scatter is None else np.hypot(u, scatter.s)
-    forms = forms_left(rings, scatter, float(roundings(points).max()))
+    forms = form_tests(rings, scatter, float(roundings(points).max()))
     outside = replace(rows.predicted(np.arange(1)), outside=tuple(rows.outside.values()))
     warnings += [*outside_warnings(outside), *absent, *partial]
-    for order, item in enumerate(wanted):
-        own = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
-        warnings += item.warnings(own) if own and item.kind != "length" else []
+    for order, item in enumerate(measurands):
+        temperatures = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
+        warnings += item.warnings(temperatures) if temperatures and item.kind != "length" else []
     warnings += [*_size_warnings(sizes, scatter), *form_warnings(forms)]
     return CorrectResult(
         points=points,
@@ -158,7 +158,7 @@ def correct(
 
 
 def _size_warnings(sizes: Sequence[Size], scatter: PointScatter | None) -> Iterator[Finding]:
-    """Of what is not known of sizes, or of the scatter that they share."""
+    """Of unknown figures of sizes, or of their common scatter."""
     names = [f"{size.id} of {size.part}" for size in sizes]
     yield from dof_warnings(names, np.array([size.dof for size in sizes]))
     if scatter is None:
@@ -167,25 +167,25 @@ def _size_warnings(sizes: Sequence[Size], scatter: PointScatter | None) -> Itera
         facts = {"what": "probing", "names": ["the points"], "consequence": consequence}
         yield finding("no-scatter-known", **facts)
     if exact := [name for name, size in zip(names, sizes, strict=True) if size.error[0] == 0]:
-        given = {"names": exact, "reason": "no error before the correction"}
-        yield finding("not-estimable", quantity="reduction_percent", **given)
+        details = {"names": exact, "reason": "no error before the correction"}
+        yield finding("not-estimable", quantity="reduction_percent", **details)
 
 
-def form_warnings(forms: Collection[FormLeft]) -> Iterator[Finding]:
+def form_warnings(forms: Collection[FormTest]) -> Iterator[Finding]:
     """Of calibrated rings whose form is more than is explained, at 95 % of all together
     (Bonferroni): a ring of no calibration may have the form that it was made with.
     """
     calibrated = [form for form in forms if form.calibrated]
-    left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
-    if left:
-        most = max(left, key=lambda form: form.F)
-        called = {form: f"{form.operation} {form.id}".strip() for form in left}
+    excess = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
+    if excess:
+        worst = max(excess, key=lambda form: form.F)
+        labels = {form: f"{form.operation} {form.id}".strip() for form in excess}
         yield finding(
             "form-left",
-            names=[*dict.fromkeys(called.values())],
-            worst=called[most],
-            rms_um=most.rms / UM,
-            explained_um=most.explained / UM,
+            names=[*dict.fromkeys(labels.values())],
+            worst=labels[worst],
+            rms_um=worst.rms / UM,
+            explained_um=worst.explained / UM,
         )
 
 

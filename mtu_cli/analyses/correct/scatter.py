@@ -1,12 +1,12 @@
-"""What measured points scatter beyond the machine's model, and the form that neither explains.
+"""The scatter of measured points beyond the machine's model, and the form that neither explains.
 
-Corrected coordinates scatter by the probing, too. Its variance s^2 is what the model leaves of
+Corrected coordinates scatter by the probing, too. Its variance s^2 is the unexplained one of
 
-- repeats of one feature of one part about their mean: what the machine did to a part is in all of
+- repeats of one feature of one part about their mean: errors of the manufacture are in all of
   them. Where the machine itself repeated the measurement, its repeatability counts twice, and so
   does the noise of temperature readings: an upper bound;
 - form: residuals of circles and spheres, less the shape that the model's covariance gives a ring;
-  what is left holds the form error of the ring itself.
+  the rest holds the form error of the ring itself.
 
 With squares S_j of k_j degrees of freedom and modelled variances m_j, E S_j = k_j (m_j + s^2),
 the likelihood of normal errors is largest at
@@ -77,20 +77,20 @@ class PointScatter:
 class Ring(NamedTuple):
     """A circle or sphere in one visit after the correction, the figure `of` (kind, id, operation).
 
-    `residuals` (n,) mm, unit vectors `away` (n, 3) from the centre, in the plane of a circle, and
-    the modelled covariance `K` (n, n) of the points along them, mm^2, with degrees of freedom
+    `residuals` (n,) mm, unit vectors `normals` (n, 3) from the centre, in the plane of a circle,
+    modelled covariance `K` (n, n) of the points along them, mm^2, with degrees of freedom
     `dof`.
     """
 
     of: tuple[Kind, str, str]
     calibrated: bool
     residuals: FloatArray
-    away: FloatArray
+    normals: FloatArray
     K: FloatArray
     dof: float
 
 
-class FormLeft(NamedTuple):
+class FormTest(NamedTuple):
     """The mean form of a ring over its `visits`: root mean square `rms` of its residuals, and
     `explained`, that of the model's uncertainty and the points' scatter, mm; F, p.
     """
@@ -118,19 +118,19 @@ def point_scatter(
     code = np.unique(cell + points.feature, return_inverse=True)[1].reshape(-1)
     squares = []
     for values in corrected.T:
-        known = np.isfinite(values)
-        group, value = code[known], values[known]
+        finite = np.isfinite(values)
+        group, value = code[finite], values[finite]
         count = np.bincount(group)
-        away = value - (np.bincount(group, value) / np.maximum(count, 1))[group]
-        kept = count > 1
-        sums = np.bincount(group, away**2)[kept]
-        squares.append(np.array([sums, count[kept] - 1.0, np.zeros(len(sums))]))
+        deviation = value - (np.bincount(group, value) / np.maximum(count, 1))[group]
+        repeated = count > 1
+        sums = np.bincount(group, deviation**2)[repeated]
+        squares.append(np.array([sums, count[repeated] - 1.0, np.zeros(len(sums))]))
     repeats = np.concatenate(squares, axis=1)
     if repeats[1].sum() >= FEWEST:
         return estimate(repeats, "repeats", r)
     squares = [np.zeros((3, 0))]
     for ring in rings:
-        Q = ring_space(ring.away, ring.of[0])
+        Q = ring_space(ring.normals, ring.of[0])
         modelled, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
         each: FloatArray = (vectors.T @ Q.T @ ring.residuals) ** 2
         squares.append(np.array([each, np.ones(len(each)), np.clip(modelled, 0.0, None)]))
@@ -138,12 +138,12 @@ def point_scatter(
     return estimate(form, "form", r) if form.size else None
 
 
-def ring_space(away: FloatArray, kind: Kind) -> FloatArray:
+def ring_space(normals: FloatArray, kind: Kind) -> FloatArray:
     """Orthonormal (n, n - d - 1): the directions of n residuals that centre and radius of a circle
-    (d = 2) or sphere (3) leave; `away` (n, 3): see `Ring`.
+    (d = 2) or sphere (3) leave; `normals` (n, 3): see `Ring`.
     """
     # Vectors of a circle lie in its plane: two of the four columns and the ones have rank 3.
-    U: FloatArray = np.linalg.svd(np.column_stack([away, np.ones(len(away))]))[0]
+    U: FloatArray = np.linalg.svd(np.column_stack([normals, np.ones(len(normals))]))[0]
     return U[:, DIMENSIONS[kind] + 1 :]
 
 
@@ -169,9 +169,9 @@ def estimate(squares: FloatArray, origin: Origin, r: float = 0.0) -> PointScatte
     )
 
 
-def forms_left(
+def form_tests(
     rings: Sequence[Ring], scatter: PointScatter | None, r: float = 0.0
-) -> tuple[FormLeft, ...]:
+) -> tuple[FormTest, ...]:
     """The mean form of every ring against what the model and the scatter of points explain.
 
     F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n, with what the last
@@ -184,7 +184,7 @@ def forms_left(
     result = []
     for of in dict.fromkeys(ring.of for ring in rings):
         visits = [ring for ring in rings if ring.of == of]
-        Q = ring_space(np.mean([ring.away for ring in visits], axis=0), of[0])
+        Q = ring_space(np.mean([ring.normals for ring in visits], axis=0), of[0])
         n, k = len(visits), Q.shape[1]
         e = np.array([ring.residuals for ring in visits]) @ Q
         mean = e.mean(axis=0)
@@ -198,12 +198,12 @@ def forms_left(
         noise = max(s2 / n + float(hidden(s2, r)), NOTHING_MM**2)
         V = Q.T @ np.mean([ring.K for ring in visits], axis=0) @ Q + noise * np.eye(k)
         total = float(np.trace(V))
-        ours = total**2 / float((V**2).sum())
+        df1 = total**2 / float((V**2).sum())
         parts = np.maximum([total - k * noise, k * noise], 0.0)
-        theirs = welch_satterthwaite(parts, np.array([min(ring.dof for ring in visits), dof]))
+        df2 = welch_satterthwaite(parts, np.array([min(ring.dof for ring in visits), dof]))
         F = float(mean @ mean) / total
-        p = float(fdtrc(ours, min(max(theirs, 1.0), ENDLESS), F))
+        p = float(fdtrc(df1, min(max(df2, 1.0), ENDLESS), F))
         sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
         calibrated = any(ring.calibrated for ring in visits)
-        result.append(FormLeft(*of, calibrated, n, *sizes, F, p))
+        result.append(FormTest(*of, calibrated, n, *sizes, F, p))
     return tuple(result)

@@ -25,7 +25,7 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
 PIECE = 64
-"""Points whose own variances are predicted at once."""
+"""Points whose variances are predicted at once."""
 REACH = 12.0
 """Time constants after which a temperature is forgotten: exp(-12) is 6e-6."""
 MOMENTS = 512
@@ -93,7 +93,7 @@ class RowErrors:
             total: FloatArray = A**2 @ prediction.independent_variance
             return total, np.full(len(A), np.inf)
         result = prediction.variance(A)
-        # A difference of mean squares may leave a little less than nothing.
+        # A difference of mean squares may be a little below 0.
         return np.maximum(result.total, 0.0), result.dof
 
     def covariance(self, prediction: Prediction, A: FloatArray) -> FloatArray:
@@ -114,12 +114,12 @@ class RowErrors:
             variance, _ = self.variances(prediction, np.eye(len(rows) * a))
             error[place] = prediction.mean.reshape(-1, a)
             u[place] = np.sqrt(variance).reshape(-1, a)
-        lost = np.isnan(self.points.measured)
-        return np.where(lost, np.nan, error), np.where(lost, np.nan, u)
+        missing = np.isnan(self.points.measured)
+        return np.where(missing, np.nan, error), np.where(missing, np.nan, u)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class Measurand:
     """A size of the part file. Of circles and spheres `calibrated` (k, 2): diameters, mm, by
     ascending temperature, degC, with the expanded uncertainty `U_reference` (k = 2, nan: not
     given); `temperature` (n,) of every point, nan where it is not known; `ranged` whether the
@@ -156,22 +156,22 @@ class Wanted:
             facts = {"quantity": "errors and their reduction", "reason": "no calibrated_mm"}
             return [finding("not-estimable", names=[self.name], **facts)]
         low, high = self.calibrated[[0, -1], 0].tolist()
-        off = {max(low - T, T - high): T for T in temperatures if np.isfinite(T)}
-        if not self.ranged or max(off, default=0.0) <= SLACK_DEGC:
+        gaps = {max(low - T, T - high): T for T in temperatures if np.isfinite(T)}
+        if not self.ranged or max(gaps, default=0.0) <= SLACK_DEGC:
             return []
-        facts = {"what": f"{off[max(off)]:.4g} degC", "low": low, "high": high, "unit": "degC"}
+        facts = {"what": f"{gaps[max(gaps)]:.4g} degC", "low": low, "high": high, "unit": "degC"}
         names = [f"the calibration of {self.name}"]
         return [finding("outside-measured-range", names=names, **facts)]
 
 
-def wanted_of(
+def measurands_of(
     part: LoadedPart, points: Points, at: Mapping[str, float]
-) -> tuple[list[Wanted], list[Finding]]:
+) -> tuple[list[Measurand], list[Finding]]:
     """The sizes of the part file of which at least one feature was measured.
 
     Raises InputError for a temperature that a calibration needs and is not known everywhere.
     """
-    wanted, absent = list[Wanted](), list[str]()
+    measurands, absent = list[Measurand](), list[str]()
     rounds: dict[Kind, Sequence[Circle | Sphere]] = {
         "circle": part.part.circles,
         "sphere": part.part.spheres,
@@ -181,7 +181,7 @@ def wanted_of(
             if set(item.features).isdisjoint(points.features):
                 absent.append(f"{kind} {item.id!r}")
                 continue
-            own = Wanted(
+            measurand = Measurand(
                 kind=kind,
                 id=item.id,
                 features=tuple(item.features),
@@ -190,15 +190,15 @@ def wanted_of(
                 temperature=_temperature(part, (f"{kind}s", index), item, points, at),
                 ranged=isinstance(part.document.at(f"{kind}s", index, "calibrated_mm"), dict),
             )
-            wanted.append(own)
+            measurands.append(measurand)
     for length in part.part.lengths:
         ends = (length.from_, length.to)
         if set(ends).isdisjoint(points.features):
             absent.append(f"length {length.id!r}")
         else:
-            wanted.append(Wanted(kind="length", id=length.id, features=ends))
+            measurands.append(Measurand(kind="length", id=length.id, features=ends))
     reason = "none of its features was measured"
-    return wanted, [finding("not-measured", names=absent, reason=reason)] if absent else []
+    return measurands, [finding("not-measured", names=absent, reason=reason)] if absent else []
 
 
 def _temperature(
@@ -266,7 +266,7 @@ class Size:
 class Measure(NamedTuple):
     """A size in one visit, mm: before and after with the `form` of each, its reference and
     temperature, its `gradient` (m, 3) in the corrected points, and its u and dof by the machine
-    alone. Of circles and spheres `residuals` (m,) after and unit vectors `away` (m, 3) from the
+    alone. Of circles and spheres `residuals` (m,) after and unit vectors `normals` (m, 3) from the
     centre, in the plane of a circle.
     """
 
@@ -276,7 +276,7 @@ class Measure(NamedTuple):
     form: Sides = (nan, nan)
     temperature: float = nan
     residuals: FloatArray = np.zeros(0)
-    away: FloatArray = np.zeros((0, 3))
+    normals: FloatArray = np.zeros((0, 3))
     u: float = nan
     dof: float = inf
 
@@ -286,7 +286,7 @@ Visits = dict[tuple[int, str, str], list[Measure]]
 
 
 def measured_sizes(
-    wanted: Sequence[Wanted], rows: RowErrors, corrected: FloatArray
+    measurands: Sequence[Measurand], rows: RowErrors, corrected: FloatArray
 ) -> tuple[Visits, list[Ring], list[Finding]]:
     """The sizes in every visit that measured all their features, their circles and spheres, and
     what was measured in part.
@@ -295,100 +295,100 @@ def measured_sizes(
     do not determine a size, with their row.
     """
     points, result, rings = rows.points, Visits(), list[Ring]()
-    used = only_features(points, [name for item in wanted for name in item.features])
-    if not len(used):
+    subset = only_features(points, [name for item in measurands for name in item.features])
+    if not len(subset):
         return result, rings, []
-    visits, (operations, _) = visits_of(used), operations_of(used)
+    visits, (operations, _) = visits_of(subset), operations_of(subset)
     # The last column stands for features that nobody measured.
-    row = np.full((len(visits.part), len(used.features) + 1), -1)
-    codes = [points.features.index(name) for name in used.features]
-    row[visits.of_point, used.feature] = np.flatnonzero(np.isin(points.feature, codes))
-    columns = {name: i for i, name in enumerate(used.features)}
-    places = [[columns.get(name, -1) for name in item.features] for item in wanted]
+    row = np.full((len(visits.part), len(subset.features) + 1), -1)
+    codes = [points.features.index(name) for name in subset.features]
+    row[visits.of_point, subset.feature] = np.flatnonzero(np.isin(points.feature, codes))
+    columns = {name: i for i, name in enumerate(subset.features)}
+    places = [[columns.get(name, -1) for name in item.features] for item in measurands]
     partial, problems = dict[str, list[str]](), list[Finding]()
     for visit, (code, which) in enumerate(zip(visits.part, visits.operation, strict=True)):
-        part, operation = used.parts[code], operations[which]
-        found: list[tuple[int, IntArray, Measure]] = []
-        for order, item in enumerate(wanted):
-            own = row[visit, places[order]]
-            if (own < 0).all():
+        part, operation = subset.parts[code], operations[which]
+        entries: list[tuple[int, IntArray, Measure]] = []
+        for order, item in enumerate(measurands):
+            indices = row[visit, places[order]]
+            if (indices < 0).all():
                 continue
-            if (own < 0).any():
+            if (indices < 0).any():
                 partial.setdefault(item.name, []).append(part)
                 continue
             try:
                 measure = _length if item.kind == "length" else _round
-                found.append((order, own, measure(item, own, points, corrected)))
+                entries.append((order, indices, measure(item, indices, points, corrected)))
             except GeometryError as fault:
                 of = f"the points of {item.id!r}, part {part!r}: {fault}"
                 around = "points of its features all around it"
                 problem = finding(
                     "too-little-data",
                     what=f"no {item.kind} goes through {of}",
-                    file=points.sources[points.file_index[own[0]]].shown,
-                    row=int(points.row[own[0]]),
+                    file=points.sources[points.file_index[indices[0]]].shown,
+                    row=int(points.row[indices[0]]),
                     expected="two ends apart" if item.kind == "length" else around,
                 )
                 problems.append(problem)
-        if found and not problems:
-            measures, round_ = _by_machine(wanted, operation, found, rows)
+        if entries and not problems:
+            measures, round_ = _by_machine(measurands, operation, entries, rows)
             rings += round_
-            for (order, _, _), each in zip(found, measures, strict=True):
+            for (order, _, _), each in zip(entries, measures, strict=True):
                 result.setdefault((order, operation, part), []).append(each)
     if problems:
         raise InputError(problems)
-    warned = []
-    for name, visited in partial.items():
-        # Repeats are no parts of their own.
-        count = counted(len(set(visited)), "part")
-        reason = f"not all its features were measured on {count} ({visited[0]!r})"
-        warned.append(finding("not-measured", names=[name], reason=reason))
-    return result, rings, warned
+    notes = []
+    for name, parts in partial.items():
+        # Repeats are not counted as parts.
+        count = counted(len(set(parts)), "part")
+        reason = f"not all its features were measured on {count} ({parts[0]!r})"
+        notes.append(finding("not-measured", names=[name], reason=reason))
+    return result, rings, notes
 
 
 def _by_machine(
-    wanted: Sequence[Wanted],
+    measurands: Sequence[Measurand],
     operation: str,
-    found: Sequence[tuple[int, IntArray, Measure]],
+    entries: Sequence[tuple[int, IntArray, Measure]],
     rows: RowErrors,
 ) -> tuple[list[Measure], list[Ring]]:
-    """The sizes `found` in one visit, each with its number and rows, with u: the variance of
+    """The sizes `entries` of one visit, each with its number and rows, with u: the variance of
     gradient' E over all points of the visit; and its circles and spheres.
     """
-    chosen = np.unique(np.concatenate([own for _, own, _ in found]))
-    prediction = rows.predicted(chosen)
+    union = np.unique(np.concatenate([indices for _, indices, _ in entries]))
+    prediction = rows.predicted(union)
 
-    def measurands(own: IntArray, vectors: FloatArray) -> FloatArray:
-        """A of the `vectors` (k, m, 3) in the points `own` (m,)."""
-        A = np.zeros((len(vectors), len(chosen), len(rows.columns)))
-        A[:, np.searchsorted(chosen, own)] = vectors[:, :, rows.columns]
+    def matrix(indices: IntArray, vectors: FloatArray) -> FloatArray:
+        """A of the `vectors` (k, m, 3) in the points `indices` (m,)."""
+        A = np.zeros((len(vectors), len(union), len(rows.columns)))
+        A[:, np.searchsorted(union, indices)] = vectors[:, :, rows.columns]
         return A.reshape(len(vectors), -1)
 
-    A = np.concatenate([measurands(own, each.gradient[None]) for _, own, each in found])
+    A = np.concatenate([matrix(indices, each.gradient[None]) for _, indices, each in entries])
     variance, dof = rows.variances(prediction, A)
     u = np.sqrt(np.maximum(variance, 0.0))
     sizes = [
         each._replace(u=s, dof=nu)
-        for (_, _, each), s, nu in zip(found, u.tolist(), dof.tolist(), strict=True)
+        for (_, _, each), s, nu in zip(entries, u.tolist(), dof.tolist(), strict=True)
     ]
     rings = []
-    for order, own, each in found:
-        item = wanted[order]
+    for order, indices, each in entries:
+        item = measurands[order]
         if item.kind == "length":
             continue
-        radial = measurands(own, np.eye(len(own))[:, :, None] * each.away)
-        Q, worst = ring_space(each.away, item.kind), inf
+        radial = matrix(indices, np.eye(len(indices))[:, :, None] * each.normals)
+        Q, worst = ring_space(each.normals, item.kind), inf
         if Q.size:
             # Those of the form's direction whose variance is known worst.
             squares, nu = rows.variances(prediction, Q.T @ radial)
             worst = float(nu[np.argmax(squares**2 / nu)])
-        K, known = rows.covariance(prediction, radial), bool(np.isfinite(each.reference))
+        K, calibrated = rows.covariance(prediction, radial), bool(np.isfinite(each.reference))
         of = item.kind, item.id, operation
-        rings.append(Ring(of, known, each.residuals, each.away, K, worst))
+        rings.append(Ring(of, calibrated, each.residuals, each.normals, K, worst))
     return sizes, rings
 
 
-def _round(item: Wanted, rows: IntArray, points: Points, corrected: FloatArray) -> Measure:
+def _round(item: Measurand, rows: IntArray, points: Points, corrected: FloatArray) -> Measure:
     """A circle, in the plane of x and y where z is not known, or a sphere."""
     before, after = points.measured[rows], corrected[rows]
     flat, sphere = np.isnan(before[:, 2]).any(), item.kind == "sphere"
@@ -396,8 +396,8 @@ def _round(item: Wanted, rows: IntArray, points: Points, corrected: FloatArray) 
         raise GeometryError("its points have no z_mm")
     fit, d = fit_sphere if sphere else fit_circle, 2 if flat else 3
     first, last = fit(before[:, :d]), fit(after[:, :d])
-    gradient, away = np.zeros((2, len(after), 3))
-    gradient[:, :d], away[:, :d] = 2 * last.radius_gradient, last.away
+    gradient, normals = np.zeros((2, len(after), 3))
+    gradient[:, :d], normals[:, :d] = 2 * last.radius_gradient, last.away
     T = float(item.temperature[rows].mean())
     return Measure(
         size=(2 * first.radius, 2 * last.radius),
@@ -406,14 +406,14 @@ def _round(item: Wanted, rows: IntArray, points: Points, corrected: FloatArray) 
         form=(first.form, last.form),
         temperature=T,
         residuals=last.residuals,
-        away=away,
+        normals=normals,
     )
 
 
-def _length(item: Wanted, rows: IntArray, points: Points, corrected: FloatArray) -> Measure:
+def _length(item: Measurand, rows: IntArray, points: Points, corrected: FloatArray) -> Measure:
     """End minus start; along z nothing is off where only the nominal z is known."""
-    drawn, measured = points.nominal[rows], points.measured[rows]
-    ends = [np.where(np.isnan(each), drawn, each) for each in (drawn, measured, corrected[rows])]
+    ideal, measured = points.nominal[rows], points.measured[rows]
+    ends = [np.where(np.isnan(each), ideal, each) for each in (ideal, measured, corrected[rows])]
     for each in ends:
         # A z that only one end has counts for neither.
         each[:, 2] = 0.0 if np.isnan(each[:, 2]).any() else each[:, 2]
@@ -427,7 +427,7 @@ def _length(item: Wanted, rows: IntArray, points: Points, corrected: FloatArray)
 
 
 def mean_sizes(
-    wanted: Sequence[Wanted], visits: Visits, scatter: PointScatter | None, k: float
+    measurands: Sequence[Measurand], visits: Visits, scatter: PointScatter | None, k: float
 ) -> list[Size]:
     """The mean of every size over the repeats of each part, in the order of the part file, with
     the `scatter` of its points, which repeats that show it average out.
@@ -438,10 +438,10 @@ def mean_sizes(
     """
     result = []
     for (order, operation, part), repeats in sorted(visits.items(), key=lambda item: item[0][0]):
-        item, n = wanted[order], len(repeats)
+        item, n = measurands[order], len(repeats)
         after = np.array([x.size[1] for x in repeats])
         mean = np.mean([[*x.size, *x.form, x.temperature, x.reference, x.u] for x in repeats], 0)
-        before, last, was, left, temperature, reference, u = mean.tolist()
+        before, last, form_before, form_after, temperature, reference, u = mean.tolist()
         sensitivity = float(np.mean([(x.gradient**2).sum() for x in repeats]))
         dof = min(x.dof for x in repeats)
         if scatter is not None:
@@ -454,7 +454,7 @@ def mean_sizes(
         variances = np.array([u**2, u_calibration**2])
         dof_error = welch_satterthwaite(variances, np.array([dof, inf]))
         half, half_error = (
-            coverage_factor(PROBABILITY, nu) * own for nu, own in ((dof, u), (dof_error, u_error))
+            coverage_factor(PROBABILITY, nu) * s for nu, s in ((dof, u), (dof_error, u_error))
         )
         size = Size(
             kind=item.kind,
@@ -467,7 +467,7 @@ def mean_sizes(
             u=u,
             dof=dof,
             temperature=temperature,
-            form=(was, left),
+            form=(form_before, form_after),
             n_repeats=n,
             s_repeats=float(after.std(ddof=1)) if n > 1 else nan,
             U=k * u,

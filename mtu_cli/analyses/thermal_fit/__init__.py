@@ -152,9 +152,9 @@ def thermal_fit(
                 expected=f"{levels + count + 1} (always enough): one more than is fitted gives the "
                 "uncertainty",
             )
-        own = noise_share(fitted, sensor_noise(design))
-        result[design.name] = drift = _component(fitted, method, own, of, unit)
-        share = min(share, own)
+        bound = noise_share(fitted, sensor_noise(design))
+        result[design.name] = drift = _component(fitted, method, bound, of, unit)
+        share = min(share, bound)
         warnings += _warnings(design, drift)
     numbers = [name for name, values in readings.covariates.items() if values.dtype != object]
     if odd := [name for name in numbers if not is_temperature(name)]:
@@ -173,37 +173,35 @@ def thermal_fit(
     )
 
 
-def _component(
-    found: Fitted, method: str, share: float, of: str | None, unit: str
-) -> ComponentDrift:
-    """The model with its evidence; the residuals leave room for a `share` of the sensors' noise."""
-    design, spec, y = found.design, found.spec, found.design.y
+def _component(fit: Fitted, method: str, share: float, of: str | None, unit: str) -> ComponentDrift:
+    """The model with its evidence; the residuals allow for a `share` of the sensors' noise."""
+    design, spec, y = fit.design, fit.spec, fit.design.y
     modelled, drift, residual = (np.empty_like(y) for _ in range(3))
     for (p, _), rows in design.runs.items():
-        modelled[rows] = design.Z[rows][:, found.columns[1:-1]] @ found.gradients[p]
+        modelled[rows] = design.Z[rows][:, fit.columns[1:-1]] @ fit.gradients[p]
     places = [*design.runs.values()] if design.offsets else design.places
     residual, drift = about_means(y - modelled, places), about_means(y, places)
     before, after = float(np.mean(drift**2)), float(np.mean(residual**2))
-    square, lag = found.mean_products(design.every_cycle)
+    square, lag = fit.mean_products(design.every_cycle)
     lag1 = lag / square if square > 0 else 0.0
     sensor_u, curves = sensor_noise(design), []
     for (p, c), run in design.runs.items():
-        shown = slice(run.start, run.stop, max(1, -(-(run.stop - run.start) // MOST_POINTS)))
-        time, measured = design.time[shown], y[shown]
+        sample = slice(run.start, run.stop, max(1, -(-(run.stop - run.start) // MOST_POINTS)))
+        time, measured = design.time[sample], y[sample]
         time = np.arange(len(time), dtype=float) if np.isnan(time).any() else time
-        own = measured - residual[shown]
-        curves.append(Curve(design.positions[p], design.cycles[c], time, measured, own))
-    columns = [found.columns[1 + j] for j in found.used.tolist()]
+        predicted = measured - residual[sample]
+        curves.append(Curve(design.positions[p], design.cycles[c], time, measured, predicted))
+    columns = [fit.columns[1 + j] for j in fit.used.tolist()]
     items = design.rows(design.every_cycle).values()
     inner = np.vstack([item.inner(columns) for item in items])
     factors = variance_inflation(inner).tolist() if len(columns) else []
-    squares = found.group_shares(design.every_cycle)
-    single, several = gradients(found, sensor_u * share)
+    squares = fit.group_shares(design.every_cycle)
+    single, several = gradients(fit, sensor_u * share)
     return ComponentDrift(
         name=design.name,
         unit=UNITS[unit],
         model="lagged" if any(spec.lags) else spec.kind,
-        estimate=estimate(found, residual, of, UNITS[unit], sensor_u),
+        estimate=estimate(fit, residual, of, UNITS[unit], sensor_u),
         positions=tuple(p for p in design.positions if p is not None),
         n=len(y),
         cycles=design.cycles,
@@ -215,7 +213,7 @@ def _component(
         condition=condition_number(inner) if len(columns) else 1.0,
         vif={
             sensor: factor if np.isfinite(factor) else None
-            for factor, j in zip(factors, found.used, strict=True)
+            for factor, j in zip(factors, fit.used, strict=True)
             for sensor in design.groups[j]
         },
         normality_p=normality_p(residual, effective_number(len(y), lag1)),
@@ -235,22 +233,22 @@ def _component(
 
 def _warnings(design: Design, drift: ComponentDrift) -> Iterator[Finding]:
     """Of one component's model: held-out evidence, sensors, cycles, readings."""
-    name, held = drift.name, drift.held_out
+    name, rms = drift.name, drift.held_out
     if (count := len(drift.cycles)) < FEWEST_NESTED:
         cycles = "the readings have no cycles" if count < 2 else "there are two cycles"
         expected = "three cycles or more, column 'cycle'"
         yield finding("not-held-out", component=name, cycles=cycles, expected=expected)
-    if held is not None and held.after > held.before:
+    if rms is not None and rms.after > rms.before:
         yield finding("no-better", component=name, effect="increase the rms")
     # Sensors whose gradients are reliable together only, of the position with the most.
     by_place = [[x for x in drift.inseparable if x.position == p] for p in design.positions]
     for group in max(by_place, key=len):
-        first, *others = group.sensors
+        first, *rest = group.sensors
         value, u = (each / drift.unit.to_internal for each in (group.value, group.u or 0.0))
-        shown = f"{value:.4g} ± {u:.2g}" if u > 0 else f"{value:.4g}"
+        figure = f"{value:.4g} ± {u:.2g}" if u > 0 else f"{value:.4g}"
         where = "" if group.position is None else f" at {group.position:g} mm"
-        text = f"reliable together only, {shown} {drift.unit.name} per degC of {first}{where}"
-        facts = {"what": f"{name}: {first}", "others": others, "consequence": text}
+        text = f"reliable together only, {figure} {drift.unit.name} per degC of {first}{where}"
+        facts = {"what": f"{name}: {first}", "others": rest, "consequence": text}
         yield finding("not-separable", component=name, **facts)
     if drift.offsets and drift.by != "setting":
         why = "offsets explain most of what is left without them"
@@ -266,7 +264,7 @@ def _warnings(design: Design, drift: ComponentDrift) -> Iterator[Finding]:
         what = "the normality of the residuals"
         yield finding("not-tested", what=what, items=name, component=name, reason=reason)
     if design.every > 1:
-        reason = f"of {design.read} readings every {design.every}th of a cycle is fitted"
+        reason = f"of {design.readings} readings every {design.every}th of a cycle is fitted"
         yield finding("not-used", what="readings", names=[name], reason=reason)
     for sensor, (low, high) in zip(design.sensors, design.span.tolist(), strict=True):
         if low == high:

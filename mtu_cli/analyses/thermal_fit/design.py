@@ -40,7 +40,7 @@ MOST_BLOCKS = 12
 block's model is chosen by holding out the others in turn: the square of their number of fits.
 """
 OFFSET_P, OFFSET_SHARE = 0.001, 0.7
-"""Level of the test of cycles' offsets, and their least share of what is left without them."""
+"""Level of the test of cycles' offsets, and their least share of the residuals without them."""
 ROUNDING = 1e-12
 """Share of the readings that is rounding where it is all they differ by."""
 
@@ -57,14 +57,14 @@ class Design:
     `positions` (mm, ascending; (None,) without an axis), `cycles`; `places` and `runs` are the rows
     of each position, and by the indices of position and cycle. `y` (n,) mm or rad, `still` where
     they do not differ; `T` (n, s) degC, `span` (s, 2) their ranges, `time` (n,) min (nan: not
-    given). Of the readings `read` every `every`-th is here.
+    given). Of `readings` (their number) every `every`-th is here.
 
     `groups` are tuples of sensors, `average` (s, g) their means. `Z` (n, 2 + k g) are the rows 1,
     columns, reading: column 1 + c g + j is the rise of group j above the reference, degC, with the
     time constant `time_constants[c]`, min, of which the first is 0; `step` between readings, min.
     Where cycles have `offsets` of their own (`by`: setting, first readings or test), all columns of
     the `pieces` count from their means there, which frees them of these (Frisch-Waugh), in fits and
-    in held-out cycles alike. `known` and `selected` keep rows and stepwise selections of cycles.
+    in held-out cycles alike. `row_cache` and `selections` hold rows and stepwise choices by cycles.
 
     Lagged columns are made where `lagged` is asked for and times are known. `zeroed`: cycle (an
     offset each), never, or auto.
@@ -84,7 +84,7 @@ class Design:
 
         columns = [readings.covariates[sensor].astype(float, copy=False) for sensor in sensors]
         self.span = np.array([(T[rows].min(), T[rows].max()) for T in columns])
-        self.read, self.every = len(rows), -(-len(rows) // MOST_ROWS)
+        self.readings, self.every = len(rows), -(-len(rows) // MOST_ROWS)
         if self.every > 1:
             keys = [readings.position_mm[rows], readings.cycle[rows]]
             count = pd.Series(rows).groupby(keys, dropna=False).cumcount().to_numpy()
@@ -97,8 +97,8 @@ class Design:
         self.sensors, self.reference = sensors, reference
         self.y, self.time = (x[rows].astype(float) for x in (readings.error, readings.time_min))
         self.T = np.column_stack([column[rows] for column in columns])
-        left = float(np.linalg.norm(about_means(self.y, self.places)))
-        self.still = left <= ROUNDING * float(np.linalg.norm(self.y))
+        scatter = float(np.linalg.norm(about_means(self.y, self.places)))
+        self.still = scatter <= ROUNDING * float(np.linalg.norm(self.y))
         # Sensors that never move hold no information, and of readings that do not none has any.
         moving = np.flatnonzero((np.ptp(self.span, axis=1) > 0) & (not self.still)).tolist()
         groups = list[dict[int, float]]()
@@ -107,13 +107,13 @@ class Design:
         # A sensor may differ between positions alone.
         centred = centred / np.where(length > 0, length, 1.0)
         for sensor in moving:
-            # Those that go together with the first of a group, with their sign.
+            # Those correlated with the first of a group, with their sign.
             r = [float(centred[:, sensor] @ centred[:, next(iter(group))]) for group in groups]
-            own = next((i for i, each in enumerate(r) if abs(each) >= ALIKE), None)
-            if own is None:
+            index = next((i for i, each in enumerate(r) if abs(each) >= ALIKE), None)
+            if index is None:
                 groups.append({sensor: 1.0})
             else:
-                groups[own][sensor] = float(np.sign(r[own]))
+                groups[index][sensor] = float(np.sign(r[index]))
         self.groups = tuple(tuple(sensors[s] for s in group) for group in groups)
         self.average = np.zeros((len(sensors), len(groups)))
         for j, group in enumerate(groups):
@@ -142,8 +142,8 @@ class Design:
         self.offsets &= len(self.cycles) > 1
         if self.offsets:
             self.pieces = {key: piece.about_mean() for key, piece in self.pieces.items()}
-        self.known: dict[frozenset[int], Rows] = {}
-        self.selected: dict[tuple[frozenset[int], int], tuple[IntArray, LeastSquares]] = {}
+        self.row_cache: dict[frozenset[int], Rows] = {}
+        self.selections: dict[tuple[frozenset[int], int], tuple[IntArray, LeastSquares]] = {}
 
     def _sort(self, readings: Readings, rows: IntArray) -> IntArray:
         """The rows by position, cycle and time."""
@@ -201,14 +201,14 @@ class Design:
 
     def rows(self, cycles: Iterable[int]) -> Rows:
         """All rows of some cycles."""
-        wanted = frozenset(cycles)
-        if wanted not in self.known:
-            found: dict[int, list[Compressed]] = {}
+        key = frozenset(cycles)
+        if key not in self.row_cache:
+            pieces: dict[int, list[Compressed]] = {}
             for position, cycle in sorted(self.pieces):
-                if cycle in wanted:
-                    found.setdefault(position, []).append(self.pieces[position, cycle])
-            self.known[wanted] = {position: together(own) for position, own in found.items()}
-        return self.known[wanted]
+                if cycle in key:
+                    pieces.setdefault(position, []).append(self.pieces[position, cycle])
+            self.row_cache[key] = {position: together(items) for position, items in pieces.items()}
+        return self.row_cache[key]
 
     def columns(self, lags: tuple[int, ...]) -> list[int]:
         """Constant, one column a group with the time constant of index lags[j], reading."""
@@ -221,8 +221,8 @@ def about_means(values: FloatArray, parts: Iterable[slice]) -> FloatArray:
     result = np.empty_like(values)
     for rows in parts:
         # About the first one: equal values leave nothing.
-        away = values[rows] - values[rows.start]
-        result[rows] = away - away.mean(axis=0)
+        deviation = values[rows] - values[rows.start]
+        result[rows] = deviation - deviation.mean(axis=0)
     return result
 
 
@@ -254,33 +254,33 @@ def sensors_of(readings: Readings) -> tuple[str, ...]:
 
 
 def _offsets_explain(pieces: Pieces, g: int) -> bool:
-    """Whether offsets of all pieces explain what one level a position leaves, with g groups free.
+    """Whether offsets of all pieces explain the residuals of one level a position and g groups.
 
     F with the effective number of readings, at OFFSET_P. As memory and noise make small offsets,
-    too, these must also explain OFFSET_SHARE of what is left without them. Lags that are left out
-    shift the levels of cycles: the lag beside which offsets explain least decides.
+    too, these must also explain OFFSET_SHARE of those residuals. Lags that are left out shift the
+    levels of cycles: the lag with which offsets explain least decides.
     """
     places = sorted({place for place, _ in pieces})
-    own = [[piece for (place, _), piece in pieces.items() if place == p] for p in places]
-    both = [(together(x), together([piece.about_mean() for piece in x])) for x in own]
+    by_place = [[piece for (place, _), piece in pieces.items() if place == p] for p in places]
+    both = [(together(x), together([piece.about_mean() for piece in x])) for x in by_place]
     last, tests = both[0][0].factor.shape[1] - 1, []
     for first in range(1, last, g):
         columns = [*range(1, g + 1), *(range(first, first + g) if first > 1 else ())]
-        without = within = 0.0
-        more, used, judged = len(pieces) - len(places), len(pieces), []
+        rss_level = rss_offset = 0.0
+        df1, rank, fits = len(pieces) - len(places), len(pieces), []
         for rows, centred in both:
-            free, fitted = (
+            level_fit, offset_fit = (
                 least_squares(x.inner(columns), x.inner([last])[:, 0]) for x in (rows, centred)
             )
             weights = np.zeros(last + 1)
-            weights[columns], weights[last] = -fitted.coefficients, 1.0
-            judged.append((centred, weights))
-            without, within = without + free.rss, within + fitted.rss
-            more, used = more + fitted.rank - free.rank, used + fitted.rank
+            weights[columns], weights[last] = -offset_fit.coefficients, 1.0
+            fits.append((centred, weights))
+            rss_level, rss_offset = rss_level + level_fit.rss, rss_offset + offset_fit.rss
+            df1, rank = df1 + offset_fit.rank - level_fit.rank, rank + offset_fit.rank
         n = sum(piece.n for piece in pieces.values())
-        dof = effective_number(n, autocorrelation(judged)) - used
-        if more > 0 and dof > 0 and within > 0:
-            F = max(without - within, 0.0) / more / (within / dof)
-            tests.append((1 - within / without, float(fdtrc(more, dof, F))))
+        dof = effective_number(n, autocorrelation(fits)) - rank
+        if df1 > 0 and dof > 0 and rss_offset > 0:
+            F = max(rss_level - rss_offset, 0.0) / df1 / (rss_offset / dof)
+            tests.append((1 - rss_offset / rss_level, float(fdtrc(df1, dof, F))))
     share, p = min(tests, default=(0.0, 1.0))
     return p < OFFSET_P and share > OFFSET_SHARE

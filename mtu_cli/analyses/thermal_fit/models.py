@@ -56,8 +56,8 @@ class Fitted:
             b, self.unit_covariance, count = _stepwise(design, cycles, powers)
         else:
             inner = [(powers[p], item.inner(columns[1:])) for p, item in rows.items()]
-            X = np.vstack([np.kron(power, own[:, :-1]) for power, own in inner])
-            y = np.concatenate([own[:, -1] for _, own in inner])
+            X = np.vstack([np.kron(power, block[:, :-1]) for power, block in inner])
+            y = np.concatenate([block[:, -1] for _, block in inner])
             n = sum(item.n for item in rows.values())
             path = ridge(X, y, n, np.array([spec.penalty]) if penalties is None else penalties)
             b, count = path.coefficients, float(path.effective[0])
@@ -69,12 +69,12 @@ class Fitted:
             self.unit_covariance = path.unit_covariance(0)
         self.parameters = count + levels
         self.coefficients = b.reshape(*b.shape[:-1], spec.degree + 1, len(design.groups))
-        G, seen = _sums(powers, self.coefficients), [*rows]
+        G, places = _sums(powers, self.coefficients), [*rows]
         mean = np.array([item.mean(columns[1:]) for item in rows.values()])
-        of_seen = mean[:, -1] - np.sum(G[..., seen, :] * mean[:, :-1], axis=-1)
+        at_places = mean[:, -1] - np.sum(G[..., places, :] * mean[:, :-1], axis=-1)
         # A position that the fit has not seen takes the mean level of those that it has.
-        level = np.repeat(of_seen.mean(axis=-1, keepdims=True), len(powers), axis=-1)
-        level[..., seen] = of_seen
+        level = np.repeat(at_places.mean(axis=-1, keepdims=True), len(powers), axis=-1)
+        level[..., places] = at_places
         ones = np.ones((*level.shape, 1))
         self.weights = np.concatenate([-level[..., None], -G, ones], axis=-1)
 
@@ -92,14 +92,14 @@ class Fitted:
         """Of the residuals (...) of any cycles."""
         total = np.zeros(self.weights.shape[:-2])
         for position, item in self.design.rows(cycles).items():
-            left = item.factor[:, self.columns] @ self.weights[..., position, :].T
-            total = total + np.sum(left**2, axis=0)
+            residuals = item.factor[:, self.columns] @ self.weights[..., position, :].T
+            total = total + np.sum(residuals**2, axis=0)
         return total
 
     def mean_products(self, cycles: Iterable[int]) -> tuple[float, float]:
         """Mean e_i^2 and mean e_i e_(i+1) of the residuals of any cycles."""
-        own = self.design.rows(cycles).items()
-        return mean_products((item.only(self.columns), self.weights[p]) for p, item in own)
+        rows = self.design.rows(cycles).items()
+        return mean_products((item.only(self.columns), self.weights[p]) for p, item in rows)
 
     def group_shares(self, cycles: Iterable[int]) -> FloatArray:
         """Mean square (g,) of each group's part of the modelled drift about its mean."""
@@ -114,8 +114,8 @@ def _sums(A: FloatArray, B: FloatArray) -> FloatArray:
     """A B (..., p, g), A (p, m), B (..., m, g); terms that cancel leave 0 and no rounding."""
     terms = A[:, :, None] * B[..., None, :, :]
     result = terms.sum(axis=-2)
-    known = np.abs(result) > ROUNDING * np.abs(terms).sum(axis=-2)
-    return np.where(known, result, 0.0)
+    valid = np.abs(result) > ROUNDING * np.abs(terms).sum(axis=-2)
+    return np.where(valid, result, 0.0)
 
 
 def _stepwise(
@@ -130,17 +130,17 @@ def _stepwise(
     gradients, unit, count = np.zeros((len(rows), g)), np.zeros((m, g, m, g)), 0.0
     for i, (position, item) in enumerate(rows.items()):
         key = frozenset(cycles), position
-        if key not in design.selected:
+        if key not in design.selections:
             plain = item.only(design.columns((0,) * g))
             columns = [0, *stepwise(replace(plain, n=max(item.n - item.levels + 1, 1)))]
-            found = least_squares(plain.factor[:, columns], plain.factor[:, -1])
-            design.selected[key] = np.array(columns[1:], int) - 1, found
-        chosen, fitted = design.selected[key]
-        gradients[i, chosen] = fitted.coefficients[1:]
+            fit = least_squares(plain.factor[:, columns], plain.factor[:, -1])
+            design.selections[key] = np.array(columns[1:], int) - 1, fit
+        selection, fitted = design.selections[key]
+        gradients[i, selection] = fitted.coefficients[1:]
         covariance = np.zeros((g, g))
-        covariance[np.ix_(chosen, chosen)] = fitted.unscaled_covariance[1:, 1:]
+        covariance[np.ix_(selection, selection)] = fitted.unscaled_covariance[1:, 1:]
         unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
-        count += len(chosen) * m / len(rows)
+        count += len(selection) * m / len(rows)
     return _sums(W, gradients).reshape(-1), unit.reshape(m * g, m * g), count
 
 
@@ -150,11 +150,11 @@ PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
 WORTH = 0.02
 """A further power of the position must lower the held-out sum of squares by this share ..."""
 LAG_WORTH = 0.1
-"""... and a lag of its own by this: the search tries many, and the best of many flatters itself."""
+"""... and a group's lag by this: the search tries many, and the best of many flatters itself."""
 NEGLIGIBLE = 1e-20
 """Share of the readings' squares below which held-out sums are rounding, and all alike."""
 SENSORS_SEARCHED = 8
-"""Groups, largest share of the drift first, that get a time constant of their own."""
+"""Groups, largest share of the drift first, whose time constants are searched one by one."""
 ALIKE = 1e-9
 """Share of a sum of squares by which two of the same model may differ."""
 FEWEST_NESTED = 3
@@ -208,31 +208,31 @@ def choose(design: Design, blocks: Blocks, method: str) -> Spec:
             "stepwise" if method in ("auto", "stepwise") else "ridge", design.most_degree, none
         )
     kinds = KINDS if method == "auto" else (method,)
-    tried = [
+    candidates = [
         x for kind in kinds if kind != "lagged" for x in _by_degree(design, blocks, kind, none)
     ]
     if "lagged" in kinds and len(design.time_constants) > 1:
-        tried += _lagged(design, blocks)
-    tried = tried or _by_degree(design, blocks, "ridge", none)
+        candidates += _lagged(design, blocks)
+    candidates = candidates or _by_degree(design, blocks, "ridge", none)
     # Of models that are alike but for rounding the first.
-    least = min(item.score for item in tried) * (1 + ALIKE)
-    best = next(item for item in tried if item.score <= least)
+    least = min(item.score for item in candidates) * (1 + ALIKE)
+    best = next(item for item in candidates if item.score <= least)
     # The best with lags only where these are worth it.
-    without = [item for item in tried if item.kind != "lagged"]
-    simple = min(without, key=lambda item: item.score, default=best)
+    unlagged = [item for item in candidates if item.kind != "lagged"]
+    simple = min(unlagged, key=lambda item: item.score, default=best)
     if best.score >= (1 - LAG_WORTH) * simple.score:
         best = simple
-    return _simplest([item for item in tried if item.kind == best.kind]).spec
+    return _simplest([item for item in candidates if item.kind == best.kind]).spec
 
 
 def _best(design: Design, blocks: Blocks, kind: str, spec: Spec) -> Scored:
     """The spec with the penalty that predicts each block best from the others."""
     penalties = np.zeros(1) if kind == "stepwise" else PENALTIES
     total, squares = np.zeros(len(penalties)), 0.0
-    for block, others in folds(blocks):
-        total = total + Fitted(design, others, spec, penalties).sum_of_squares(block)
-        own = design.rows(block).values()
-        squares += sum(float(item.factor[:, -1] @ item.factor[:, -1]) for item in own)
+    for block, training in folds(blocks):
+        total = total + Fitted(design, training, spec, penalties).sum_of_squares(block)
+        items = design.rows(block).values()
+        squares += sum(float(item.factor[:, -1] @ item.factor[:, -1]) for item in items)
     total = np.where(total > NEGLIGIBLE * squares, total, 0.0)
     i = int(np.argmin(total))
     return Scored(kind, spec._replace(penalty=float(penalties[i])), float(total[i]))
@@ -245,10 +245,10 @@ def _by_degree(design: Design, blocks: Blocks, kind: str, lags: tuple[int, ...])
     return [_best(design, blocks, kind, spec) for spec in specs]
 
 
-def _simplest(tried: Sequence[Scored]) -> Scored:
+def _simplest(candidates: Sequence[Scored]) -> Scored:
     """The lowest degree that is as good as the best."""
-    most = min(item.score for item in tried) * (1 + WORTH)
-    return min((x for x in tried if x.score <= most), key=lambda item: item.spec.degree)
+    most = min(item.score for item in candidates) * (1 + WORTH)
+    return min((x for x in candidates if x.score <= most), key=lambda item: item.spec.degree)
 
 
 def _lagged(design: Design, blocks: Blocks) -> list[Scored]:
@@ -258,9 +258,9 @@ def _lagged(design: Design, blocks: Blocks) -> list[Scored]:
     none = (0,) * len(design.groups)
     degree = _simplest(_by_degree(design, blocks, "ridge", none)).spec.degree
     first = _searched(design, blocks, degree)
-    others = _by_degree(design, blocks, "lagged", first.spec.lags)
-    others[degree] = first
-    degree = _simplest(others).spec.degree
+    scores = _by_degree(design, blocks, "lagged", first.spec.lags)
+    scores[degree] = first
+    degree = _simplest(scores).spec.degree
     return [first] if degree == first.spec.degree else [first, _searched(design, blocks, degree)]
 
 
@@ -289,7 +289,7 @@ def _searched(design: Design, blocks: Blocks, degree: int) -> Scored:
             for lag in constants:
                 other = changed(best, j, lag)
                 best = other if other.score < best.score * (1 - LAG_WORTH) else best
-        # A lag that came with the start and gains nothing goes again.
+        # A lag of the start that gains nothing is removed.
         for j in range(groups):
             other = changed(best, j, 0)
             best = other if other.score <= best.score else best
@@ -306,10 +306,10 @@ def held_out(design: Design, method: str) -> HeldOut | None:
     if len(design.blocks) < FEWEST_NESTED or not design.groups:
         return None
     none, losses = (0,) * len(design.groups), np.zeros(3)
-    for block, others in folds(design.blocks):
+    for block, training in folds(design.blocks):
         rest = [other for other in design.blocks if other != block]
-        # A penalty without end leaves the levels alone.
+        # An infinite penalty leaves only the levels.
         still, ordinary = Spec("ridge", 0, none, np.inf), Spec("ridge", design.most_degree, none)
         for i, spec in enumerate((still, choose(design, rest, method), ordinary)):
-            losses[i] += Fitted(design, others, spec).sum_of_squares(block)
+            losses[i] += Fitted(design, training, spec).sum_of_squares(block)
     return HeldOut(*np.sqrt(losses / len(design.y)).tolist())

@@ -1,10 +1,9 @@
 """A fitted thermal model with its uncertainty, for every command that predicts.
 
-What the model leaves over is split by its memory. Noise of one reading of the instrument is no
-error of the machine: it does not carry over to the next reading. What does carry over, the mean
-e_i e_(i+1), is drift that the model does not follow: the machine's state, shared by the points
-of a part. The coefficients' covariance is scaled so that it accounts for what held-out cycles
-show beyond that.
+Residuals are split by their memory. Noise of one reading of the instrument is no error of the
+machine: it does not carry over to the next reading. What does carry over, the mean e_i e_(i+1),
+is drift that the model does not follow: the machine's state, shared by the points of a part. The
+coefficients' covariance is scaled so that it accounts for what held-out cycles show beyond that.
 
 The model that predicts best is selected or shrunk, and the covariance of its coefficients knows
 nothing of that. A gradient's uncertainty is therefore taken from the full model: least squares
@@ -39,7 +38,7 @@ from mtu_cli.units import Unit
 NORMAL_QUARTILE = 0.6744897501960817
 SIGNIFICANT = 3.0
 MOST_LOST = 5.0
-"""Few effective residuals say little of what fitting took: no more than this is made up for."""
+"""The largest correction of a variance for the fit: few effective residuals determine it poorly."""
 _NOTHING = 1e-9
 BINS = 64
 """Readings of a position and cycle that enter; of more, neighbours are averaged."""
@@ -47,7 +46,7 @@ MOST_BLOCKS = 48
 """Positions and cycles that enter; more of them are taken evenly."""
 BETTER_KNOWN = 0.5
 """Sensors trade their drift where u of their common gradient is at most this share of each u ..."""
-TOLD_APART = 0.5
+INSEPARABLE = 0.5
 """... and are not separable where the interval of one reaches this share of the common gradient."""
 
 
@@ -67,34 +66,34 @@ class Gradient(NamedTuple):
 
 
 def estimate(
-    found: Fitted, residual: FloatArray, of: str | None, unit: Unit, sensor_u: FloatArray
+    fit: Fitted, residual: FloatArray, of: str | None, unit: Unit, sensor_u: FloatArray
 ) -> ThermalEstimate:
     """The model in powers of mm and sensors, with the covariances of coefficients and of the
     `residual` (n,); `sensor_u` (s,) of all sensors, degC.
     """
-    design, used = found.design, found.used
+    design, used = fit.design, fit.used
     members = np.flatnonzero((design.average[:, used] != 0).any(axis=1))
     spread = design.average[np.ix_(members, used)]
     # From powers of (p - c)/h to powers of p.
-    (c, h, _), m = design.scaled, found.spec.degree + 1
+    (c, h, _), m = design.scaled, fit.spec.degree + 1
     T = np.array([[comb(k, j) * (-c) ** max(k - j, 0) / h**k for k in range(m)] for j in range(m)])
-    kept = np.concatenate([used + k * len(design.groups) for k in range(m)])
-    held = _held_out_products(found)
+    terms = np.concatenate([used + k * len(design.groups) for k in range(m)])
+    products = _held_out_products(fit)
     n, cycles = len(design.y), design.every_cycle
-    square, lag = found.mean_products(cycles)
-    square *= n / max(n - found.parameters, 1.0)
+    square, lag = fit.mean_products(cycles)
+    square *= n / max(n - fit.parameters, 1.0)
     number = effective_number(n, lag / square if square > 0 else 0.0)
-    # Residuals that follow each other tell less than their number: s^2 (1 + r)/(1 - r).
-    scale, coefficient_dof = square * n / number, max(number - found.parameters, 1.0)
-    if held is not None and held[1] > 0:
+    # Correlated residuals count as fewer: s^2 (1 + r)/(1 - r).
+    scale, coefficient_dof = square * n / number, max(number - fit.parameters, 1.0)
+    if products is not None and products[1] > 0:
         # Where held-out cycles show significantly more (5 %, F), the difference over their mean
         # x'C x is taken.
-        beyond = (max(held[0], 0.0) - max(lag, 0.0)) / held[1]
+        excess = (max(products[0], 0.0) - max(lag, 0.0)) / products[1]
         between = max(len(cycles) - 1.0, 1.0)
-        if beyond > scale * float(fdtri(between, coefficient_dof, PROBABILITY)):
-            scale, coefficient_dof = beyond, between
-    root = np.kron(T, spread) @ covariance_root(found.unit_covariance[np.ix_(kept, kept)])
-    slow, leftover_dof = _slow(found, residual, held)
+        if excess > scale * float(fdtri(between, coefficient_dof, PROBABILITY)):
+            scale, coefficient_dof = excess, between
+    root = np.kron(T, spread) @ covariance_root(fit.unit_covariance[np.ix_(terms, terms)])
+    slow, leftover_dof = _slow(fit, residual, products)
     places = [position for position in design.positions if position is not None]
     return ThermalEstimate(
         component=design.name,
@@ -102,59 +101,59 @@ def estimate(
         unit=unit,
         sensors=tuple(design.sensors[s] for s in members),
         reference=design.reference,
-        coefficients=T @ found.coefficients[:, used] @ spread.T,
+        coefficients=T @ fit.coefficients[:, used] @ spread.T,
         covariance=scale * root @ root.T,
         coefficient_dof=coefficient_dof,
         leftover=T @ _as_polynomial(design.powers(m - 1), slow) @ T.T,
         leftover_dof=leftover_dof,
-        time_constants=time_constants(found)[members],
+        time_constants=time_constants(fit)[members],
         sensor_u=sensor_u[members],
         temperature_range=design.span[members],
         position_range=(min(places), max(places)) if places else None,
     )
 
 
-def _held_out_products(found: Fitted) -> tuple[float, float] | None:
+def _held_out_products(fit: Fitted) -> tuple[float, float] | None:
     """Of held-out residuals the mean e_i e_(i+1), and the mean x'C x: C the unit covariance of the
     fold's fit, x a held-out row about the mean of the rows that it was fitted to. None with a
     single block of cycles.
     """
-    design, columns, total = found.design, found.columns[1:-1], np.zeros(2)
-    powers = design.powers(found.spec.degree)
+    design, columns, total = fit.design, fit.columns[1:-1], np.zeros(2)
+    powers = design.powers(fit.spec.degree)
     if len(design.blocks) < 2:
         return None
-    for block, others in folds(design.blocks):
-        fitted = Fitted(design, others, found.spec)
-        rows, held = design.rows(others), design.rows(block)
-        total[0] += fitted.mean_products(block)[1] * sum(item.n for item in held.values())
-        for position in held.keys() & rows.keys():
-            own = held[position].factor
-            inner = own[:, columns] - own[:, :1] * rows[position].mean(columns)
+    for block, training in folds(design.blocks):
+        fold = Fitted(design, training, fit.spec)
+        rows, test_rows = design.rows(training), design.rows(block)
+        total[0] += fold.mean_products(block)[1] * sum(item.n for item in test_rows.values())
+        for position in test_rows.keys() & rows.keys():
+            factor = test_rows[position].factor
+            inner = factor[:, columns] - factor[:, :1] * rows[position].mean(columns)
             x = np.kron(powers[position], inner)
-            total[1] += float(np.einsum("ri,ij,rj->", x, fitted.unit_covariance, x))
+            total[1] += float(np.einsum("ri,ij,rj->", x, fold.unit_covariance, x))
     lag, leverage = (total / len(design.y)).tolist()
     return lag, leverage
 
 
 def _slow(
-    found: Fitted, residual: FloatArray, held: tuple[float, float] | None
+    fit: Fitted, residual: FloatArray, products: tuple[float, float] | None
 ) -> tuple[FloatArray, float]:
     """Covariance (positions, positions) of what carries over between readings, and its dof.
 
     Positions that were read at the same times are correlated as they show; others are not.
     """
-    design, n = found.design, len(residual)
+    design, n = fit.design, len(residual)
     count = len(design.positions)
     first, pairs = np.zeros((count, count)), np.zeros((count, count))
     second, triples = 0.0, 0
     for c in design.every_cycle:
-        own = [(p, residual[rows]) for (p, cycle), rows in design.runs.items() if cycle == c]
-        second += sum(float(e[:-2] @ e[2:]) for _, e in own)
-        triples += sum(max(len(e) - 2, 0) for _, e in own)
-        for (i, one), (j, other) in product(own, own):
-            if len(one) == len(other):
-                first[i, j] += float(one[:-1] @ other[1:])
-                pairs[i, j] += len(one) - 1
+        series = [(p, residual[rows]) for (p, cycle), rows in design.runs.items() if cycle == c]
+        second += sum(float(e[:-2] @ e[2:]) for _, e in series)
+        triples += sum(max(len(e) - 2, 0) for _, e in series)
+        for (i, a), (j, b) in product(series, series):
+            if len(a) == len(b):
+                first[i, j] += float(a[:-1] @ b[1:])
+                pairs[i, j] += len(a) - 1
     slow = first / np.maximum(pairs, 1)
     slow = (slow + slow.T) / 2
     mean = float(np.trace(slow)) / count
@@ -163,15 +162,15 @@ def _slow(
     memory = second / triples / mean
     # What white noise alone may show has no memory to correct for.
     if mean > SIGNIFICANT * float(np.mean(residual**2)) / np.sqrt(n):
-        # Fitting takes of it: degrees of freedom as the effective number has them, but no more
+        # Corrected for the degrees of freedom of the fit, by the effective number, but no further
         # than held-out cycles show.
         number = effective_number(n, memory)
-        lost = number / max(number - found.parameters, number / MOST_LOST)
-        if held is not None:
-            lost = max(min(lost, held[0] / mean), n / max(n - found.parameters, 1.0))
-        slow *= lost
+        loss = number / max(number - fit.parameters, number / MOST_LOST)
+        if products is not None:
+            loss = max(min(loss, products[0] / mean), n / max(n - fit.parameters, 1.0))
+        slow *= loss
     # Variances lose information to memory with its square (Bayley & Hammersley 1946).
-    return slow, max(effective_number(n, memory**2) - found.parameters, 1.0)
+    return slow, max(effective_number(n, memory**2) - fit.parameters, 1.0)
 
 
 def _as_polynomial(V: FloatArray, slow: FloatArray) -> FloatArray:
@@ -180,18 +179,18 @@ def _as_polynomial(V: FloatArray, slow: FloatArray) -> FloatArray:
     """
     W = np.linalg.pinv(V)
     D = positive_part(W @ slow @ W.T)
-    wanted, carried = float(np.trace(slow)), float(np.einsum("pi,ij,pj->", V, D, V))
-    if carried > _NOTHING * wanted:
-        return D * (max(wanted, carried) / carried)
+    total, carried = float(np.trace(slow)), float(np.einsum("pi,ij,pj->", V, D, V))
+    if carried > _NOTHING * total:
+        return D * (max(total, carried) / carried)
     level = np.zeros_like(D)
-    level[0, 0] = max(wanted, 0.0) / len(V)
+    level[0, 0] = max(total, 0.0) / len(V)
     return level
 
 
-def time_constants(found: Fitted) -> FloatArray:
+def time_constants(fit: Fitted) -> FloatArray:
     """Of every sensor (s,), min; 0 of one that the model does not use."""
-    design, used = found.design, found.used
-    lags = np.asarray(found.spec.lags, int)[used]
+    design, used = fit.design, fit.used
+    lags = np.asarray(fit.spec.lags, int)[used]
     return np.asarray((design.average[:, used] != 0) @ design.time_constants[lags])
 
 
@@ -210,85 +209,85 @@ def sensor_noise(design: Design) -> FloatArray:
     return np.asarray(np.maximum(middle, rounding))
 
 
-def _through_lags(found: Fitted) -> FloatArray:
+def _through_lags(fit: Fitted) -> FloatArray:
     """Share (s,) of the noise of a reading that comes through the lag of each sensor."""
-    constants = time_constants(found)
-    slow = np.sqrt(found.design.step / (2 * np.where(constants > 0, constants, np.inf)))
+    constants = time_constants(fit)
+    slow = np.sqrt(fit.design.step / (2 * np.where(constants > 0, constants, np.inf)))
     return np.where((constants > 0) & (slow > 0), np.minimum(slow, 1.0), 1.0)
 
 
-def noise_share(found: Fitted, sensor_u: FloatArray) -> float:
-    """What part of `sensor_u` (s,) the residuals leave room for, 1 at most.
+def noise_share(fit: Fitted, sensor_u: FloatArray) -> float:
+    """The largest share of `sensor_u` (s,) that the residuals allow for, 1 at most.
 
     The noise of the sensors makes residuals without memory, of variance sum_s g_s^2 u_s^2; so
     does the instrument. The mean e_i^2 less e_i e_(i+1) over all positions bounds both together.
     """
-    design, noise = found.design, sensor_u * _through_lags(found)
+    design, noise = fit.design, sensor_u * _through_lags(fit)
     rows = design.rows(design.every_cycle)
-    squares = np.sum((found.gradients @ design.average.T * noise) ** 2, axis=1)
+    squares = np.sum((fit.gradients @ design.average.T * noise) ** 2, axis=1)
     expected = sum(item.n * float(squares[p]) for p, item in rows.items())
-    square, lag = found.mean_products(design.every_cycle)
+    square, lag = fit.mean_products(design.every_cycle)
     if expected <= 0:
         return 1.0
     return float(np.sqrt(np.clip((square - lag) * len(design.y) / expected, 0.0, 1.0)))
 
 
-def gradients(found: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list[Gradient]]:
+def gradients(fit: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list[Gradient]]:
     """The model's gradients of every sensor at every observed position, and of the sensors that
-    are not separable; `sensor_u` (s,) as the residuals leave room for it, degC.
+    are not separable; `sensor_u` (s,) as the residuals allow for it, degC.
     """
     single, several = list[Gradient](), list[Gradient]()
-    if not found.used.size:
+    if not fit.used.size:
         return single, several
-    design, model = found.design, found.gradients
-    full, movement, width = _full(found, sensor_u)
-    powers = design.powers(found.spec.degree)
+    design, model = fit.design, fit.gradients
+    full, movement, width = _full(fit, sensor_u)
+    powers = design.powers(fit.spec.degree)
 
-    def known(p: int, sensors: tuple[str, ...], weights: FloatArray) -> Gradient:
+    def gradient(p: int, sensors: tuple[str, ...], weights: FloatArray) -> Gradient:
         """Of the combination `weights` (g,) of the groups' gradients at a position."""
-        own = full.combinations((weights @ levers)[None])
+        combination = full.combinations((weights @ levers)[None])
         value = float(weights @ model[p])
-        u, interval = float(np.hypot(own.u[0], value - own.value[0])), None
+        u, interval = float(np.hypot(combination.u[0], value - combination.value[0])), None
         if np.isfinite(u):
-            U = coverage_factor(PROBABILITY, float(own.dof[0])) * u
+            U = coverage_factor(PROBABILITY, float(combination.dof[0])) * u
             interval = value - U, value + U
-        by = "cycles" if own.clustered[0] else "model"
+        by = "cycles" if combination.clustered[0] else "model"
         return Gradient(design.positions[p], sensors, value, u if interval else None, interval, by)
 
     for p, power in enumerate(powers):
         levers = np.zeros((len(design.groups), len(full.transform)))
         levers[:, : len(power) * width] = np.kron(power, np.eye(len(levers), width))
         for s, j in np.argwhere(design.average).tolist():
-            if j in found.used:
+            if j in fit.used:
                 weights = np.eye(len(levers))[j] * design.average[s, j]
-                single.append(known(p, (design.sensors[s],), weights))
+                single.append(gradient(p, (design.sensors[s],), weights))
         for group, weights in _inseparable(full, levers, movement):
             sensors = [s for j in group for s in np.flatnonzero(design.average[:, j])]
-            if len(sensors) > 1 and set(group) & set(found.used.tolist()):
-                several.append(known(p, tuple(design.sensors[s] for s in sensors), weights))
+            if len(sensors) > 1 and set(group) & set(fit.used.tolist()):
+                several.append(gradient(p, tuple(design.sensors[s] for s in sensors), weights))
     return single, several
 
 
-def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int]:
+def _full(fit: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int]:
     """The fit of all groups to the rows, their covariance (g, g) about their levels, and how many
     columns each power has: the g groups, and other lags of them. Lags are known to a factor only,
     and may be another sensor's: where the model has lags, a group has u_lag b + sum_c (u_c - u_lag)
     b_c of other lags c, the steady state of which is b.
     """
-    design, g = found.design, len(found.design.groups)
-    of, others, through = _other_lags(found, sensor_u)
-    lags = np.asarray(found.spec.lags)
-    change = design.Z[:, 1 + others * g + of] - design.Z[:, 1 + lags[of] * g + of]
-    columns = np.column_stack([design.Z[:, found.columns[1:-1]], change, design.y])
-    whose = np.concatenate([np.arange(g), of])
-    in_columns = np.equal.outer(whose, whose) * np.outer(through, through)
-    powers = design.powers(found.spec.degree)
+    design, g = fit.design, len(fit.design.groups)
+    group, other_lags, noise = _other_lags(fit, sensor_u)
+    lags = np.asarray(fit.spec.lags)
+    change = design.Z[:, 1 + other_lags * g + group] - design.Z[:, 1 + lags[group] * g + group]
+    columns = np.column_stack([design.Z[:, fit.columns[1:-1]], change, design.y])
+    owner = np.concatenate([np.arange(g), group])
+    in_columns = np.equal.outer(owner, owner) * np.outer(noise, noise)
+    powers = design.powers(fit.spec.degree)
     blocks, squares = [], np.zeros((g, g))
     runs = [(p, c, rows) for (p, c), rows in sorted(design.runs.items())]
-    # A single reading has no rise of its own; where all are such, they share levels of positions.
+    # A single reading does not rise from its level; where all are such, levels are of positions.
     runs = [run for run in runs if run[2].stop - run[2].start > 1] or runs
-    chosen = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MOST_BLOCKS)).round())
-    for p, c, rows in (runs[int(i)] for i in chosen):
+    sample = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MOST_BLOCKS)).round())
+    for p, c, rows in (runs[int(i)] for i in sample):
         power, n = powers[p], rows.stop - rows.start
         edges = np.unique(np.linspace(0, n, min(n, BINS) + 1).astype(int)[:-1])
         count = np.diff(np.append(edges, n))[:, None]
@@ -300,17 +299,17 @@ def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, i
         N = np.kron(np.outer(power, power), in_columns) / count.mean()
         N = np.pad(N, (0, level.shape[1]))
         blocks.append(Block(np.hstack([np.kron(power, Z[:, :-1]), level]), Z[:, -1], c, N))
-    return SerialFit(blocks, levels=design.offsets), squares, len(whose)
+    return SerialFit(blocks, levels=design.offsets), squares, len(owner)
 
 
-def _other_lags(found: Fitted, sensor_u: FloatArray) -> tuple[np.ndarray, np.ndarray, FloatArray]:
+def _other_lags(fit: Fitted, sensor_u: FloatArray) -> tuple[np.ndarray, np.ndarray, FloatArray]:
     """The groups (k,) of k other lags (none and the next ones, of a group without lag the mean of
     all), these lags, and what of a sensor's noise is in u_lag and u_c - u_lag, (g + k,) degC.
     """
-    design, lags = found.design, np.asarray(found.spec.lags)
-    read = sensor_u * (design.average[:, found.used] != 0).any(axis=1)
-    seen = read * _through_lags(found)
-    plain, lagged = (np.sqrt(noise**2 @ design.average**2) for noise in (read, seen))
+    design, lags = fit.design, np.asarray(fit.spec.lags)
+    reading_u = sensor_u * (design.average[:, fit.used] != 0).any(axis=1)
+    lagged_u = reading_u * _through_lags(fit)
+    plain, lagged = (np.sqrt(u**2 @ design.average**2) for u in (reading_u, lagged_u))
     usual = round(float(lags[lags > 0].mean())) if lags.any() else 0
     pairs = [
         (j, other)
@@ -318,34 +317,34 @@ def _other_lags(found: Fitted, sensor_u: FloatArray) -> tuple[np.ndarray, np.nda
         for other in ({0, lag - 1, lag + 1} - {lag} if lag else {usual} - {0})
         if other < len(design.time_constants)
     ]
-    of, others = np.array(pairs, int).reshape(-1, 2).T
-    return of, others, np.append(lagged, plain[of] * (others == 0) - lagged[of])
+    group, other_lags = np.array(pairs, int).reshape(-1, 2).T
+    return group, other_lags, np.append(lagged, plain[group] * (other_lags == 0) - lagged[group])
 
 
 def _inseparable(
     full: SerialFit, levers: FloatArray, movement: FloatArray
 ) -> Iterator[tuple[list[int], FloatArray]]:
-    """Groups of sensors that the readings do not tell apart at a position, each with the weights
+    """Groups of sensors that are not separable at a position, each with the weights
     (g,) of their common gradient, and all others; `levers` (g, k) of the full model.
 
     A set of sensors moves along with its first, by slopes v_j = S_1j/S_11 (S the covariance of
     the temperatures, `movement`). Sets join, the closest first, where the common gradient
     sum_j v_j b_j has at most BETTER_KNOWN of the u of each that joins (in the same measure,
-    |v_j| u_j). A set is inseparable where the 95 % half-width of a member reaches TOLD_APART of
+    |v_j| u_j). A set is inseparable where the 95 % half-width of a member reaches INSEPARABLE of
     the common gradient. Sensors that are one to the fit (|r| >= 0.999) always are.
     """
     scale = np.sqrt(np.diag(movement))
     R = movement / np.maximum(np.outer(scale, scale), 1e-300)
     L = levers * scale[:, None]
-    own = full.combinations(L)
-    half = own.u * np.array([coverage_factor(PROBABILITY, max(dof, 1.0)) for dof in own.dof])
+    single = full.combinations(L)
+    half = single.u * np.array([coverage_factor(PROBABILITY, max(dof, 1.0)) for dof in single.dof])
     sets = [[j] for j in range(len(L))]
     while pairs := [(a, b) for i, a in enumerate(sets) for b in sets[i + 1 :]]:
         along = np.zeros((len(pairs), len(L)))
         for row, (a, b) in zip(along, pairs, strict=True):
             row[[*a, *b]] = R[a[0], [*a, *b]]
         u = full.combinations(along @ L).u
-        least = np.array([min(own.u[a].min(), own.u[b].min()) for a, b in pairs])
+        least = np.array([min(single.u[a].min(), single.u[b].min()) for a, b in pairs])
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.nan_to_num(u / least, nan=np.inf, posinf=np.inf)
         if not ratio.min() <= BETTER_KNOWN:
@@ -357,7 +356,7 @@ def _inseparable(
         members.sort(key=lambda j: j != lead)
         v[members] = R[lead, members] * scale[members] / (scale[lead] or 1.0)
         common = abs(float(full.combinations((v @ levers)[None]).value[0])) * scale[lead]
-        if len(members) > 1 and not half[members].max() <= TOLD_APART * common:
+        if len(members) > 1 and not half[members].max() <= INSEPARABLE * common:
             yield members, v
         else:
             yield from (([j], np.eye(len(L))[j]) for j in members)
