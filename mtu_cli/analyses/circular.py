@@ -39,6 +39,7 @@ MEANING = {
     "scale-mismatch": "scale error of the first axis minus that of the second",
     "squareness": "lean of the second axis towards the first: the angle is 90 degrees minus it",
     "servo-mismatch": "lag of the first axis minus that of the second",
+    "squareness-or-servo": "sin 2t of both together: one direction does not separate them",
     "backlash-a": "lost motion of the first axis: reverse minus forward",
     "backlash-b": "lost motion of the second axis: reverse minus forward",
     "straightness-a": "three lobes sin 3t: a quarter of the bow across the first axis",
@@ -56,7 +57,8 @@ CYCLIC = [name for name in MEANING if name.startswith("cyclic")]
 
 class Cause(NamedTuple):
     """A term of the diagnosis in mm, rad or s with its u, nan where it is not estimable; `size` of
-    its unit; `range` peak to peak, `share` of the sum of all terms' ranges, nan of the set-up.
+    its unit; `range` peak to peak, `exceeds` whether it is above 2 u, `share` of the sum of all
+    terms' ranges, nan of the set-up.
     """
 
     name: str
@@ -65,6 +67,7 @@ class Cause(NamedTuple):
     unit: str
     size: float
     range: float
+    exceeds: bool
     share: float = math.nan
 
 
@@ -224,24 +227,29 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
     for name, beta, u, span in zip(TERMS, fit.beta, fit.u, ranges, strict=False):
         unit, factor, size = units.get(name, ("um", 1.0, UM))
         value = float(beta) if u == u else math.nan
-        extent = abs(value) * float(span)
-        items.append(Cause(name, value * factor, float(u) * factor, unit, size, extent))
+        extent, exceeds = abs(value) * float(span), abs(value) > 2 * float(u)
+        items.append(Cause(name, value * factor, float(u) * factor, unit, size, extent, exceeds))
+    ways = dict.fromkeys(trace.direction for trace in traces.traces)
+    unknown = [each.name for each in items if math.isnan(each.range)]
+    if len(ways) == 1 and unknown == ["squareness", "servo-mismatch"]:
+        value, u = _sin_2t(fit, traces.traces[0].sign)
+        extent, exceeds = 2 * abs(value), abs(value) > 2 * u
+        items.append(Cause("squareness-or-servo", value, u, "um", UM, extent, exceeds))
     for name in REVERSALS:
         value, u = _spike(traces, fit, name)
-        items.append(Cause(name, value, u, "um", UM, abs(value)))
+        items.append(Cause(name, value, u, "um", UM, abs(value), abs(value) > 2 * u))
     for i, name in enumerate(CYCLIC if pitches else ()):
         first = len(TERMS) + 3 * len(traces.traces) + 2 * i
         wave = _length(fit, np.eye(len(fit.beta))[first : first + 2])
         value, u = wave if np.isfinite(fit.u[first]) else (math.nan, math.nan)
-        items.append(Cause(name, value, u, "um", UM, 2 * value))
+        items.append(Cause(name, value, u, "um", UM, 2 * value, value > 2 * u))
     total = float(np.nansum([each.range for each in items]))
     causes = [each._replace(share=each.range / total if total > 0 else math.nan) for each in items]
     # The mean offset of the traces' centres.
     p, n = len(fit.beta), len(traces.traces)
     circles = np.eye(p)[len(TERMS) : len(TERMS) + 3 * n].reshape(n, 3, p)
     offset, u = _length(fit, circles.mean(axis=0)[1:])
-    causes.append(Cause("centre-offset", offset, u, "um", UM, 2 * offset))
-    ways = dict.fromkeys(trace.direction for trace in traces.traces)
+    causes.append(Cause("centre-offset", offset, u, "um", UM, 2 * offset, offset > 2 * u))
     means = [np.mean([t.deviation.mean() for t in traces.traces if t.direction == way])
              for way in ways]  # fmt: skip
     both, residuals = len(ways) > 1, np.concatenate(fit.residuals)
@@ -290,6 +298,13 @@ def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:
         return math.nan, math.nan
     g = X.T @ h / total
     return float(h @ e) / total, math.sqrt(variance / total**2 + max(g @ fit.covariance @ g, 0.0))
+
+
+def _sin_2t(fit: Fit, sign: float) -> tuple[float, float]:
+    """The coefficient of sin 2t of traces in one direction, squareness and servo lag, and its u."""
+    g = np.zeros(len(fit.beta))
+    g[TERMS.index("squareness")], g[TERMS.index("servo-mismatch")] = 1.0, sign
+    return float(g @ fit.beta), math.sqrt(float(g @ fit.covariance @ g))
 
 
 def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.analyses.circular import MEANING, CircularResult, about_circle
+from mtu_cli.analyses.circular import MEANING, Cause, CircularResult, about_circle
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, INK, ORANGE, blank, legend, styled, title
@@ -116,13 +116,19 @@ def document(result: CircularResult, digits: int = 2) -> Document:
     if not math.isnan(result.G_bidirectional):
         verdict += f", of both directions {significant(result.G_bidirectional / UM, 3)} um"
     largest = ", ".join(
-        f"{x.name} {plus_minus(x.value / x.size, x.u / x.size, digits)} {x.unit} "
-        f"({100 * x.share:.0f} %)"
-        for x in [x for x in causes if x.share == x.share and abs(x.value) > 2 * x.u][:3]
+        f"{x.name} {_value(x, digits)}({100 * x.share:.0f} %)"
+        for x in [x for x in causes if x.share == x.share and x.exceeds][:3]
     )
     verdict += f". Largest causes: {largest}." if largest else ". No cause exceeds 2 u."
     figure = partial(polar, result)
     return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
+
+
+def _value(cause: Cause, digits: int) -> str:
+    """Value and u in the unit; nothing where the unit takes what is not stated (the feed)."""
+    if math.isnan(cause.value):
+        return ""
+    return f"{plus_minus(cause.value / cause.size, cause.u / cause.size, digits)} {cause.unit} "
 
 
 def _of(result: CircularResult) -> str:
@@ -162,6 +168,8 @@ def components(result: CircularResult) -> dict[str, Any]:
 @styled
 def polar(result: CircularResult) -> Page:
     """Deviations about each trace's circle over the angle, and the joint fit."""
+    from matplotlib.ticker import MaxNLocator
+
     page = blank(6.5, 6.5)
     title(page, f"Circular test, {_of(result)}")
     panel: Any = page.add_subplot(projection="polar")
@@ -175,10 +183,10 @@ def polar(result: CircularResult) -> Page:
         panel.plot(angle, rest, color=colours[trace.direction], lw=1.0, label=trace.direction)
         panel.plot(angle, model, color=INK, lw=0.6, ls="--", label="joint fit")
         reach = max(reach, float(np.abs(rest).max()))
-    reach = float(significant(reach or 1.0, 1))
-    panel.set_rlim(-1.2 * reach, 1.2 * reach)
-    panel.set_rorigin(-4 * reach)
-    panel.set_rticks([-reach, 0.0, reach])
+    reach = reach or 1.0
+    panel.set_rlim(-1.1 * reach, 1.1 * reach)
+    panel.set_rorigin(-3.5 * reach)
+    panel.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     panel.set_title("deviation from the least-squares circle, um", pad=16, fontweight="normal")
     legend(page)
     return page

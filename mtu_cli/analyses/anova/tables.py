@@ -176,6 +176,8 @@ FEWEST_PARTS = 4
 """Among fewer parts none can be called an outlier."""
 MOVING_RANGE = 1.128
 """d2: mean difference of two normal values in standard deviations (Tippett, 1925)."""
+T_FAR = 1000.0
+"""Of Student's t: above it the series of the noncentral distribution hardly ends."""
 WITHIN = 0.9973
 """Share of parts within the natural limits: what six standard deviations hold."""
 Interval = tuple[float, float]
@@ -369,7 +371,7 @@ def capabilities(
 
 def _of_one(values: FloatArray, low: float, high: float, r: float) -> dict[str, Any]:
     """Of a length or angle (parts, 1); `r` is the variance of a value that its last digit hides."""
-    from scipy.special import chdtri, nctdtrinc
+    from scipy.special import chdtri
 
     values, n = values[:, 0], len(values)
     mean, s = float(values.mean()), float(np.sqrt(values.var(ddof=1) + r))
@@ -385,10 +387,27 @@ def _of_one(values: FloatArray, low: float, high: float, r: float) -> dict[str, 
         "pp": pp,
         "pp_interval": tuple(pp * float(np.sqrt(chdtri(n - 1, p) / (n - 1))) for p in tails),
         "ppk": ppk,
-        "ppk_interval": tuple(float(nctdtrinc(n - 1, p, scale * ppk) / scale) for p in tails),
+        "ppk_interval": tuple(noncentrality(n - 1, p, scale * ppk) / scale for p in tails),
         "cp": _ratio(high - low, 6 * s_moving),
         "cpk": _ratio(nearer, 3 * s_moving),
     }
+
+
+def noncentrality(dof: float, probability: float, t: float) -> float:
+    """The delta of which Student's noncentral t is at most `t` with this probability.
+
+    Where |t| > T_FAR it is t sqrt(chi^2/dof) to four digits, as t W - Z with W^2 = chi^2/dof and Z
+    normal is.
+
+    >>> round(noncentrality(9, 0.975, 40.0), 3), round(noncentrality(9, 0.975, -4e6))
+    (21.79, -5815346)
+    """
+    from scipy.special import chdtri, nctdtrinc
+
+    if abs(t) <= T_FAR or np.isnan(t):
+        return float(nctdtrinc(dof, probability, t))
+    upper = probability if t > 0 else 1 - probability
+    return t * float(np.sqrt(chdtri(dof, upper) / dof))
 
 
 def _of_position(errors: FloatArray, _: float, high: float, r: float) -> dict[str, Any]:
