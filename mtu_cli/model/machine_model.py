@@ -170,7 +170,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     effects = effects_of(machine, estimates.effects)
     parts: list[Part] = [(machine.forms, {})]
     parts += zip(machine.effect_forms, effects.renames, strict=True)
-    by_name = estimates.components | effects.components | effects.own
+    by_name = estimates.components | effects.components | effects.tables
     levers = _levers(parts)
     terms = [
         Term(estimate=by_name[name], levers=levers[name]) for name in by_name if name in levers
@@ -210,7 +210,7 @@ def effect_alone(machine: LoadedMachine, index: int) -> MachineModel:
     """What one of the machine's effects adds, its parameters as the file states them."""
     effects = effects_of(machine, None)
     part: Part = (machine.effect_forms[index], effects.renames[index])
-    components, levers = effects.components | effects.own, _levers([part])
+    components, levers = effects.components | effects.tables, _levers([part])
     if missing := sorted(levers.keys() - components.keys()):
         name = machine.machine.effects[index].name
         reason = f"the effect {name!r} holds {listed(missing)}: it adds nothing by itself"

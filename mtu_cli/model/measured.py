@@ -32,7 +32,7 @@ Label = tuple[str, str, str]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTables:
     """Tables of one kind of quantity, one row a table and one column a part: `labels` (operation,
-    id, axis; "" where there is none), `cells` what an analysis of variance needs, in mm or rad;
+    id, axis; "" where there is none), `cells` the data of an analysis of variance, in mm or rad;
     `parts` the columns; `rounding` (tables,) the variance of a value by the last digit of the
     coordinates.
     """
@@ -42,13 +42,13 @@ class MeasuredTables:
     cells: Cells
     rounding: FloatArray = field(default_factory=lambda: np.zeros(1))
 
-    def only(self, kept: list[int]) -> MeasuredTables:
-        """The tables at the indices `kept`."""
+    def only(self, index: list[int]) -> MeasuredTables:
+        """The tables at the indices `index`."""
         return MeasuredTables(
-            labels=tuple(self.labels[i] for i in kept),
+            labels=tuple(self.labels[i] for i in index),
             parts=self.parts,
-            cells=only(self.cells, kept),
-            rounding=self.rounding[kept],
+            cells=only(self.cells, index),
+            rounding=self.rounding[index],
         )
 
 
@@ -78,8 +78,8 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
     used, table = distinct(operation.astype(np.int64) * features + points.feature)
     cell = table * parts + points.part
     errors = points.measured - points.nominal
-    found = [cells_of(errors[:, k], cell, len(used), parts, spare=True) for k in axes]
-    each = {x.name: [getattr(cells, x.name) for cells in found] for x in fields(Cells)}
+    tables = [cells_of(errors[:, k], cell, len(used), parts, spare=True) for k in axes]
+    each = {x.name: [getattr(cells, x.name) for cells in tables] for x in fields(Cells)}
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(
         labels=tuple(
@@ -149,9 +149,9 @@ def some(rows: BoolArray, name: str) -> str:
 
 
 def missing_entries(what: str, entries: Iterable[Any], labels: Iterable[Label]) -> list[Finding]:
-    """Lengths or angles of the part file that no measurement of a part has all features of."""
-    known = {label[1] for label in labels}
-    lost = [f"{what} {entry.id}" for entry in entries if entry.id not in known]
+    """Lengths or angles of the part file without a measurement of a part that has all features."""
+    ids = {label[1] for label in labels}
+    lost = [f"{what} {entry.id}" for entry in entries if entry.id not in ids]
     reason = "no measurement of a part, in one operation, has all of its features"
     return [finding("not-measured", names=lost, reason=reason)] if lost else []
 
@@ -192,8 +192,8 @@ def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
     lost = [id for id, a, b in ends if None not in (a, b) and a != b]
     if not lost or 2 in length_axes(points, part):
         return []
-    what, free = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
-    return [finding("axis-not-measured", what=what, names=lost, axis="z", consequence=free)]
+    what, consequence = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
+    return [finding("axis-not-measured", what=what, names=lost, axis="z", consequence=consequence)]
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:

@@ -1,4 +1,4 @@
-"""A measurement graph from its file (``mtu/graph/1``): whether its net is sound, and what it says.
+"""A measurement graph from its file (``mtu/graph/1``), and the checks of its net.
 
 Stryczek, "A Bipartite Graph for Estimating Measurement Uncertainty on Five-Axis Machining
 Centres". A place holds a marker once it has a value; a transition fires, once, when all its
@@ -68,7 +68,7 @@ class Output:
 @dataclass(frozen=True, kw_only=True)
 class MeasurementGraph:
     """A sound graph. `rounds`: its transitions as they fire; `nominal` holds every place (m = 1),
-    `units` the unit of every place: mm, rad, 1 (or mm^n of a product); mm where nothing tells it.
+    `units` the unit of every place: mm, rad, 1 (or mm^n of a product); mm where undetermined.
     """
 
     document: YamlDocument
@@ -117,7 +117,7 @@ class MeasurementGraph:
         return tuple(outputs.values())
 
     def needed(self, outputs: Sequence[Output]) -> tuple[set[str], list[Step]]:
-        """Start places and transitions that stand behind some outputs."""
+        """Start places and transitions that some outputs depend on."""
         places, steps = {item.place for item in outputs}, []
         for step in reversed(self.computed):
             if places.intersection(step.outputs):
@@ -171,7 +171,7 @@ def firing_order(steps: Iterable[Step], marked: Iterable[str]) -> Rounds:
 
 class _Net:
     """The checks of one file, of the sound part of its contract; `place_names` are those of all
-    places, faulty ones included; of transitions that cannot be read nobody knows what they name.
+    places, faulty ones included; the places of transitions that cannot be read are unknown.
     """
 
     def __init__(self, graph: Graph, faults: Faults) -> None:
@@ -210,7 +210,7 @@ class _Net:
 
     def step(self, index: int, item: Transition) -> Step | None:
         """A transition against its signature; None with its faults, and where it makes a place a
-        second time: what follows from that is not its fault.
+        second time: faults that follow from that are not its own.
         """
         path, faults, before = ("transitions", index), self.faults, len(self.faults.findings)
         for key, owner in ONLY.items():
@@ -275,8 +275,8 @@ class _Net:
         return None
 
     def check_place(self, name: str, place: Place) -> None:
-        """That a place has the keys of its kind, and what a transition makes states nothing
-        against it.
+        """That a place has the keys of its kind, and that one which a transition makes states
+        nothing against it.
         """
         path, faults = ("places", name), self.faults
         if "." in name:
