@@ -31,13 +31,13 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
     """The points' columns (n,) by their names in equations: floats, nan where a cell is empty,
     or texts. A column without any value is none.
     """
-    named: dict[str, np.ndarray] = {
+    columns: dict[str, np.ndarray] = {
         **{f"dir_{axis}": points.direction[:, i] for i, axis in enumerate(AXES)},
         TIME: points.time_min,
         "sequence": points.sequence.astype(np.float64),
     }
-    named = {name: column for name, column in named.items() if not np.isnan(column).all()}
-    return named | points.covariates
+    columns = {name: column for name, column in columns.items() if not np.isnan(column).all()}
+    return columns | points.covariates
 
 
 def needed_covariates(
@@ -177,8 +177,8 @@ def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[
     """The points without the `gap_rows` of covariates but `needed` ones, whose gaps are faults."""
     columns = {name: x for name, x in point_columns(points).items() if name not in needed}
     groups = (points.part, points.feature, points.file_index)
-    gone, warned = gap_rows(columns, groups, points, np.arange(len(points)))
-    return (only_rows(points, ~gone) if warned else points), warned
+    mask, warnings = gap_rows(columns, groups, points, np.arange(len(points)))
+    return (only_rows(points, ~mask) if warnings else points), warnings
 
 
 def gap_rows(
@@ -196,17 +196,17 @@ def gap_rows(
     """
     finite = {name: np.isfinite(x) for name, x in columns.items() if x.dtype != object}
     finite = {name: m for name, m in finite.items() if len(np.unique(columns[name][m])) > 1}
-    rest, named = np.ones(len(rows), bool), []
+    rest, names = np.ones(len(rows), bool), []
     for name in sorted(finite, key=lambda name: -int(finite[name].sum())):
         both = rest & finite[name]
         whole = all(len(np.unique(code)) == len(np.unique(code[both])) for code in groups)
         if not finite[name].all() and (~both).sum() <= FEW_ROWS * len(rows) and whole:
             rest = both
-            named.append(name)
-    if not named:
+            names.append(name)
+    if not names:
         return ~rest, []
     consequence = _counted(~rest, f"rows{of} left out", measured, rows)
-    return ~rest, [finding("missing-values", what="cells", names=named, consequence=consequence)]
+    return ~rest, [finding("missing-values", what="cells", names=names, consequence=consequence)]
 
 
 def _counted(missing: BoolArray, what: str, measured: Points | Readings, rows: IntArray) -> str:
@@ -254,13 +254,13 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
         for what, values, last, coarsest in written
         if _repeats(column.astype(float), values, last, coarsest)
     }
-    warned = []
+    warnings = []
     if repeated:
         items = [f"{name!r} ({what})" for name, what in repeated.items()]
         reason = "they repeat what was measured, or its nominal place"
-        warned = [finding("not-tested", what="effects", items=items, reason=reason)]
+        warnings = [finding("not-tested", what="effects", items=items, reason=reason)]
     rest = {name: column for name, column in points.covariates.items() if name not in repeated}
-    return (replace(points, covariates=rest) if repeated else points), warned
+    return (replace(points, covariates=rest) if repeated else points), warnings
 
 
 def _repeats(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:

@@ -75,11 +75,11 @@ def effect_library(paths: Sequence[Path] = ()) -> EffectLibrary:
 # Columns of a table.
 
 STEADY_K = 0.05
-"""Range of a temperature that does not change: a thermometer reads as much from itself."""
+"""Range of a temperature that does not change: the scatter of a thermometer reaches it."""
 FEW_RESETS = 0.4
 """Of the steps of a column that counts, at most this share may be resets."""
 FEWEST_PLACES = 3
-"""Positions from which on one may stand out in both directions."""
+"""Positions from which on one may be an outlier in both directions."""
 MISSING = {
     "T": "no column T_..._degC without gaps",
     "c": "no column counts parts",
@@ -87,7 +87,7 @@ MISSING = {
 }
 
 
-class NoMember(Exception):  # noqa: N818  # no fault: it says why the data has no such member
+class NoMember(Exception):  # noqa: N818  # no fault: the reason why the data has no such member
     """Why the data has no such member; empty where it could not have one."""
 
 
@@ -185,10 +185,10 @@ def _counts(value: FloatArray) -> bool:
 
 
 def choices(table: ResidualTable, over: str) -> dict[str, FloatArray]:
-    """Of each feature, part or operation what is 1 on it, else 0, (P or 1, H or 1).
+    """The indicator of each feature, part or operation: 1 on it, else 0, (P or 1, H or 1).
 
-    Of readings there and back those of the positions follow, for a spot on a screw or scale shows
-    in both directions; of two positions each is off by what the other is not.
+    For readings there and back those of the positions follow, as a fault of a screw or scale shows
+    in both directions; not for two positions, where neither is the outlier.
     """
     if over == "part":
         return dict(zip(table.parts, np.eye(len(table.parts))[:, :, None], strict=True))
@@ -215,7 +215,7 @@ def of_candidates(family: LoadedFamily, data: TableData) -> Iterator[Binding]:
     """A binding of the axes in its name for each candidate of a family."""
     named, allowed, axes = marks(family.name), family.family.axes, data.axes
     if named & {"n", "b"}:
-        # An angle to an axis that was not measured is a tilt: `abbe` and `straightness` say it.
+        # An angle to an axis that was not measured is a tilt, as of `abbe` and `straightness`.
         axes = tuple(axis for axis in axes if axis in data.table.axes)
     groups: Iterable[tuple[str, ...]] = combinations(axes, 2 if "b" in named else "a" in named)
     if "n" in named:
@@ -226,7 +226,7 @@ def of_candidates(family: LoadedFamily, data: TableData) -> Iterator[Binding]:
 
 
 def of_members(template: Template, binding: Binding, data: TableData) -> Iterator[Binding | str]:
-    """Bindings of what the candidate's name leaves open; or the reason why there are none."""
+    """Bindings of the marks that the candidate's name leaves open, or why there are none."""
     if template.readings and data.table.component is None:
         return
     used = marks(*template.columns, *template.trees)
@@ -246,7 +246,7 @@ class BoundTemplate:
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
     of each parameter; `used` are the columns that these and `needs` name, `covariate` the one
-    that the effect goes with, `grid` (G,) the values of what is searched, if anything is. With it
+    that the effect depends on, `grid` (G,) the values of the searched parameter, if any. With it
     its `margins`; of a family `over` features, parts or operations one member each is `chosen`.
     """
 
@@ -264,16 +264,16 @@ class BoundTemplate:
 
     @property
     def searched(self) -> str:
-        """The name of what is searched."""
+        """The name of the searched parameter."""
         return self.template.searched or ""
 
     @property
     def scale(self) -> str:
-        """Of the grid of what is searched; empty where nothing is."""
+        """Of the grid of the searched parameter; empty without one."""
         return "" if self.template.search is None else self.template.search.grid
 
     def columns(self, searched: FloatArray | None) -> tuple[Levers, ...]:
-        """The levers of each parameter at values (G,) of what is searched.
+        """The levers of each parameter at values (G,) of the searched one.
 
         Raises NoMember where they are no finite numbers.
         """
@@ -292,14 +292,14 @@ class BoundTemplate:
         return tuple(result.values())
 
     def slopes(self) -> dict[int, dict[str, Node]]:
-        """By index of the axis the derivatives of the levers with respect to what is searched."""
+        """By index of the axis the derivatives of the levers by the searched parameter."""
         return {
             axis: {parameter: slope(lever, self.searched) for parameter, lever in levers.items()}
             for axis, levers in self.levers.items()
         }
 
     def change_unit(self) -> str:
-        """The unit of a change of what is searched, as a factor of the `slopes`.
+        """The unit of a change of the searched parameter, as a factor of the `slopes`.
 
         Raises NoMember where files of machines have no such unit.
         """
@@ -312,7 +312,7 @@ class BoundTemplate:
         return units[0]
 
     def texts(self, value: float | None = None) -> dict[str, str]:
-        """Equations by key (``Ex``) with all numbers in place, `value` for what is searched."""
+        """Equations by key (``Ex``) with all numbers in place, `value` for the searched one."""
         filling = {} if value is None else {self.searched: value}
         axes = self.data.table.axes
         return {f"E{axes[a]}": filled_text(tree, filling) for a, tree in self.equations.items()}

@@ -126,7 +126,7 @@ def all_together(
     """All parameters of a machine's effects with one covariance, None where it has no effect.
 
     That of effects estimated separately is zero between them; `covariance` (k, k), in internal
-    units, is over the parameters `names`, estimated together now.
+    units, is over the parameters `names`, estimated jointly now.
     """
     effects = effects_of(machine, reported)
     order, items = list(effects.components), list(effects.components.values())

@@ -108,7 +108,7 @@ class ComponentEstimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointPasses:
-    """Components read in the same passes, or parameters estimated together: `covariance`,
+    """Components read in the same passes, or parameters estimated jointly: `covariance`,
     `pass_covariance` and `half_differences` (K, K) replace the components' own; K counts their
     coefficients (`widths` of them each) in the order of `components`.
     """
@@ -124,7 +124,7 @@ class JointPasses:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectEstimates:
-    """Parameters of a machine's effects, estimated together, in internal units.
+    """Parameters of a machine's effects, estimated jointly, in internal units.
 
     `names` (K,) are ``effect.parameter``; `values` (K,), `covariance` (K, K) over all of them.
     """

@@ -218,14 +218,14 @@ def _fitted(name: str, series: InstrumentReadings, degree: int | str | None) -> 
             expected=f"at least {FEWEST_TARGETS} positions, each read in several passes",
         )
     fit = series.lines(1, profile.bend_at(series.position))
-    changed: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "s2": profile.s2,
         "within_rss": profile.rss,
         "within_dof": profile.dof,
         "pooled_rss": fit.pooled_rss - (fit.within_rss - profile.rss),
         "pooled_dof": fit.pooled_dof - (fit.within_dof - profile.dof),
     }
-    return InstrumentFit(**vars(series), fit=replace(fit, **changed), profile=profile)
+    return InstrumentFit(**vars(series), fit=replace(fit, **fields), profile=profile)
 
 
 def chosen_degree(series: InstrumentReadings) -> int | None:

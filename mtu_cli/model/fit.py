@@ -163,15 +163,15 @@ def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Reading
     would count twice, as coefficients or scatter. Warns of effects whose columns the readings lack.
     """
     of_effects = {effect.found.get("component") for effect in machine.machine.effects}
-    error, warned = readings.error.copy(), []
+    error, warnings = readings.error.copy(), []
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if name in of_effects and len(rows):
             series = component_readings(machine, readings, name, rows)
             effects, findings = effects_on_readings(machine, name, series.places, series.columns)
             error[rows] -= effects
-            warned += findings
-    return replace(readings, error=error), warned
+            warnings += findings
+    return replace(readings, error=error), warnings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +224,7 @@ def effects_on_readings(
     An effect f of a component c stands in the machine's equations as L f, L = dE/dc its lever
     arm: f = (L f) / L. An effect whose covariate the readings lack is left out, with a warning.
     """
-    total, warned = np.zeros(len(places)), []
+    total, warnings = np.zeros(len(places)), []
     numeric = {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
     complete = {name: column for name, column in numeric.items() if np.isfinite(column).all()}
     along = {axis: places[:, i] for i, axis in enumerate(AXES)}
@@ -245,14 +245,14 @@ def effects_on_readings(
             facts = {"effect": effect.name, "component": component}
             facts["reason"] = lacking if missing else "no equation holds both"
             read, what = [f"the readings of {component}"], f"the effect {effect.name}"
-            warned.append(finding("not-used", what=what, names=read, **facts))
+            warnings.append(finding("not-used", what=what, names=read, **facts))
             continue
-        warned += outside_seen([effect], numeric | along, machine.source.shown)
+        warnings += outside_seen([effect], numeric | along, machine.source.shown)
         errors = design(model, points, complete).mean.reshape(len(places), -1)
         values: dict[str, Any] = {**fixed_places(model, points), **complete}
         values |= {name: value for name, (value, _) in model.constants.items()}
         total += errors[:, model.axes.index(axis)] / evaluate(levers[axis], values)
-    return total, warned
+    return total, warnings
 
 
 def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estimates:

@@ -126,20 +126,20 @@ def judged_axes(
 
     Raises InputError where there is no such axis.
     """
-    measured, lost = axes_of(points), np.asarray(np.isnan(points.measured).all(axis=0))
+    measured, absent = axes_of(points), np.asarray(np.isnan(points.measured).all(axis=0))
     axes = tuple(k for k in measured if AXES[k] in model.axes)
     if not axes:
         raise no_shared_axis(model, points, measured)
-    warned = left_out(points)
+    warnings = left_out(points)
     for k, axis in enumerate(AXES):
         if k in measured and k not in axes:
             facts = {"axis": axis, "consequence": consequence.format(axis)}
-            warned.append(finding("axis-without-equation", **facts))
-        elif lost[k] and axis in model.axes:
+            warnings.append(finding("axis-without-equation", **facts))
+        elif absent[k] and axis in model.axes:
             judged = f"the E{axis} of the machine is not judged"
             facts = {"what": "the points", "axis": axis, "consequence": judged}
-            warned.append(finding("axis-not-measured", **facts))
-    return axes, warned
+            warnings.append(finding("axis-not-measured", **facts))
+    return axes, warnings
 
 
 def some(rows: BoolArray, name: str) -> str:
@@ -151,9 +151,9 @@ def some(rows: BoolArray, name: str) -> str:
 def missing_entries(what: str, entries: Iterable[Any], labels: Iterable[Label]) -> list[Finding]:
     """Lengths or angles of the part file without a measurement of a part that has all features."""
     ids = {label[1] for label in labels}
-    lost = [f"{what} {entry.id}" for entry in entries if entry.id not in ids]
+    names = [f"{what} {entry.id}" for entry in entries if entry.id not in ids]
     reason = "no measurement of a part, in one operation, has all of its features"
-    return [finding("not-measured", names=lost, reason=reason)] if lost else []
+    return [finding("not-measured", names=names, reason=reason)] if names else []
 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
@@ -189,11 +189,11 @@ def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
     places = part.part.places()
     z = {name: places[name][2] for name in points.features if name in places}
     ends = ((e.id, z.get(e.from_), z.get(e.to)) for e in part.part.lengths)
-    lost = [id for id, a, b in ends if None not in (a, b) and a != b]
-    if not lost or 2 in length_axes(points, part):
+    names = [id for id, a, b in ends if None not in (a, b) and a != b]
+    if not names or 2 in length_axes(points, part):
         return []
-    what, consequence = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
-    return [finding("axis-not-measured", what=what, names=lost, axis="z", consequence=consequence)]
+    what, consequence = f"ends of {listed(names)}", "the lengths are taken as free of error along z"
+    return [finding("axis-not-measured", what=what, names=names, axis="z", consequence=consequence)]
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:

@@ -37,7 +37,7 @@ def reading_tables(
     A pass takes the place of a part, a target and direction that of a feature. Forward and reverse
     of a pass share that part of D which the fit estimated for both; the rest each draws anew.
     """
-    tables, warned = [], text_warnings(readings)
+    tables, warnings = [], text_warnings(readings)
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
@@ -45,11 +45,11 @@ def reading_tables(
             cells = reading_layout(readings, series, name).cells
             columns = {key: x for key, x in series.columns.items() if key != f"dir_{series.axis}"}
             groups = (cells.part, cells.column, readings.file_index[rows])
-            gone, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
-            warned += gaps
-            series = component_readings(machine, readings, name, rows[~gone]) if gaps else series
-            tables.append(_table(machine, name, estimates, readings, series, warned))
-    return tuple(tables), tuple(warned)
+            mask, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
+            warnings += gaps
+            series = component_readings(machine, readings, name, rows[~mask]) if gaps else series
+            tables.append(_table(machine, name, estimates, readings, series, warnings))
+    return tuple(tables), tuple(warnings)
 
 
 def _table(
@@ -58,23 +58,23 @@ def _table(
     estimates: Estimates,
     readings: Readings,
     series: ComponentReadings,
-    warned: list[Finding],
+    warnings: list[Finding],
 ) -> ResidualTable:
     """The table of the readings of one component."""
     entry, estimate = machine.machine.components[name], estimates.components.get(name)
     of, unit, rows, columns = series.of, UNITS[entry.unit], series.rows, series.columns
     layout = reading_layout(readings, series, name)
     covariates, gaps = table_covariates(columns, layout.cells, readings, rows)
-    warned += gaps
+    warnings += gaps
     if (drift := estimates.thermal.get(name)) is not None:
         # It needs its temperatures, and the times where it lags.
         needed = [*drift.sensors, *((TIME,) if drift.time_constants.any() else ())]
         whole = {k for k, x in columns.items() if x.dtype != object and np.isfinite(x).all()}
-        if missing := [key for key in needed if key not in whole]:
-            warned.append(finding("drift-not-removed", component=name, columns=", ".join(missing)))
+        if lacks := [key for key in needed if key not in whole]:
+            warnings.append(finding("drift-not-removed", component=name, columns=", ".join(lacks)))
             drift = None
     effects, left_out = effects_on_readings(machine, name, layout.nominal, columns)
-    warned += left_out
+    warnings += left_out
     errors, degree = readings.error[rows] - effects, -1
     common = of_part = np.zeros((1, len(layout.features), 1, 0))
     if estimate is not None or drift is not None:
@@ -82,7 +82,7 @@ def _table(
         model = component_alone(name, of or AXES[0], of_pass, drift)
         names = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in names if key in columns}
-        warned += temperature_warnings(model, layout.nominal, values)
+        warnings += temperature_warnings(model, layout.nominal, values)
         mean, common, drawn = cell_model(model, layout.nominal, values, layout.cells, covariates)
         errors = errors - mean[:, 0]
         if estimate is not None and np.any(estimate.pass_covariance):

@@ -37,7 +37,7 @@ from mtu_cli.model.visits import (
     IntArray,
     Motions,
     check_repeats,
-    freed_errors,
+    datum_errors,
     incomplete_datum,
     motions_of,
     only_rows,
@@ -189,12 +189,12 @@ def residual_table(
     or points of no axis that an equation is for.
     """
     check_repeats(points)
-    axes, warned = judged_axes(model, points, "errors along {} are left out")
+    axes, warnings = judged_axes(model, points, "errors along {} are left out")
     points, repeated = without_repeated(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
-    warned += [*repeated, *gaps, *text_warnings(points)]
-    points, lost = _without_lost(points, axes, datum)
-    warned += lost
+    warnings += [*repeated, *gaps, *text_warnings(points)]
+    points, removals = _estimable(points, axes, datum)
+    warnings += removals
     layout = _layout(model, points)
     at, cells, columns = covariates or {}, layout.cells, point_columns(points)
     values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
@@ -202,15 +202,15 @@ def residual_table(
     predicted, common, of_part = cell_model(model, points.nominal, values, cells, tables)
     first = np.unique(cells.column, return_index=True)[1]
     once = predict(model, layout.features, points.nominal[first], rows_of(values, first))
-    warned += [*idle, *more, *outside_warnings(once)]
-    warned += guess_warnings(model, points.nominal, values)
+    warnings += [*idle, *more, *outside_warnings(once)]
+    warnings += guess_warnings(model, points.nominal, values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
-    errors = freed_errors(points, errors, axes, datum)[0]
+    errors = datum_errors(points, errors, axes, datum)[0]
     of_operation = (layout.operation == code for code in np.unique(layout.operation))
     reps = [cells.repeats[:, mask] for mask in of_operation]
     if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in reps):
-        warned.append(incomplete_datum())
+        warnings.append(incomplete_datum())
     estimates = [x.estimate for x in model.terms if np.any(x.estimate.pass_covariance)]
     dofs = [each.pass_dof for each in estimates] + [group.pass_dof for group in model.joint]
     table = layout.table(
@@ -234,29 +234,27 @@ def residual_table(
             common=compressed(table.freed(table.common)),
             of_part=compressed(table.freed(table.of_part)),
         )
-    return table, tuple(warned)
+    return table, tuple(warnings)
 
 
-def _without_lost(
-    points: Points, axes: tuple[int, ...], datum: Datum
-) -> tuple[Points, list[Finding]]:
+def _estimable(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, list[Finding]]:
     """The points without the measurements whose errors the datum removes entirely, with a warning.
 
     Raises InputError where it removes those of all.
     """
-    lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
-    if lost.all() and len(lost):
+    mask = datum_errors(points, points.measured[:, axes], axes, datum)[1]
+    if mask.all() and len(mask):
         raise error(
             "too-little-data",
             what=f"the datum {datum!r} takes all errors, no measurement has enough features",
             file=points.sources[0].shown,
             expected="more features measured of each part, or --datum none",
         )
-    if count := int(lost.sum()):
+    if count := int(mask.sum()):
         reason = f"in measurements of so few features the datum {datum!r} takes all errors"
-        names = [f"{count} of {len(lost)} points"]
-        warned = [finding("not-measured", names=names, count=count, reason=reason)]
-        return only_rows(points, ~lost), warned
+        names = [f"{count} of {len(mask)} points"]
+        warnings = [finding("not-measured", names=names, count=count, reason=reason)]
+        return only_rows(points, ~mask), warnings
     return points, []
 
 
@@ -272,8 +270,8 @@ def _layout(model: MachineModel, points: Points) -> Layout:
     of_column = columns // count
     used = [points.features[code % count] for code in columns.tolist()]
     if len(np.unique(of_column)) > 1:
-        named = zip(of_column.tolist(), used, strict=True)
-        used = [f"{operations[code]} {name}".lstrip() for code, name in named]
+        pairs = zip(of_column.tolist(), used, strict=True)
+        used = [f"{operations[code]} {name}".lstrip() for code, name in pairs]
     parts, first, part = np.unique(points.part, return_index=True, return_inverse=True)
     earliest = np.full(len(parts), np.iinfo(np.int64).max)
     np.minimum.at(earliest, part.reshape(-1), points.sequence)

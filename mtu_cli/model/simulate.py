@@ -192,15 +192,15 @@ class Part:
         if not faulty.any():
             return result
         i = int(np.argmax(faulty))
-        named = f"in part {self.number} at feature {self.ids[i]!r}"
+        where = f"in part {self.number} at feature {self.ids[i]!r}"
         if np.isfinite(result[i]):
             unit = " mm" if most == LARGEST_MM else ""
             size = f"{'0 to' if least == 0 else 'at most'} {most:g}{unit}"
-            facts = {"path": f"{option} {named}", "value": f"{result[i]:g}"}
+            facts = {"path": f"{option} {where}", "value": f"{result[i]:g}"}
             raise error("out-of-range", **facts, expected=size + " in size" * (least < 0))
         at = ", ".join(f"{name} = {values[name][i]:g}" for name in names_of(node))
         expected = "an equation that has one at every feature"
-        what = {"what": "the equation", "where": f" at {at} {named}", "expected": expected}
+        what = {"what": "the equation", "where": f" at {at} {where}", "expected": expected}
         raise error("no-finite-value", path=option, **what)
 
 
@@ -322,7 +322,7 @@ def growth(
     """
     columns = [AXES.index(axis) for axis in simulated.axes]
     code = np.array([ids.index(name) for name in simulated.feature])
-    moved = np.zeros_like(simulated.measured)
+    shift = np.zeros_like(simulated.measured)
     for circle in circles:
         if circle.calibrated_mm is None or circle.temperature not in simulated.covariates:
             continue
@@ -336,5 +336,5 @@ def growth(
         diameter = np.interp(simulated.covariates[circle.temperature], table[:, 0], table[:, 1])
         rows = np.isin(code, ring_ids)
         away = (points[code] - ring.centre)[:, columns]
-        moved[rows] = (away * (diameter / (2.0 * ring.radius) - 1.0)[:, None])[rows]
-    return moved
+        shift[rows] = (away * (diameter / (2.0 * ring.radius) - 1.0)[:, None])[rows]
+    return shift

@@ -157,7 +157,7 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     draws = np.array([stream(seed, _CLIMATE_STREAM, 0, s).random(2) for s in range(len(names))])
     low, high = plan.sensor_lag
     lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
-    drawn = shares = 1.0 + plan.sensor_spread * (2.0 * draws[:, 1] - 1.0)
+    a0 = shares = 1.0 + plan.sensor_spread * (2.0 * draws[:, 1] - 1.0)
     rise = plan.high - plan.reference
     targets = []
     for drift in drifts:
@@ -165,7 +165,7 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
         G = np.zeros((len(positions), len(names)))
         place = np.zeros(len(positions)) if drift.degree == 0 else positions
         G[:, [names.index(sensor) for sensor in drift.sensors]] = drift.gradients(place).T / scale
-        raw, limit = rise * G @ drawn, plan.limits[drift.unit.dimension] / scale
+        raw, limit = rise * G @ a0, plan.limits[drift.unit.dimension] / scale
         value, rank = np.clip(raw, -limit, limit), 1 + bool((np.abs(raw) > limit).any())
         if drift.component in plan.settled:
             value, rank = plan.settled[drift.component] / scale, 0
@@ -174,14 +174,14 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     # Limits come last: they may give way, and what is within them shall stay so.
     for rank, drift, G, value in sorted(targets, key=lambda target: target[0]):
         all_G, d = np.vstack([base_G, G]), np.concatenate([base, value])
-        moved = drawn
+        a = a0
         if rise != 0:
-            moved = drawn + np.linalg.pinv(all_G) @ (d / rise - all_G @ drawn)
-        missed = np.abs(rise * all_G @ moved - d).max()
-        if missed <= _REACHED * max(1.0, float(np.abs(d).max())):
-            base_G, base, shares = all_G, d, moved
+            a = a0 + np.linalg.pinv(all_G) @ (d / rise - all_G @ a0)
+        residual = np.abs(rise * all_G @ a - d).max()
+        if residual <= _REACHED * max(1.0, float(np.abs(d).max())):
+            base_G, base, shares = all_G, d, a
         elif rank == 0:
-            requested, near = (" ".join(f"{x:.4g}" for x in y) for y in (value, rise * G @ moved))
+            requested, near = (" ".join(f"{x:.4g}" for x in y) for y in (value, rise * G @ a))
             raise error(
                 "not-applicable",
                 reason=f"--settled-drift: no shares of the sensors in the rise of {rise:.4g} degC "

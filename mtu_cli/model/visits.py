@@ -165,7 +165,7 @@ ROUNDING = 1e-9
 """A direction or a remaining error below this share of the whole is rounding."""
 
 
-def freedoms(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
+def small_motions(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
     """Columns (n * a, k), k <= 4, of small motions: the errors that each gives, rows (feature, axis
     of `axes`), features first, at `places` (n, 3) in mm, of which x and y are used. An offset along
     each axis, mm a mm; where x and y are among the axes with rotation (-y, x) about the mean of the
@@ -184,15 +184,15 @@ def freedoms(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatAr
             x, y = x - centre[0], y - centre[1]
             r = np.maximum(np.hypot(x, y), 1e-300)
             along = x / r, y / r
-        moved = np.zeros((n, a))
-        moved[:, axes.index(0)], moved[:, axes.index(1)] = along
-        columns.append(moved.ravel())
+        motion = np.zeros((n, a))
+        motion[:, axes.index(0)], motion[:, axes.index(1)] = along
+        columns.append(motion.ravel())
     return np.column_stack(columns) if columns else np.zeros((n * a, 0))
 
 
 def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
     """Orthonormal columns Q (n * a, k) of the motions, fewer where some coincide, without unit."""
-    F = freedoms(places, axes, datum)
+    F = small_motions(places, axes, datum)
     if not F.size:
         return F
     U, size, _ = np.linalg.svd(F / np.maximum(np.linalg.norm(F, axis=0), 1e-300), False)
@@ -281,13 +281,13 @@ def freed(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, 
         return points, True
     chosen = list(axes)
     errors = points.measured[:, chosen] - points.nominal[:, chosen]
-    rest, _, complete = freed_errors(points, errors, axes, datum)
+    rest, _, complete = datum_errors(points, errors, axes, datum)
     measured = points.measured.copy()
     measured[:, chosen] = points.nominal[:, chosen] + rest
     return replace(points, measured=measured), complete
 
 
-def freed_errors(
+def datum_errors(
     points: Points, errors: FloatArray, axes: tuple[int, ...], datum: Datum
 ) -> tuple[FloatArray, BoolArray, bool]:
     """Errors (n, A) of the points less each visit's best-fit motion, those (n,) that it removes
@@ -304,14 +304,14 @@ def freed_errors(
     places[at] = points.nominal
     one = np.zeros(there.shape[1], np.int64)
     motions = motions_of(datum, places, one, axes, there)
-    lost = np.zeros(there.shape, bool)
+    mask = np.zeros(there.shape, bool)
     for motion in motions:
-        lost[np.ix_(motion.rows, motion.columns)] = motion.Q.shape[0] == motion.Q.shape[1]
+        mask[np.ix_(motion.rows, motion.columns)] = motion.Q.shape[0] == motion.Q.shape[1]
     complete = True
     for operation in np.unique(visits.operation):
         of_it = there[visits.operation == operation]
         complete &= bool((of_it == of_it.any(axis=0)).all())
-    return without_motions(table[..., None], motions, len(there))[at][..., 0], lost[at], complete
+    return without_motions(table[..., None], motions, len(there))[at][..., 0], mask[at], complete
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -169,13 +169,13 @@ class GraphTrials:
         for step in self.steps:
             step.run(values)
         rows = np.empty((len(self.outputs), m)) if into is None else into
-        turned: dict[str, FloatArray] = {}
+        rotations: dict[str, FloatArray] = {}
         for row, item in zip(rows, self.outputs, strict=True):
             value = values[item.place]
             if item.kind == "frame" and item.index >= 3:
-                if item.place not in turned:
-                    turned[item.place] = rotation(value, self.graph.nominal[item.place])
-                row[:] = turned[item.place][item.index - 3]
+                if item.place not in rotations:
+                    rotations[item.place] = rotation(value, self.graph.nominal[item.place])
+                row[:] = rotations[item.place][item.index - 3]
             else:
                 row[:] = value.reshape(-1, m)[item.index]
         return rows
