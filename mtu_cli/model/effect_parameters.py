@@ -184,7 +184,7 @@ def searched_warnings(machine: LoadedMachine) -> list[Finding]:
     return warnings
 
 
-def outside_seen(
+def range_warnings(
     effects: Sequence[Effect], values: Mapping[str, FloatArray | float], file: str | None
 ) -> list[Finding]:
     """Of effects of a machine `file` that are used, at `values` by name of column or position, more

@@ -12,7 +12,7 @@ import numpy as np
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, InputError, error, finding
-from mtu_cli.model.effect_parameters import outside_seen
+from mtu_cli.model.effect_parameters import range_warnings
 from mtu_cli.model.machine_model import (
     AXES,
     Covariates,
@@ -85,7 +85,7 @@ def guess_warnings(model: MachineModel, points: FloatArray, values: Covariates) 
     """
     whole = {**values, **places(model, points)}
     inputs = {name: value for name, value in whole.items() if name not in model.constants}
-    outside = outside_seen(model.effects, inputs, model.file)
+    outside = range_warnings(model.effects, inputs, model.file)
     return [*temperature_warnings(model, points, values), *outside]
 
 

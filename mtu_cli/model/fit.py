@@ -21,7 +21,7 @@ from mtu_cli.files.reports_read import (
 )
 from mtu_cli.findings import Finding, InputError, finding, listed, suggestion
 from mtu_cli.language import evaluate
-from mtu_cli.model.effect_parameters import outside_seen
+from mtu_cli.model.effect_parameters import range_warnings
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -247,7 +247,7 @@ def effects_on_readings(
             read, what = [f"the readings of {component}"], f"the effect {effect.name}"
             warnings.append(finding("not-used", what=what, names=read, **facts))
             continue
-        warnings += outside_seen([effect], numeric | along, machine.source.shown)
+        warnings += range_warnings([effect], numeric | along, machine.source.shown)
         errors = design(model, points, complete).mean.reshape(len(places), -1)
         values: dict[str, Any] = {**fixed_places(model, points), **complete}
         values |= {name: value for name, (value, _) in model.constants.items()}
