@@ -31,13 +31,13 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
     """The points' columns (n,) by their names in equations: floats, nan where a cell is empty,
     or texts. A column without any value is none.
     """
-    named: dict[str, np.ndarray] = {
+    columns: dict[str, np.ndarray] = {
         **{f"dir_{axis}": points.direction[:, i] for i, axis in enumerate(AXES)},
         TIME: points.time_min,
         "sequence": points.sequence.astype(np.float64),
     }
-    named = {name: column for name, column in named.items() if not np.isnan(column).all()}
-    return named | points.covariates
+    columns = {name: column for name, column in columns.items() if not np.isnan(column).all()}
+    return columns | points.covariates
 
 
 def needed_covariates(
@@ -48,23 +48,23 @@ def needed_covariates(
     *,
     at_nominal: bool = False,
 ) -> tuple[dict[str, FloatArray | float], list[Finding]]:
-    """The model's covariates, one value a point (n,) or one for all; the points' own `columns` come
-    before `at`, which is warned of. A model that is asked `at_nominal` places has no use for
-    measured coordinates in their place.
+    """The model's covariates, one value a point (n,) or one for all; the points' `columns` come
+    before `at`, with a warning. A model evaluated `at_nominal` places does not use measured
+    coordinates in their place.
 
     Times are added where a drift lags behind its temperatures.
 
     Raises InputError for a covariate that is neither a column nor given, for its cells that are
     empty or no number, and for points without a coordinate that an equation needs.
     """
-    files, asked = ", ".join(source.shown for source in points.sources), [*model.covariates()]
+    files, names = ", ".join(source.shown for source in points.sources), [*model.covariates()]
     problems = [
         problem.at(column=problem.facts["names"][0])
         for problem in missing_covariates(model, {*columns, *at}, list(columns), file=files)
     ]
-    values: dict[str, FloatArray | float] = {name: at[name] for name in asked if name in at}
+    values: dict[str, FloatArray | float] = {name: at[name] for name in names if name in at}
     times = [TIME] if any(drift.time_constants.any() for drift in model.drifts()) else []
-    for name in (*asked, *times):
+    for name in (*names, *times):
         if name in columns:
             values[name] = numbers_of(points, name, columns[name], problems)
     places = points.nominal
@@ -79,7 +79,7 @@ def needed_covariates(
     if problems:
         raise InputError(problems)
     reason = "the points have the column"
-    idle = [name for name in asked if name in columns and name in at]
+    idle = [name for name in names if name in columns and name in at]
     return values, [finding("not-used", what="--at", names=[x], reason=reason) for x in idle]
 
 
@@ -127,8 +127,8 @@ def rows_of(values: Covariates, rows: IntArray) -> dict[str, FloatArray | float]
 
 
 FEW_ROWS = 0.05
-"""Share of the rows up to which they are left out: without its covariate an effect cannot be named,
-and looks like one that the library lacks."""
+"""Share of the rows up to which they are left out: without its covariate an effect has no name, and
+looks like one that the library lacks."""
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
 FEWEST = 8
@@ -152,12 +152,12 @@ def table_covariates(
     was `measured`.
     """
     numeric = {name: x.astype(np.float64) for name, x in columns.items() if x.dtype != object}
-    lost = {name: ~np.isfinite(column) for name, column in numeric.items()}
-    result = {name: _smallest(x, cells) for name, x in numeric.items() if not lost[name].any()}
+    missing = {name: ~np.isfinite(column) for name, column in numeric.items()}
+    result = {name: _smallest(x, cells) for name, x in numeric.items() if not missing[name].any()}
     gaps = []
-    for name, own in lost.items():
-        if own.any():
-            gaps.append(f"{name} ({_counted(own, 'rows', measured, rows)})")
+    for name, mask in missing.items():
+        if mask.any():
+            gaps.append(f"{name} ({_counted(mask, 'rows', measured, rows)})")
     if not gaps:
         return result, []
     consequence = "no effect of such a column can be tested"
@@ -177,8 +177,8 @@ def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[
     """The points without the `gap_rows` of covariates but `needed` ones, whose gaps are faults."""
     columns = {name: x for name, x in point_columns(points).items() if name not in needed}
     groups = (points.part, points.feature, points.file_index)
-    gone, warned = gap_rows(columns, groups, points, np.arange(len(points)))
-    return (only_rows(points, ~gone) if warned else points), warned
+    mask, warnings = gap_rows(columns, groups, points, np.arange(len(points)))
+    return (only_rows(points, ~mask) if warnings else points), warnings
 
 
 def gap_rows(
@@ -188,30 +188,30 @@ def gap_rows(
     rows: IntArray,
     of: str = "",
 ) -> tuple[BoolArray, list[Finding]]:
-    """Which of the `rows` (n,) of what was `measured` to leave out, for they lack one of the
+    """Which of the `rows` (n,) of what was `measured` to leave out, as they lack one of the
     `columns` (n,) that nearly all others have; the columns with the fewest gaps come first.
 
-    None for columns that are the same everywhere, nor for gaps that are all that there is of one
-    code of `groups`: a part, feature, pass, target or file.
+    None for columns that are the same everywhere, nor where nothing else remains of one code of
+    `groups`: a part, feature, pass, target or file.
     """
-    known = {name: np.isfinite(x) for name, x in columns.items() if x.dtype != object}
-    known = {name: own for name, own in known.items() if len(np.unique(columns[name][own])) > 1}
-    kept, named = np.ones(len(rows), bool), []
-    for name in sorted(known, key=lambda name: -int(known[name].sum())):
-        both = kept & known[name]
+    finite = {name: np.isfinite(x) for name, x in columns.items() if x.dtype != object}
+    finite = {name: m for name, m in finite.items() if len(np.unique(columns[name][m])) > 1}
+    rest, names = np.ones(len(rows), bool), []
+    for name in sorted(finite, key=lambda name: -int(finite[name].sum())):
+        both = rest & finite[name]
         whole = all(len(np.unique(code)) == len(np.unique(code[both])) for code in groups)
-        if not known[name].all() and (~both).sum() <= FEW_ROWS * len(rows) and whole:
-            kept = both
-            named.append(name)
-    if not named:
-        return ~kept, []
-    consequence = _counted(~kept, f"rows{of} left out", measured, rows)
-    return ~kept, [finding("missing-values", what="cells", names=named, consequence=consequence)]
+        if not finite[name].all() and (~both).sum() <= FEW_ROWS * len(rows) and whole:
+            rest = both
+            names.append(name)
+    if not names:
+        return ~rest, []
+    consequence = _counted(~rest, f"rows{of} left out", measured, rows)
+    return ~rest, [finding("missing-values", what="cells", names=names, consequence=consequence)]
 
 
-def _counted(lost: BoolArray, what: str, measured: Points | Readings, rows: IntArray) -> str:
-    first = "{file}, row {row}".format(**_row(measured, int(rows[lost.argmax()])))
-    return f"{int(lost.sum())} of {len(lost)} {what}, the first {first}"
+def _counted(missing: BoolArray, what: str, measured: Points | Readings, rows: IntArray) -> str:
+    first = "{file}, row {row}".format(**_row(measured, int(rows[missing.argmax()])))
+    return f"{int(missing.sum())} of {len(missing)} {what}, the first {first}"
 
 
 def text_warnings(measured: Points | Readings) -> list[Finding]:
@@ -231,8 +231,8 @@ def text_warnings(measured: Points | Readings) -> list[Finding]:
 def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
     """The points without the columns that repeat their errors or nominal places, and warnings of
     these: an effect proportional to errors would explain everything and mean nothing, one to a
-    nominal coordinate is the scale or squareness that is tested by itself. Columns that the model's
-    equations need are left.
+    nominal coordinate is the scale or squareness, which has its own test. Columns that the model's
+    equations need stay.
 
     A column repeats what was measured where it is proportional to it at every point, to the last
     digit of both: in um, with the other sign, or as the diameter of a position.
@@ -254,23 +254,23 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
         for what, values, last, coarsest in written
         if _repeats(column.astype(float), values, last, coarsest)
     }
-    warned = []
+    warnings = []
     if repeated:
         items = [f"{name!r} ({what})" for name, what in repeated.items()]
         reason = "they repeat what was measured, or its nominal place"
-        warned = [finding("not-tested", what="effects", items=items, reason=reason)]
-    left = {name: column for name, column in points.covariates.items() if name not in repeated}
-    return (replace(points, covariates=left) if repeated else points), warned
+        warnings = [finding("not-tested", what="effects", items=items, reason=reason)]
+    rest = {name: column for name, column in points.covariates.items() if name not in repeated}
+    return (replace(points, covariates=rest) if repeated else points), warnings
 
 
 def _repeats(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:
     """Whether a column (n,) is proportional to values (n,) to the last digit of both."""
     both = np.isfinite(column) & np.isfinite(values)
-    own, said = column[both], values[both]
-    if len(own) < FEWEST or not said.any():
+    y, x = column[both], values[both]
+    if len(y) < FEWEST or not x.any():
         return False
-    factor = float(own @ said / (said @ said))
+    factor = float(y @ x / (x @ x))
     size = abs(factor)
     most = 0.51 * (min(step_of(column), size * coarsest) + size * digit)
-    clear = size * float(said.std()) > CLEAR * most
-    return clear and bool((np.abs(own - factor * said) <= most).all())
+    clear = size * float(x.std()) > CLEAR * most
+    return clear and bool((np.abs(y - factor * x) <= most).all())

@@ -26,7 +26,7 @@ FEWEST_FOR_WAVES = 6
 MANY_PLACES = 30
 """Different values from which on uneven ones show periods shorter than their steps."""
 ALIKE = 0.9
-"""Of all values' phases together: from which on a frequency looks like a constant at them."""
+"""Of all values' phases: from which on a frequency looks like a constant at them."""
 FINEST = 0.25
 """1/mm: the highest frequency that is looked at for that, half of the shortest pitch's."""
 ONE_VALUE = 1e-9
@@ -38,7 +38,7 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
 
     `values` are those of the position or column searched along, `size` the entries of one
     column. A frequency grid runs from the longest to the shortest value, so that of two that
-    the data cannot separate the longer one stands first.
+    the data cannot separate the longer one comes first.
     """
     distinct = np.zeros(0) if values is None else np.unique(values)
     most = max(FEWEST_VALUES, LARGEST_COLUMNS // size)
@@ -51,19 +51,19 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     waves = search.grid == "frequency"
     if waves and len(distinct) < FEWEST_FOR_WAVES:
         return np.zeros(0)
-    # What the bounds of a search may be given in.
-    known = dict[str, float]()
+    # The variables of the bounds of a search.
+    variables = dict[str, float]()
     if len(distinct) > 1:
         low, high, steps = float(distinct[0]), float(distinct[-1]), np.diff(distinct)
         step = float(np.median(steps[steps > ONE_VALUE * (high - low)]))
-        known = {"low": low, "high": high, "span": high - low}
-        known |= {"spacing": _spacing(distinct, step)}
+        variables = {"low": low, "high": high, "span": high - low}
+        variables |= {"spacing": _spacing(distinct, step)}
     trees = [[parse(text) for text in texts] for texts in (search.from_, search.to)]
-    if not all(names(tree).keys() <= {*known} for own in trees for tree in own):
+    if not all(names(tree).keys() <= {*variables} for side in trees for tree in side):
         return np.zeros(0)
     low, high = (
-        float(choice(evaluate(tree, known) for tree in own))
-        for choice, own in zip((max, min), trees, strict=True)
+        float(choice(evaluate(tree, variables) for tree in side))
+        for choice, side in zip((max, min), trees, strict=True)
     )
     if not (-math.inf if search.grid == "linear" else 0.0) < low < high < math.inf:
         return np.zeros(0)
@@ -71,7 +71,7 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     if not waves:
         return (np.linspace if search.grid == "linear" else np.geomspace)(low, high, count)
     ends = 1.0 / high, 1.0 / low
-    needed = math.ceil((ends[1] - ends[0]) * PER_SPAN * known["span"]) + 1
+    needed = math.ceil((ends[1] - ends[0]) * PER_SPAN * variables["span"]) + 1
     return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
 
 

@@ -60,13 +60,14 @@ def effect_library(paths: Sequence[Path] = ()) -> EffectLibrary:
     Raises InputError with all problems of a file; the name of a family may be used once.
     """
     whole = EffectLibrary(families=_built_in().families, sources=())
-    taken = {family.family.family: "a built-in family" for family in whole.families}
+    owners = {family.family.family: "a built-in family" for family in whole.families}
     for path in paths:
-        own = load_effects(path, taken)
-        whose = f"a family of {own.sources[0].shown}"
-        taken |= {family.family.family: whose for family in own.families}
+        file = load_effects(path, owners)
+        owner = f"a family of {file.sources[0].shown}"
+        owners |= {family.family.family: owner for family in file.families}
         whole = EffectLibrary(
-            families=(*whole.families, *own.families), sources=(*whole.sources, *own.sources)
+            families=(*whole.families, *file.families),
+            sources=(*whole.sources, *file.sources),
         )
     return whole
 
@@ -74,11 +75,11 @@ def effect_library(paths: Sequence[Path] = ()) -> EffectLibrary:
 # Columns of a table.
 
 STEADY_K = 0.05
-"""Range of a temperature that does not change: a thermometer reads as much from itself."""
+"""Range of a temperature that does not change: the scatter of a thermometer reaches it."""
 FEW_RESETS = 0.4
 """Of the steps of a column that counts, at most this share may be resets."""
 FEWEST_PLACES = 3
-"""Positions from which on one may stand out in both directions."""
+"""Positions from which on one may be an outlier in both directions."""
 MISSING = {
     "T": "no column T_..._degC without gaps",
     "c": "no column counts parts",
@@ -86,7 +87,7 @@ MISSING = {
 }
 
 
-class NoMember(Exception):  # noqa: N818  # no fault: it says why the data has no such member
+class NoMember(Exception):  # noqa: N818  # no fault: the reason why the data has no such member
     """Why the data has no such member; empty where it could not have one."""
 
 
@@ -111,26 +112,26 @@ class TableData:
                 values[name] = np.atleast_2d(np.asarray(value, float))
         values = {name: v for name, v in values.items() if v.size and np.isfinite(v).all()}
         columns = [name for name in values if name not in AXES]
-        hot = tuple(name for name in columns if is_temperature(name))
-        plain = [name for name in columns if name not in (*COVARIATES, *hot)]
+        sensors = tuple(name for name in columns if is_temperature(name))
+        plain = [name for name in columns if name not in (*COVARIATES, *sensors)]
         counts = [name for name in ("sequence",) if name in columns]
         counts += [name for name in plain if _counts(values[name])]
-        others = tuple(name for name in plain if name not in counts)
+        variables = tuple(name for name in plain if name not in counts)
         counts += [name for name in (TIME,) if name in columns and table.component is not None]
         # A range of printed values is rounded: 26.05 - 26.
-        steady = dict.fromkeys(hot, STEADY_K + 1e-9)
+        steady = dict.fromkeys(sensors, STEADY_K + 1e-9)
         return cls(
             table=table,
             values=values,
             changing=frozenset(n for n, v in values.items() if np.ptp(v) > steady.get(n, 0.0)),
-            columns={"T": hot, "c": tuple(counts), "v": others},
+            columns={"T": sensors, "c": tuple(counts), "v": variables},
         )
 
     @property
     def axes(self) -> tuple[str, ...]:
         """Axes of the errors and axes along which the places differ; x, y, z first."""
-        own = {*self.table.axes, *(axis for axis in AXES if axis in self.changing)}
-        return (*(axis for axis in AXES if axis in own), *sorted(own - {*AXES}))
+        axes = {*self.table.axes, *(axis for axis in AXES if axis in self.changing)}
+        return (*(axis for axis in AXES if axis in axes), *sorted(axes - {*AXES}))
 
     def number(self, name: str, kind: str) -> float:
         """A number of a column over the measured cells, to 12 digits.
@@ -138,16 +139,16 @@ class TableData:
         ``0`` is its mean, ``_low`` its lowest value and ``3`` sum d^4 / sum d^2, d from the mean:
         d^3 less this times d is orthogonal to d.
         """
-        there = self.table.there
-        own = np.broadcast_to(self.values[name], there.shape)[there]
+        measured = self.table.there
+        values = np.broadcast_to(self.values[name], measured.shape)[measured]
         if kind == "_low":
-            return float(own.min())
-        mean = float(f"{own.mean():.12g}")
+            return float(values.min())
+        mean = float(f"{values.mean():.12g}")
         if kind == "0":
             return mean
-        square = (own - mean) ** 2
-        below = float(square.sum())
-        return float(f"{(square**2).sum() / below:.12g}") if below else 0.0
+        square = (values - mean) ** 2
+        total = float(square.sum())
+        return float(f"{(square**2).sum() / total:.12g}") if total else 0.0
 
 
 def check_column(name: str, data: TableData) -> None:
@@ -184,10 +185,10 @@ def _counts(value: FloatArray) -> bool:
 
 
 def choices(table: ResidualTable, over: str) -> dict[str, FloatArray]:
-    """Of each feature, part or operation what is 1 on it, else 0, (P or 1, H or 1).
+    """The indicator of each feature, part or operation: 1 on it, else 0, (P or 1, H or 1).
 
-    Of readings there and back those of the positions follow, for a spot on a screw or scale shows
-    in both directions; of two positions each is off by what the other is not.
+    For readings there and back those of the positions follow, as a fault of a screw or scale shows
+    in both directions; not for two positions, where neither is the outlier.
     """
     if over == "part":
         return dict(zip(table.parts, np.eye(len(table.parts))[:, :, None], strict=True))
@@ -200,7 +201,7 @@ def choices(table: ResidualTable, over: str) -> dict[str, FloatArray]:
         place, _, sign = name.partition(" ")
         if sign:
             places.setdefault(place, []).append(result[name])
-    both = {place: np.sum(own, axis=0) for place, own in places.items() if len(own) > 1}
+    both = {place: np.sum(ways, axis=0) for place, ways in places.items() if len(ways) > 1}
     return result | (both if len(both) >= FEWEST_PLACES else {})
 
 
@@ -212,31 +213,31 @@ CYCLIC = (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y"))
 
 def of_candidates(family: LoadedFamily, data: TableData) -> Iterator[Binding]:
     """A binding of the axes in its name for each candidate of a family."""
-    named, allowed, known = marks(family.name), family.family.axes, data.axes
+    named, allowed, axes = marks(family.name), family.family.axes, data.axes
     if named & {"n", "b"}:
-        # An angle to an axis that was not measured is a tilt: `abbe` and `straightness` say it.
-        known = tuple(axis for axis in known if axis in data.table.axes)
-    found: Iterable[tuple[str, ...]] = combinations(known, 2 if "b" in named else "a" in named)
+        # An angle to an axis that was not measured is a tilt, as of `abbe` and `straightness`.
+        axes = tuple(axis for axis in axes if axis in data.table.axes)
+    groups: Iterable[tuple[str, ...]] = combinations(axes, 2 if "b" in named else "a" in named)
     if "n" in named:
-        found = (own for own in CYCLIC if {*own[:2]} <= {*known})
-    for own in found:
-        if allowed is None or not own or own[0] in allowed:
-            yield dict(zip("abn", own, strict=False))
+        groups = (group for group in CYCLIC if {*group[:2]} <= {*axes})
+    for group in groups:
+        if allowed is None or not group or group[0] in allowed:
+            yield dict(zip("abn", group, strict=False))
 
 
 def of_members(template: Template, binding: Binding, data: TableData) -> Iterator[Binding | str]:
-    """Bindings of what the candidate's name leaves open; or the reason why there are none."""
+    """Bindings of the marks that the candidate's name leaves open, or why there are none."""
     if template.readings and data.table.component is None:
         return
     used = marks(*template.columns, *template.trees)
-    wanted = [mark for mark in COLUMN_MARKS if mark in used]
-    if lacking := [MISSING[mark] for mark in wanted if not data.columns[mark]]:
+    kinds = [mark for mark in COLUMN_MARKS if mark in used]
+    if lacking := [MISSING[mark] for mark in kinds if not data.columns[mark]]:
         yield lacking[0]
         return
-    free = [mark for mark in "ab" if mark in used and mark not in binding]
-    axes = (own for own in combinations(data.axes, len(free)) if not {*own} & {*binding.values()})
-    for own, chosen in product(axes, product(*(data.columns[mark] for mark in wanted))):
-        yield {**binding, **dict(zip((*free, *wanted), (*own, *chosen), strict=True))}
+    unbound = [mark for mark in "ab" if mark in used and mark not in binding]
+    axes = (ab for ab in combinations(data.axes, len(unbound)) if not {*ab} & {*binding.values()})
+    for ab, chosen in product(axes, product(*(data.columns[mark] for mark in kinds))):
+        yield {**binding, **dict(zip((*unbound, *kinds), (*ab, *chosen), strict=True))}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,7 +246,7 @@ class BoundTemplate:
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
     of each parameter; `used` are the columns that these and `needs` name, `covariate` the one
-    that the effect goes with, `grid` (G,) the values of what is searched, if anything is. With it
+    that the effect depends on, `grid` (G,) the values of the searched parameter, if any. With it
     its `margins`; of a family `over` features, parts or operations one member each is `chosen`.
     """
 
@@ -263,16 +264,16 @@ class BoundTemplate:
 
     @property
     def searched(self) -> str:
-        """The name of what is searched."""
+        """The name of the searched parameter."""
         return self.template.searched or ""
 
     @property
     def scale(self) -> str:
-        """Of the grid of what is searched; empty where nothing is."""
+        """Of the grid of the searched parameter; empty without one."""
         return "" if self.template.search is None else self.template.search.grid
 
     def columns(self, searched: FloatArray | None) -> tuple[Levers, ...]:
-        """The levers of each parameter at values (G,) of what is searched.
+        """The levers of each parameter at values (G,) of the searched one.
 
         Raises NoMember where they are no finite numbers.
         """
@@ -291,27 +292,27 @@ class BoundTemplate:
         return tuple(result.values())
 
     def slopes(self) -> dict[int, dict[str, Node]]:
-        """By index of the axis the derivatives of the levers with respect to what is searched."""
+        """By index of the axis the derivatives of the levers by the searched parameter."""
         return {
             axis: {parameter: slope(lever, self.searched) for parameter, lever in levers.items()}
             for axis, levers in self.levers.items()
         }
 
     def change_unit(self) -> str:
-        """The unit of a change of what is searched, as a factor of the `slopes`.
+        """The unit of a change of the searched parameter, as a factor of the `slopes`.
 
         Raises NoMember where files of machines have no such unit.
         """
         searched, unit = self.searched, self.data.table.unit
-        tree = next(own for levers in self.slopes().values() for own in levers.values())
+        tree = next(node for slopes in self.slopes().values() for node in slopes.values())
         algebra = Algebra(units=own_columns(names(tree), [searched]), factor=NO_LENGTH)
         powers = algebra.of(parse(filled_text(tree, {searched: 2.0})))
-        if not (meant := parameter_units_of(UNITS[unit].powers / powers, unit)):
+        if not (units := parameter_units_of(UNITS[unit].powers / powers, unit)):
             raise NoMember(f"a change of {searched} has no unit in files of machines")
-        return meant[0]
+        return units[0]
 
     def texts(self, value: float | None = None) -> dict[str, str]:
-        """Equations by key (``Ex``) with all numbers in place, `value` for what is searched."""
+        """Equations by key (``Ex``) with all numbers in place, `value` for the searched one."""
         filling = {} if value is None else {self.searched: value}
         axes = self.data.table.axes
         return {f"E{axes[a]}": filled_text(tree, filling) for a, tree in self.equations.items()}
@@ -320,30 +321,30 @@ class BoundTemplate:
 def bound(family: Family, template: Template, binding: Binding, data: TableData) -> BoundTemplate:
     """Raises NoMember where the data has none: no such axis or column, or no finite values."""
     axes = data.table.axes
-    found: list[tuple[int, str, Binding]] = []
+    entries: list[tuple[int, str, Binding]] = []
     for key in template.trees:
         for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
             if axis not in axes:
                 raise NoMember
-            found.append((axes.index(axis), key, {**binding, "each": axis}))
-    columns = {_column(raw, own, data)[0] for _, _, own in found for raw in template.columns}
-    wanted = columns | {_column(raw, binding, data)[0] for raw in family.needs}
-    for name in sorted(wanted):
+            entries.append((axes.index(axis), key, {**binding, "each": axis}))
+    columns = {_column(raw, scope, data)[0] for _, _, scope in entries for raw in template.columns}
+    inputs = columns | {_column(raw, binding, data)[0] for raw in family.needs}
+    for name in sorted(inputs):
         check_column(name, data)
 
-    def meant(raw: str, own: Binding) -> str | float:
-        name, number = _column(raw, own, data)
+    def fill(raw: str, scope: Binding) -> str | float:
+        name, number = _column(raw, scope, data)
         # No column of the equations has the name of a parameter.
         while raw in template.units and name in columns:
             name = f"own_{name}"
         return name if number is None else data.number(name, number)
 
     fillings = [
-        {raw: meant(raw, own) for raw in (*template.columns, *template.units)}
-        for _, _, own in found
+        {raw: fill(raw, scope) for raw in (*template.columns, *template.units)}
+        for _, _, scope in entries
     ]
     equations, levers = dict[int, Node](), dict[int, dict[str, Node]]()
-    for (a, key, _), filling in zip(found, fillings, strict=True):
+    for (a, key, _), filling in zip(entries, fillings, strict=True):
         equations[a] = filled_tree(template.trees[key], filling)
         levers[a] = {
             str(filling[raw]): filled_tree(lever, filling)
@@ -355,7 +356,7 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         for filling in fillings
     }
     if binding.get("c") == TIME:
-        pairs = (pair for own in levers.values() for pair in own.items())
+        pairs = (pair for by_name in levers.values() for pair in by_name.items())
         timed = dict.fromkeys(name for name, lever in pairs if TIME in names(lever))
         units |= {name: per_minute(name, units[name]) for name in timed}
     grid = None
@@ -367,7 +368,7 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         grid = grid_of(search, data.values[along] if along else None, size)
         if not len(grid):
             raise NoMember(f"too few values of {along} to search {template.searched}")
-    used = sorted(wanted - {*AXES})
+    used = sorted(inputs - {*AXES})
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
     whole = BoundTemplate(
         family=family,
@@ -400,7 +401,7 @@ def _column(raw: str, binding: Binding, data: TableData) -> tuple[str, str | Non
     plain, number = number_of(raw) or (raw, None)
     name, table = filled(plain, binding), data.table
     if table.component is not None and name == f"dir_{table.axes[0]}":
-        name = next((own for own in table.covariates if own.startswith("dir_")), name)
+        name = next((key for key in table.covariates if key.startswith("dir_")), name)
     return name, number
 
 
@@ -437,14 +438,14 @@ def candidates_of(
 
     Raises InputError for a name in `exclude` that the library does not have.
     """
-    known = list(dict.fromkeys(family.family.family for family in library.families))
-    expected = f"a family ({', '.join(known)}) or one of its effects, such as backlash-x"
+    families = list(dict.fromkeys(family.family.family for family in library.families))
+    expected = f"a family ({', '.join(families)}) or one of its effects, such as backlash-x"
     # backlash-z is no mistake where the data has no z.
     if faults := [
-        finding("unknown-name", value=name, meant=nearest(name, known),
+        finding("unknown-name", value=name, meant=nearest(name, families),
                 what="effect to exclude", expected=expected)
         for name in exclude
-        if not any(f"{name}-".startswith(f"{family}-") for family in known)
+        if not any(f"{name}-".startswith(f"{family}-") for family in families)
     ]:  # fmt: skip
         raise InputError(faults)
     data = TableData.of(table)
@@ -459,29 +460,29 @@ def candidates_of(
 
 def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candidate | None:
     """None where the table could not have such an effect."""
-    own, forms = family.family, list[BoundTemplate]()
+    entry, forms = family.family, list[BoundTemplate]()
     reasons: dict[str, None] = {}
     # Of two neither is the outlier.
-    least = 3 if own.kind == OUTLIER else 2
-    chosen = None if own.over is None else tuple(choices(data.table, own.over))
+    least = 3 if entry.kind == OUTLIER else 2
+    chosen = None if entry.over is None else tuple(choices(data.table, entry.over))
     if chosen is not None and len(chosen) < least:
-        reasons[f"fewer than {least} of {own.over}"] = None
-    elif own.kind == SCATTER:
-        for name in own.needs:
+        reasons[f"fewer than {least} of {entry.over}"] = None
+    elif entry.kind == SCATTER:
+        for name in entry.needs:
             try:
                 check_column(name, data)
             except NoMember as lack:
                 reasons[str(lack) or f"no column {name}"] = None
     else:
-        for template, item in (
-            (one, item) for one in family.templates for item in of_members(one, binding, data)
+        for form, item in (
+            (x, item) for x in family.templates for item in of_members(x, binding, data)
         ):
             try:
                 if isinstance(item, str):
                     raise NoMember(item)
-                effect, *margins = (bound(own, x, item, data) for x in (template, *family.margins))
+                effect, *margins = (bound(entry, x, item, data) for x in (form, *family.margins))
                 levers = [node for by_name in effect.levers.values() for node in by_name.values()]
-                if own.kind != OFFSET and not all(any(names(node)) for node in levers):
+                if entry.kind != OFFSET and not all(any(names(node)) for node in levers):
                     raise NoMember(CONSTANT)
                 forms.append(replace(effect, margins=tuple(margins), chosen=chosen))
             except NoMember as lack:
@@ -489,17 +490,17 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
         if not forms and not reasons:
             return None
     readings, notes = data.table.component is not None, "; ".join(reasons)
-    separates = (readings and own.separates_readings) or own.separates
-    missing = not forms if own.kind != SCATTER else bool(reasons)
+    separates = (readings and entry.separates_readings) or entry.separates
+    missing = not forms if entry.kind != SCATTER else bool(reasons)
     return Candidate(
         name=filled(family.name, binding),
-        family=own.family,
+        family=entry.family,
         axis=binding.get("n") or binding.get("a", "") + binding.get("b", "") or None,
-        kind=own.kind,
-        over=own.over,
-        says=filled(own.says, binding),
+        kind=entry.kind,
+        over=entry.over,
+        says=filled(entry.says, binding),
         separates=None if separates is None else filled(separates, binding),
-        sentence=(readings and own.sentence_readings) or own.sentence,
+        sentence=(readings and entry.sentence_readings) or entry.sentence,
         forms=tuple(forms),
         unavailable=notes or NOTHING_LEFT if missing else None,
         notes="" if missing else notes,

@@ -33,14 +33,14 @@ ELSEWHERE = "elsewhere each predicts other errors, and u is that of this one"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectParameters:
-    """The parameters of all effects of a machine, as components that are known; `own` are the
-    effects' own components, as the file states them.
+    """The parameters of all effects of a machine, as known components; `tables` are the components
+    within effects, as the file states them.
 
     `renames` by effect: the names in its equations -> ``effect.parameter``.
     """
 
     components: dict[str, ComponentEstimate]
-    own: dict[str, ComponentEstimate]
+    tables: dict[str, ComponentEstimate]
     joint: tuple[JointPasses, ...]
     renames: tuple[dict[str, str], ...]
 
@@ -51,8 +51,8 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
     """
     components: dict[str, ComponentEstimate] = {}
     tables: dict[str, ComponentEstimate] = {}
-    joint, renames, together = [], [], list[str]()
-    known = () if reported is None else reported.names
+    joint, renames, matches = [], [], list[str]()
+    recorded = () if reported is None else reported.names
     for effect in machine.machine.effects:
         names = (*effect.parameters, *effect.components)
         rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in names}
@@ -61,19 +61,19 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
         components |= stated
         for name, entry in effect.components.items():
             tables[rename[name]] = known_component(rename[name], entry)
-        if stated.keys() <= {*known}:
-            together += stated
+        if stated.keys() <= {*recorded}:
+            matches += stated
         elif effect.covariance is not None:
-            joint.append(_known_together(tuple(stated), covariance))
-    if reported is not None and together:
-        rows = [known.index(name) for name in together]
+            joint.append(_joint_parameters(tuple(stated), covariance))
+    if reported is not None and matches:
+        rows = [recorded.index(name) for name in matches]
         C = reported.covariance[np.ix_(rows, rows)]
-        for i, (name, row) in enumerate(zip(together, rows, strict=True)):
-            value, own = reported.values[row : row + 1], C[i : i + 1, i : i + 1]
-            components[name] = replace(components[name], coefficients=value, covariance=own)
-        joint.append(_known_together(tuple(together), C))
+        for i, (name, row) in enumerate(zip(matches, rows, strict=True)):
+            value, variance = reported.values[row : row + 1], C[i : i + 1, i : i + 1]
+            components[name] = replace(components[name], coefficients=value, covariance=variance)
+        joint.append(_joint_parameters(tuple(matches), C))
     return EffectParameters(
-        components=components, own=tables, joint=tuple(joint), renames=tuple(renames)
+        components=components, tables=tables, joint=tuple(joint), renames=tuple(renames)
     )
 
 
@@ -81,7 +81,7 @@ def _stated(
     effect: Effect, rename: Mapping[str, str]
 ) -> tuple[dict[str, ComponentEstimate], FloatArray]:
     """The parameters of an effect as components without an axis, known to their u, and their
-    covariance: where the file states one, it stands for the parameters' own u.
+    covariance: where the file states one, it replaces the parameters' u.
     """
     units = {name: PARAMETER_UNITS[p.unit] for name, p in effect.parameters.items()}
     f = np.array([unit.to_internal for unit in units.values()])
@@ -106,7 +106,7 @@ def _stated(
     return estimates, C
 
 
-def _known_together(names: tuple[str, ...], C: FloatArray) -> JointPasses:
+def _joint_parameters(names: tuple[str, ...], C: FloatArray) -> JointPasses:
     return JointPasses(
         components=names,
         widths=(1,) * len(names),
@@ -126,14 +126,14 @@ def all_together(
     """All parameters of a machine's effects with one covariance, None where it has no effect.
 
     That of effects estimated separately is zero between them; `covariance` (k, k), in internal
-    units, is over the parameters `names`, estimated together now.
+    units, is over the parameters `names`, estimated jointly now.
     """
-    found = effects_of(machine, reported)
-    order, items = list(found.components), list(found.components.values())
+    effects = effects_of(machine, reported)
+    order, items = list(effects.components), list(effects.components.values())
     if not order:
         return None
     C = np.diag([item.covariance[0, 0] for item in items])
-    for group in found.joint:
+    for group in effects.joint:
         rows = [order.index(name) for name in group.components]
         C[np.ix_(rows, rows)] = group.covariance
     rows = [order.index(name) for name in names]
@@ -148,21 +148,21 @@ def all_together(
 
 
 def effect_warnings(
-    machine: LoadedMachine, reported: EffectEstimates | None, shown: str
+    machine: LoadedMachine, reported: EffectEstimates | None, report: str
 ) -> list[Finding]:
-    """Where the report `shown` and the machine file differ in their effects."""
+    """Where the file `report` and the machine file differ in their effects."""
     if reported is None:
         return []
-    stated, found = (effects_of(machine, own).components for own in (None, reported))
+    stated, estimates = (effects_of(machine, x).components for x in (None, reported))
     file = machine.source.shown
     unknown = [name for name in reported.names if name not in stated]
     changed = [
-        name for name, item in found.items()
+        name for name, item in estimates.items()
         if not np.allclose(item.coefficients, stated[name].coefficients, SAME, 0.0)
     ]  # fmt: skip
     differing = (
-        (unknown, f"effects of {shown}", f"{file} has no such effects"),
-        (changed, f"values of {file}", f"those of {shown} replace them"),
+        (unknown, f"effects of {report}", f"{file} has no such effects"),
+        (changed, f"values of {file}", f"those of {report} replace them"),
     )
     return [
         finding("not-used", names=names, what=what, reason=reason)
@@ -184,7 +184,7 @@ def searched_warnings(machine: LoadedMachine) -> list[Finding]:
     return warnings
 
 
-def outside_seen(
+def range_warnings(
     effects: Sequence[Effect], values: Mapping[str, FloatArray | float], file: str | None
 ) -> list[Finding]:
     """Of effects of a machine `file` that are used, at `values` by name of column or position, more
@@ -193,15 +193,15 @@ def outside_seen(
     warnings = []
     for effect in effects:
         for column, (low, high) in effect.seen.items():
-            given = np.atleast_1d(np.asarray(values.get(column, np.nan), float))
-            given = given[np.isfinite(given)]
-            excess = np.maximum(low - given, given - high)
+            x = np.atleast_1d(np.asarray(values.get(column, np.nan), float))
+            x = x[np.isfinite(x)]
+            excess = np.maximum(low - x, x - high)
             slack = max(SLACK * (high - low), SAME * max(abs(low), abs(high)))
-            if len(given) and excess.max() > slack:
+            if len(x) and excess.max() > slack:
                 unit = " mm" if column in POSITIONS else ""
-                seen = f"from {low:.8g} to {high:.8g}" if low < high else f"at {low:.8g}"
-                far = f"extrapolated to {given[int(np.argmax(excess))]:.8g}{unit}"
-                facts = {"effects": effect.name, "covariate": column, "range": seen + unit}
+                span = f"from {low:.8g} to {high:.8g}" if low < high else f"at {low:.8g}"
+                far = f"extrapolated to {x[int(np.argmax(excess))]:.8g}{unit}"
+                facts = {"effects": effect.name, "covariate": column, "range": span + unit}
                 code = "outside-effect-range"
                 warnings.append(finding(code, **facts, consequence=far, file=file))
     return warnings

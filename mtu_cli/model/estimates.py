@@ -1,4 +1,4 @@
-"""What is known of components and their drifts: coefficients, covariance, scatter of passes."""
+"""Estimates of components and their drifts: coefficients, covariance, scatter of passes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ThermalEstimate:
     `coefficient_dof`. `leftover` (m, m), with `leftover_dof`, is the covariance of what the model
     leaves, as a polynomial of the same powers, shared by all points of a part. `time_constants`
     (s,) in min, 0 without lag; `sensor_u` (s,) in degC; `temperature_range` (s, 2) in degC and
-    `position_range` in mm are what the fit saw (None: not known).
+    `position_range` in mm are the ranges of the fit (None: not known).
     """
 
     component: str
@@ -55,7 +55,7 @@ class ThermalEstimate:
         already.
         """
         rises = [np.asarray(temperature[sensor]) - self.reference for sensor in self.sensors]
-        each = [own * u for own, u in zip(self.gradients(position), rises, strict=True)]
+        each = [gradient * u for gradient, u in zip(self.gradients(position), rises, strict=True)]
         return sum(each, np.zeros(len(position)))
 
 
@@ -108,7 +108,7 @@ class ComponentEstimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointPasses:
-    """Components read in the same passes, or parameters estimated together: `covariance`,
+    """Components read in the same passes, or parameters estimated jointly: `covariance`,
     `pass_covariance` and `half_differences` (K, K) replace the components' own; K counts their
     coefficients (`widths` of them each) in the order of `components`.
     """
@@ -124,7 +124,7 @@ class JointPasses:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectEstimates:
-    """Parameters of a machine's effects, estimated together, in internal units.
+    """Parameters of a machine's effects, estimated jointly, in internal units.
 
     `names` (K,) are ``effect.parameter``; `values` (K,), `covariance` (K, K) over all of them.
     """
@@ -138,7 +138,7 @@ class EffectEstimates:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
     """All components of a machine, which of them were estimated jointly, and their drifts;
-    `effects`: what a report says of the machine's effects, where it says anything.
+    `effects`: a report's estimates of the machine's effects, where it has any.
     """
 
     components: dict[str, ComponentEstimate]
@@ -150,21 +150,21 @@ class Estimates:
 def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
     """S (k, k), the mean square between passes that C and D come from; None without one.
 
-    Up to degree 1 every coefficient is the mean of the passes' own, so that S = n C, or
+    Up to degree 1 every coefficient is the mean over the passes, so that S = n C, or
     n C/2 + S_h of runs there and back. Powers that the passes have in common are known from within
-    passes: then S = D + s_repeat^2 M, where M = n (P'X'X P)^-1 is the error of a pass's own level
-    and slope, P their columns, and (P'X'X P)^-1 is the Schur complement of those powers in
+    passes: then S = D + s_repeat^2 M, where M = n (P'X'X P)^-1 is the error of the level and slope
+    of a pass, P their columns, and (P'X'X P)^-1 is the Schur complement of those powers in
     (X'X)^-1. Of a table X'X counts the readings at its positions.
     """
     C, D, s = estimate.covariance, estimate.pass_covariance, estimate.independent_s
-    n, halves, apart = estimate.n_passes, estimate.half_differences, estimate.independent_covariance
+    n, halves, C_ind = estimate.n_passes, estimate.half_differences, estimate.independent_covariance
     if n is None:
         return None
     if estimate.table is not None:
-        if apart is None or not s:
+        if C_ind is None or not s:
             return None
         line = estimate.table.of_line(float(np.mean(estimate.table.at)), 2)
-        M = n * np.linalg.inv((line.T * (s**2 / np.diag(apart))) @ line)
+        M = n * np.linalg.inv((line.T * (s**2 / np.diag(C_ind))) @ line)
         return D + np.asarray(estimate.s_repeat**2 * line @ M @ line.T)
     k = len(C)
     # D of few passes may be cut to 0 in all; what differs between the ways of a run is not.
@@ -173,8 +173,8 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
     if q == k:
         return from_mean(C, n, halves)
     S = D.copy()
-    if apart is not None and s:
-        inverse = apart / s**2
+    if C_ind is not None and s:
+        inverse = C_ind / s**2
         scale = np.sqrt(np.diag(inverse))
         R = inverse / np.outer(scale, scale)
         M = R[:q, :q] - R[:q, q:] @ np.linalg.lstsq(R[q:, q:], R[q:, :q], rcond=None)[0]
@@ -227,10 +227,10 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
         return None if matrix is None else by @ np.asarray(matrix, float) @ by.T
 
     scale = np.eye(k) * f
-    known: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     if isinstance(entry, ReportedComponent):
         D, repeat, overall = squared("pass_covariance_moment", T), entry.s_repeat, np.inf
-        known = {
+        fields = {
             "n_passes": entry.n_passes,
             "independent_covariance": squared("covariance_independent", scale),
             "independent_s": None if entry.s is None else entry.s * f,
@@ -246,8 +246,8 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
         elif entry.u_future is not None:
             repeat = entry.u_future
         if table is not None:
-            # A table says nothing of what is beyond it.
-            known = {"position_range": (float(table.at[0]), float(table.at[-1]))}
+            # A table holds within its positions only.
+            fields = {"position_range": (float(table.at[0]), float(table.at[-1]))}
     C, none = squared("covariance", scale), np.zeros((k, k))
     return ComponentEstimate(
         name=name,
@@ -260,7 +260,7 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
         pass_dof=0.0 if D is None else dof_or(entry.pass_dof, overall),
         repeat_dof=dof_or(entry.repeat_dof, overall),
         table=table,
-        **known,
+        **fields,
     )
 
 

@@ -137,25 +137,25 @@ class ComponentFit:
 
 def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit:
     """Fits one component from all its readings; `component` is the machine file's entry: `of`,
-    `unit`, `degree`. Instruments (ball bar, laser) are fitted apart, each with its own variances,
-    and combined.
+    `unit`, `degree`. Instruments (ball bar, laser) are fitted separately, each with its own
+    variances, and combined.
 
     Raises InputError for one of several instruments whose readings show no scatter, and for tables
     of several.
     """
     rows = np.flatnonzero(readings.code == readings.components.index(name))
     roles = np.array(readings.roles)[readings.file_index[rows]]
-    read = [
+    series = [
         _read(readings, rows[roles == role], role, component)
         for role in dict.fromkeys(roles.tolist())
     ]
     degree = None if component.is_table else component.degree
-    fits = [_fitted(name, each, degree) for each in read]
+    fits = [_fitted(name, each, degree) for each in series]
     if degree == AUTO and len(fits) > 1:
         # One shape for all: the highest degree that any of them chooses, in place of a table.
         highest = max(MOST_AUTO if x.profile else x.powers - 1 for x in fits)
         highest = min(highest, *(len(np.unique(x.position)) - 1 for x in fits))
-        fits = [_fitted(name, each, highest) for each in read]
+        fits = [_fitted(name, each, highest) for each in series]
     if len(fits) > 1 and component.is_table:
         reason = f"{name!r} was read by several instruments, whose tables are not combined"
         expected = "readings of one instrument, or a degree"
@@ -196,61 +196,63 @@ def _read(readings: Readings, rows: IntArray, role: str, component: Any) -> Inst
     )
 
 
-def _fitted(name: str, of: InstrumentReadings, degree: int | str | None) -> InstrumentFit:
-    """Of a `degree`, or that (or the table) which the readings choose; None: a table, the passes'
-    lines beside its bend.
+def _fitted(name: str, series: InstrumentReadings, degree: int | str | None) -> InstrumentFit:
+    """The fit of a `degree`, or of that (or the table) which the readings choose; None: a table,
+    the passes' lines and its bend.
 
     Raises InputError for too few readings for a table.
     """
     if degree == AUTO:
-        degree = chosen_degree(of)
+        degree = chosen_degree(series)
     if degree is not None:
-        return InstrumentFit(**vars(of), fit=of.lines(int(degree)))
-    own = np.zeros(len(of.error), np.int64) if of.group is None else of.group
-    profile = smooth_profile(of.position, of.error, own, own if of.runs is None else of.runs)
+        return InstrumentFit(**vars(series), fit=series.lines(int(degree)))
+    group = np.zeros(len(series.error), np.int64) if series.group is None else series.group
+    profile = smooth_profile(
+        series.position, series.error, group, group if series.runs is None else series.runs
+    )
     if profile is None:
         raise error(
             "too-little-data",
             what=f"the readings of {name!r} for a table",
-            file=of.files,
+            file=series.files,
             expected=f"at least {FEWEST_TARGETS} positions, each read in several passes",
         )
-    fit = of.lines(1, profile.bend_at(of.position))
-    changed: dict[str, Any] = {
+    fit = series.lines(1, profile.bend_at(series.position))
+    fields: dict[str, Any] = {
         "s2": profile.s2,
         "within_rss": profile.rss,
         "within_dof": profile.dof,
         "pooled_rss": fit.pooled_rss - (fit.within_rss - profile.rss),
         "pooled_dof": fit.pooled_dof - (fit.within_dof - profile.dof),
     }
-    return InstrumentFit(**vars(of), fit=replace(fit, **changed), profile=profile)
+    return InstrumentFit(**vars(series), fit=replace(fit, **fields), profile=profile)
 
 
-def chosen_degree(of: InstrumentReadings) -> int | None:
+def chosen_degree(series: InstrumentReadings) -> int | None:
     """The degree that held-out runs choose; None for a table. 1 of fewer than three runs.
 
-    Every run is left out once, and every shape, fitted to the others, predicts its readings but for
+    Every run is left out once, and every shape, fitted to the rest, predicts its readings but for
     their level, which drifts. The simplest shape is chosen that is no worse than the best by more
     than a standard error of the difference, run by run (after the rule of Breiman et al.,
     Classification and Regression Trees (1984), 3.4.3).
     """
-    places, group, run = len(np.unique(of.position)), of.group, of.runs
+    places, group, run = len(np.unique(series.position)), series.group, series.runs
     if group is None or run is None or len(runs := np.unique(run)) < FEWEST_RUNS:
         return min(1, places - 1)
     shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
     losses = np.full((len(shapes), len(runs)), np.nan)
-    for fold, left in enumerate(runs):
-        seen = run != left
-        unseen = [np.flatnonzero(group == g) for g in np.unique(group[~seen])]
+    for fold, test_run in enumerate(runs):
+        train = run != test_run
+        test = [np.flatnonzero(group == g) for g in np.unique(group[~train])]
         for i, degree in enumerate(shapes):
-            found = _predicted(of.position, of.error, group, run, seen, degree)
-            if found is not None:
-                losses[i, fold] = np.mean([np.var(of.error[rows] - found[rows]) for rows in unseen])
-    kept = np.flatnonzero(np.isfinite(losses).all(axis=1))
-    best = kept[np.argmin(losses[kept].mean(axis=1))]
-    worse = losses[kept] - losses[best]
+            fit = _predicted(series.position, series.error, group, run, train, degree)
+            if fit is not None:
+                losses[i, fold] = np.mean([np.var(series.error[rows] - fit[rows]) for rows in test])
+    candidates = np.flatnonzero(np.isfinite(losses).all(axis=1))
+    best = candidates[np.argmin(losses[candidates].mean(axis=1))]
+    worse = losses[candidates] - losses[best]
     se = worse.std(axis=1, ddof=1) / np.sqrt(len(runs))
-    return shapes[int(kept[np.flatnonzero(worse.mean(axis=1) <= se)[0]])]
+    return shapes[int(candidates[np.flatnonzero(worse.mean(axis=1) <= se)[0]])]
 
 
 def _predicted(
@@ -258,20 +260,20 @@ def _predicted(
     error: FloatArray,
     group: IntArray,
     run: IntArray,
-    seen: FloatArray,
+    train: FloatArray,
     degree: int | None,
 ) -> FloatArray | None:
-    """Readings (n,) but for the level of each pass, by the shape fitted to those `seen`."""
+    """Readings (n,) but for the level of each pass, by the shape fitted to those of `train`."""
     bend = np.zeros(len(error))
     if degree is None:
-        profile = smooth_profile(position[seen], error[seen], group[seen], run[seen])
+        profile = smooth_profile(position[train], error[train], group[train], run[train])
         if profile is None:
             return None
         bend, degree = profile.bend_at(position), 1
     middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
     powers = polynomial((position - middle) / half, degree)[:, 1:]
-    levels = (group[seen, None] == np.unique(group[seen])).astype(np.float64)
-    fit = least_squares(np.column_stack([levels, powers[seen]]), (error - bend)[seen])
+    levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
+    fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
     return bend + powers @ fit.coefficients[levels.shape[1] :]
 
 
@@ -290,13 +292,13 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
     return result
 
 
-def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:
-    fit, plain, profile = found.fit, found.fit.plain, found.profile
-    low, high = float(found.position.min()), float(found.position.max())
-    shape: Shape = Powers(found.powers - 1)
-    own: dict[str, Any] = {
+def _estimate(name: str, component: Any, unit: Unit, fit: InstrumentFit) -> ComponentEstimate:
+    lines, plain, profile = fit.fit, fit.fit.plain, fit.profile
+    low, high = float(fit.position.min()), float(fit.position.max())
+    shape: Shape = Powers(fit.powers - 1)
+    fields: dict[str, Any] = {
         "coefficients": plain.coefficients,
-        "covariance": fit.covariance,
+        "covariance": lines.covariance,
         "independent_covariance": plain.s2 * plain.unscaled_covariance,
         "independent_s": float(np.sqrt(plain.s2)),
     }
@@ -304,38 +306,38 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
         shape = TableShape(
             at=profile.knots, roughness=profile.roughness, own=profile.own, own_dof=profile.own_dof
         )
-        own = _at_knots(found, profile) | {"table": shape}
-    T = shape.of_line(fit.center, len(fit.D))
-    D = T @ fit.D_moment @ T.T
-    halves = None if fit.half_differences is None else T @ fit.half_differences @ T.T
+        fields = _at_knots(fit, profile) | {"table": shape}
+    T = shape.of_line(lines.center, len(lines.D))
+    D = T @ lines.D_moment @ T.T
+    halves = None if lines.half_differences is None else T @ lines.half_differences @ T.T
     return ComponentEstimate(
         name=name,
         of=component.of,
         unit=unit,
         pass_covariance=(D + D.T) / 2,
-        s_repeat=float(np.sqrt(fit.s2)),
-        pass_dof=float(fit.pass_dof),
-        repeat_dof=float(fit.within_dof) if fit.within_dof else np.inf,
-        n_passes=fit.n_passes if fit.separated else None,
+        s_repeat=float(np.sqrt(lines.s2)),
+        pass_dof=float(lines.pass_dof),
+        repeat_dof=float(lines.within_dof) if lines.within_dof else np.inf,
+        n_passes=lines.n_passes if lines.separated else None,
         position_range=None if component.of is None else (low, high),
         half_differences=None if halves is None else (halves + halves.T) / 2,
-        **own,
+        **fields,
     )
 
 
-def _at_knots(found: InstrumentFit, profile: SmoothProfile) -> dict[str, Any]:
+def _at_knots(fit: InstrumentFit, profile: SmoothProfile) -> dict[str, Any]:
     """Values, and their covariances, of the line and the bend at the positions that were read.
 
     The bend holds no line of the readings, however many there are at each position.
     """
-    y, at, L = found.error, np.searchsorted(profile.knots, found.position), line(profile.knots, 0.0)
+    y, at, L = fit.error, np.searchsorted(profile.knots, fit.position), line(profile.knots, 0.0)
     counts = np.bincount(at)
     without_line = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
     of_bend = without_line @ profile.covariance @ without_line.T
     s2 = float(((y - (np.bincount(at, y) / counts)[at]) ** 2).sum()) / max(len(y) - len(L), 1)
     return {
-        "coefficients": L @ found.fit.plain.coefficients + profile.bend,
-        "covariance": L @ found.fit.covariance @ L.T + of_bend,
+        "coefficients": L @ fit.fit.plain.coefficients + profile.bend,
+        "covariance": L @ fit.fit.covariance @ L.T + of_bend,
         "independent_covariance": np.diag(s2 / counts),
         "independent_s": float(np.sqrt(s2)),
     }
@@ -360,7 +362,7 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
         return np.array([getattr(item, name) for item in estimates])
 
     def pooled(values: FloatArray, dofs: FloatArray) -> FloatArray:
-        """Mean weighted by degrees of freedom; those without any have no say."""
+        """Mean weighted by degrees of freedom; those without any have weight 0."""
         weights = np.where(np.isinf(dofs), 1e9, dofs)
         return np.average(values, axis=0, weights=weights) if weights.any() else 0 * values[0]
 
@@ -374,13 +376,13 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
     drift = max(float(x @ D @ x), 0.0)
     of_passes = np.array([drift / item.n_passes if item.n_passes else 0.0 for item in estimates])
     variance = of_passes + each("s_repeat") ** 2 / n
-    # One reading a pass has no repeatability of its own to weigh it by.
+    # One reading a pass has no repeatability to weigh it by.
     W = 1.0 / variance if (variance > 0).all() else n
     W = W / W.sum()
     covariance = np.tensordot(W**2, each("covariance"), axes=1)
-    # Welch-Satterthwaite over the mean squares behind C, by its trace; 0 where no instrument tells
-    # passes apart: then one mean square stands behind all.
-    by_trace = np.array([np.sum(np.diag(own) / np.diag(covariance)) for own in each("covariance")])
+    # Welch-Satterthwaite over the mean squares behind C, by its trace; 0 where no instrument
+    # separates passes: then one mean square stands behind all.
+    by_trace = np.array([np.sum(np.diag(C) / np.diag(covariance)) for C in each("covariance")])
     dof = welch_satterthwaite(W**2 * by_trace, np.where(passes != 0, passes, repeats))
     plain = n - len(first.coefficients)
     return ComponentEstimate(
@@ -407,14 +409,14 @@ def _at_both_ways(
     way alone, w = +1 or -1, reads a line half of the reversal value h away: b_0 - w h/2, with
     u(h)^2/4 more variance, h of one that ran both ways. Without such a one it stays as it is.
     """
-    known = next((fit.tests["reversal"] for fit in fits if "reversal" in fit.tests), None)
+    shift = next((fit.tests["reversal"] for fit in fits if "reversal" in fit.tests), None)
     result = list(estimates)
     for i, fit in enumerate(fits):
         ways = np.unique(fit.direction)
-        if isinstance(known, Shift) and len(ways) == 1 and ways[0]:
+        if isinstance(shift, Shift) and len(ways) == 1 and ways[0]:
             b, C = result[i].coefficients.copy(), result[i].covariance.copy()
-            b[0] -= ways[0] * known.value / 2
-            C[0, 0] += known.u**2 / 4
+            b[0] -= ways[0] * shift.value / 2
+            C[0, 0] += shift.u**2 / 4
             result[i] = replace(result[i], coefficients=b, covariance=C)
     return result
 
@@ -457,7 +459,7 @@ def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
     for fit in fits.values():
         if len(fit.instruments) != 1 or not fit.instruments[0].fit.separated:
             continue
-        fellows = [own for own in groups if _share(own[0].instruments[0], fit.instruments[0])]
+        fellows = [group for group in groups if _share(group[0].instruments[0], fit.instruments[0])]
         if fellows:
             fellows[0].append(fit)
         else:
@@ -494,8 +496,8 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     off, off_runs = np.where(inside, 0.0, S), np.where(inside, 0.0, K)
     D = T @ (block_diag(*(fit.D_moment for fit in fits)) + off) @ T.T
     C = block_diag(*(item.estimate.covariance for item in group))
-    own = [fit.half_differences for fit in fits if fit.half_differences is not None]
-    halves = block_diag(*own) + (off - off_runs) / 2 if own else None
+    blocks = [fit.half_differences for fit in fits if fit.half_differences is not None]
+    halves = block_diag(*blocks) + (off - off_runs) / 2 if blocks else None
     return JointPasses(
         components=tuple(item.name for item in group),
         widths=tuple(len(item.estimate.coefficients) for item in group),

@@ -12,7 +12,7 @@ import numpy as np
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, InputError, error, finding
-from mtu_cli.model.effect_parameters import outside_seen
+from mtu_cli.model.effect_parameters import range_warnings
 from mtu_cli.model.machine_model import (
     AXES,
     Covariates,
@@ -67,13 +67,13 @@ def outside_warnings(prediction: Prediction) -> list[Finding]:
     for point, component, position, low, high in prediction.outside:
         by_component.setdefault((component, low, high), {})[point] = position
     alike: dict[tuple[float, float, tuple[str, ...]], list[str]] = {}
-    for (component, low, high), found in by_component.items():
-        alike.setdefault((low, high, tuple(found)), []).append(component)
+    for (component, low, high), positions in by_component.items():
+        alike.setdefault((low, high, tuple(positions)), []).append(component)
     warnings = []
     for (low, high, points), names in alike.items():
-        others = f" (and {len(points) - 1} more)" if len(points) > 1 else ""
+        rest = f" (and {len(points) - 1} more)" if len(points) > 1 else ""
         at = by_component[names[0], low, high][points[0]]
-        what = f"feature {points[0]!r} at {at:g} mm{others}"
+        what = f"feature {points[0]!r} at {at:g} mm{rest}"
         facts = {"low": low, "high": high, "unit": "mm"}
         warnings.append(finding("outside-measured-range", what=what, names=names, **facts))
     return warnings
@@ -84,9 +84,9 @@ def guess_warnings(model: MachineModel, points: FloatArray, values: Covariates) 
     under covariates `values`, one for all or one a point.
     """
     whole = {**values, **places(model, points)}
-    known = {name: value for name, value in whole.items() if name not in model.constants}
-    seen = outside_seen(model.effects, known, model.file)
-    return [*temperature_warnings(model, points, values), *seen]
+    inputs = {name: value for name, value in whole.items() if name not in model.constants}
+    outside = range_warnings(model.effects, inputs, model.file)
+    return [*temperature_warnings(model, points, values), *outside]
 
 
 def prediction_warnings(
@@ -115,15 +115,15 @@ def grid_of(
     Raises InputError for a count that is none, or an axis without travel.
     """
     try:
-        given = [int(count) for count in text.split(",")]
+        numbers = [int(count) for count in text.split(",")]
     except ValueError:
-        given = []
-    if not 1 <= len(given) <= 3 or min(given) < 1:
+        numbers = []
+    if not 1 <= len(numbers) <= 3 or min(numbers) < 1:
         form, expected = "a count an axis", "5 or 7,5,3, say"
         raise error("wrong-type", path="--grid", kind=form, value=text, expected=expected)
     fixed, travels = model.position_constants(), machine.machine.travels
     needed = {name for axis in model.axes for name in coordinates_of(model, axis)} - {*fixed}
-    counts = [*(given * 3 if len(given) == 1 else given), 1][:3]
+    counts = [*(numbers * 3 if len(numbers) == 1 else numbers), 1][:3]
     counts = [count if axis in needed else 1 for axis, count in zip(AXES, counts, strict=True)]
     if (count := math.prod(counts)) > MOST_PLACES:
         expected = f"at most {MOST_PLACES} places, not {count}"

@@ -21,7 +21,7 @@ from mtu_cli.files.reports_read import (
 )
 from mtu_cli.findings import Finding, InputError, finding, listed, suggestion
 from mtu_cli.language import evaluate
-from mtu_cli.model.effect_parameters import outside_seen
+from mtu_cli.model.effect_parameters import range_warnings
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -43,7 +43,7 @@ from mtu_cli.units import PARAMETER_UNITS, UNITS
 SAME_TEMPERATURE = 1e-9
 """degC; less is the rounding of a number that went through text."""
 ELSEWHERE = 1.0
-"""mm along axes that readings tell no position of: effect and lever arm have the same factor."""
+"""mm along axes whose position the readings lack: effect and lever arm have the same factor."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +59,8 @@ class MachineFit:
 
     @cached_property
     def significant(self) -> dict[str, dict[tuple[str, str], float]]:
-        """By test, the p of each (component, role) that holds out among all of it (Bonferroni)."""
-        items = [(name, x) for name, own in self.components.items() for x in own.instruments]
+        """By test, the p of each (component, role) significant among all of them (Bonferroni)."""
+        items = [(name, x) for name, fit in self.components.items() for x in fit.instruments]
         return {
             test: significant({(n, x.role): x.tests[test].p for n, x in items if test in x.tests})
             for test in TESTS
@@ -70,12 +70,12 @@ class MachineFit:
 def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     """Fits every component that was read, to the readings less the machine's effects that were
     found in readings of it. A component that has neither readings nor coefficients is not fitted,
-    which a note says.
+    with a warning.
 
     Raises InputError for what looks like drift readings.
     """
     components = machine.machine.components
-    read, shown = set(readings.components), ", ".join(each.shown for each in readings.sources)
+    read, files = set(readings.components), ", ".join(each.shown for each in readings.sources)
     missing = [
         name for name, x in components.items() if name not in read and x.coefficients is None
     ]
@@ -83,14 +83,14 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     moved = readings.has_pass.any() or readings.direction.any()
     if missing and sensors and readings.cycles and not moved:
         # They look like those of drifts: then these are not the machine's components.
-        raise InputError(drift_problem(shown, sensors))
-    left, warnings = without_effects(machine, readings)
-    fits = {name: fit_component(left, name, x) for name, x in components.items() if name in read}
+        raise InputError(drift_problem(files, sensors))
+    rest, warnings = without_effects(machine, readings)
+    fits = {name: fit_component(rest, name, x) for name, x in components.items() if name in read}
     if missing:
         place = {"file": machine.source.shown, "line": machine.line_of("components", missing[0])}
-        reason = f"no readings in {shown}, and none in the machine file"
-        given = {"quantity": "coefficients", "names": missing, "reason": reason}
-        warnings.append(finding("not-estimable", **given, **place))
+        reason = f"no readings in {files}, and none in the machine file"
+        facts = {"quantity": "coefficients", "names": missing, "reason": reason}
+        warnings.append(finding("not-estimable", **facts, **place))
     joint = shared_passes(fits)
     return MachineFit(
         components=fits, joint=joint, missing=tuple(missing), warnings=tuple(warnings)
@@ -105,21 +105,21 @@ ALL_REPEATABILITY = "one pass, or no column `pass`: all of it counts as repeatab
 
 
 def fit_warnings(fit: MachineFit) -> list[Finding]:
-    """Warnings on scatter that cannot be split, or is not seen, on lack of fit, reversal, trend and
-    disagreement of instruments, and what else the fit warns of.
+    """Warnings on scatter that is not separable, or not estimable, on lack of fit, reversal, trend
+    and disagreement of instruments, and what else the fit warns of.
     """
     mixed: list[str] = []
     kinds = [("readings", ONE_RUN), ("readings", NO_SCATTER), ("means of the passes", NO_SCATTER)]
     unknown: dict[tuple[str, str], list[str]] = {kind: [] for kind in kinds}
     for name, component in fit.components.items():
-        fits, known = [x.fit for x in component.instruments], component.estimate
+        fits, estimate = [x.fit for x in component.instruments], component.estimate
         if not all(each.separated for each in fits):
             mixed.append(name)
         if any(each.separated and each.n_passes == 2 == 2 * len(each.pairs) for each in fits):
             unknown["readings", ONE_RUN].append(name)
-        if known.independent_s is not None and known.independent_s < SCATTERS:
+        if estimate.independent_s is not None and estimate.independent_s < SCATTERS:
             unknown["readings", NO_SCATTER].append(name)
-        elif not np.diag(known.covariance).all():
+        elif not np.diag(estimate.covariance).all():
             unknown["means of the passes", NO_SCATTER].append(name)
     warnings = []
     if mixed:
@@ -131,14 +131,14 @@ def fit_warnings(fit: MachineFit) -> list[Finding]:
             facts = {"what": what, "names": names, "consequence": consequence}
             warnings.append(finding("no-scatter-known", **facts))
     p_values = {name: x.agreement_p for name, x in fit.components.items()}
-    apart = significant({name: p for name, p in p_values.items() if p is not None})
+    conflicts = significant({name: p for name, p in p_values.items() if p is not None})
     return [
         *fit.warnings,
         *warnings,
         *_significant(fit, "lack_of_fit", "lack-of-fit"),
         *_significant(fit, "reversal", "reversal"),
         *_significant(fit, "trend", "passes-drift"),
-        *(finding("instruments-disagree", component=name, p=p) for name, p in apart.items()),
+        *(finding("instruments-disagree", component=name, p=p) for name, p in conflicts.items()),
     ]
 
 
@@ -148,10 +148,10 @@ def _significant(fit: MachineFit, test: str, code: str) -> list[Finding]:
     for (name, role), p in fit.significant[test].items():
         component = fit.components[name]
         item = next(x for x in component.instruments if x.role == role)
-        found, unit = item.tests[test], component.unit
+        result, unit = item.tests[test], component.unit
         facts: dict[str, Any] = {"component": name, "p": p, "unit": unit.name}
-        if isinstance(found, Shift):
-            facts["size"] = found.value / unit.to_internal
+        if isinstance(result, Shift):
+            facts["size"] = result.value / unit.to_internal
         if test == "trend":
             facts["each"] = "a pass there and back" if len(item.fit.pairs) else "a pass"
         warnings.append(finding(code, **facts))
@@ -159,25 +159,25 @@ def _significant(fit: MachineFit, test: str, code: str) -> list[Finding]:
 
 
 def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Readings, list[Finding]]:
-    """The readings less the effects that were found in readings of their component: else counted
-    again, as its coefficients or its scatter. Warns of effects whose columns the readings lack.
+    """The readings less the effects that were found in readings of their component, which else
+    would count twice, as coefficients or scatter. Warns of effects whose columns the readings lack.
     """
     of_effects = {effect.found.get("component") for effect in machine.machine.effects}
-    error, warned = readings.error.copy(), []
+    error, warnings = readings.error.copy(), []
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if name in of_effects and len(rows):
-            seen = component_readings(machine, readings, name, rows)
-            effects, own = effects_on_readings(machine, name, seen.places, seen.columns)
+            series = component_readings(machine, readings, name, rows)
+            effects, findings = effects_on_readings(machine, name, series.places, series.columns)
             error[rows] -= effects
-            warned += own
-    return replace(readings, error=error), warned
+            warnings += findings
+    return replace(readings, error=error), warnings
 
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentReadings:
     """The `rows` (n,) of a component among the readings, a function of the axis `of` and an error
-    along `axis`: the pass `group` (n,) of each, `places` (n, 3) mm, nan beside the axis `of`, and
+    along `axis`: the pass `group` (n,) of each, `places` (n, 3) mm, nan off the axis `of`, and
     `columns` (n,) by their names in equations.
     """
 
@@ -194,7 +194,7 @@ def component_readings(
     machine: LoadedMachine, readings: Readings, name: str, rows: IntArray
 ) -> ComponentReadings:
     """The readings `rows` of a component. It is an error along the axis that it is a function of,
-    else the only one whose equation has it; its own name stands for several or none.
+    else the only one whose equation has it; with several or none, the component's name stands.
     """
     of = machine.machine.components[name].of
     along = {key[1:] for key, form in machine.forms.items() if name in form.coefficients}
@@ -207,9 +207,9 @@ def component_readings(
     if sign.any():
         columns[f"dir_{axis}"] = np.where(sign == 0, np.nan, sign)
     for key, column in {TIME: readings.time_min, **readings.covariates}.items():
-        own = column[rows]
-        if own.dtype == object or not np.isnan(own).all():
-            columns.setdefault(key, own)
+        values = column[rows]
+        if values.dtype == object or not np.isnan(values).all():
+            columns.setdefault(key, values)
     return ComponentReadings(
         rows=rows, of=of, axis=axis, group=group, passes=passes, places=places, columns=columns
     )
@@ -219,14 +219,14 @@ def effects_on_readings(
     machine: LoadedMachine, component: str, places: FloatArray, columns: Mapping[str, np.ndarray]
 ) -> tuple[FloatArray, list[Finding]]:
     """The sum (n,) of the declared effects that were found in the readings of `component`, in
-    its own unit, at `places` (n, 3) mm with the readings' `columns` (n,).
+    its unit, at `places` (n, 3) mm with the readings' `columns` (n,).
 
     An effect f of a component c stands in the machine's equations as L f, L = dE/dc its lever
     arm: f = (L f) / L. An effect whose covariate the readings lack is left out, with a warning.
     """
-    total, warned = np.zeros(len(places)), []
+    total, warnings = np.zeros(len(places)), []
     numeric = {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
-    known = {name: column for name, column in numeric.items() if np.isfinite(column).all()}
+    complete = {name: column for name, column in numeric.items() if np.isfinite(column).all()}
     along = {axis: places[:, i] for i, axis in enumerate(AXES)}
     points = np.nan_to_num(places, nan=ELSEWHERE)
     for index, effect in enumerate(machine.machine.effects):
@@ -238,21 +238,21 @@ def effects_on_readings(
             for axis in model.axes
             if (form := machine.forms.get(f"E{axis}")) and component in form.coefficients
         }
-        both = next(iter(levers), None)
-        missing = [name for name in model.covariates() if name not in known]
-        if both is None or missing:
+        axis = next(iter(levers), None)
+        missing = [name for name in model.covariates() if name not in complete]
+        if axis is None or missing:
             lacking = f"they have no column {', '.join(missing)}"
             facts = {"effect": effect.name, "component": component}
             facts["reason"] = lacking if missing else "no equation holds both"
             read, what = [f"the readings of {component}"], f"the effect {effect.name}"
-            warned.append(finding("not-used", what=what, names=read, **facts))
+            warnings.append(finding("not-used", what=what, names=read, **facts))
             continue
-        warned += outside_seen([effect], numeric | along, machine.source.shown)
-        errors = design(model, points, known).mean.reshape(len(places), -1)
-        values: dict[str, Any] = {**fixed_places(model, points), **known}
+        warnings += range_warnings([effect], numeric | along, machine.source.shown)
+        errors = design(model, points, complete).mean.reshape(len(places), -1)
+        values: dict[str, Any] = {**fixed_places(model, points), **complete}
         values |= {name: value for name, (value, _) in model.constants.items()}
-        total += errors[:, model.axes.index(both)] / evaluate(levers[both], values)
-    return total, warned
+        total += errors[:, model.axes.index(axis)] / evaluate(levers[axis], values)
+    return total, warnings
 
 
 def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estimates:
@@ -265,17 +265,17 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
 
 
 def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
-    """What the machine file makes one ask; not of coefficients that readings, or a report, beat."""
-    own, used = from_machine_file(machine), estimates.components
-    beaten = {
+    """Warnings of the machine file; not of coefficients that readings or a report replace."""
+    stated, used = from_machine_file(machine), estimates.components
+    replaced = {
         name
-        for name, item in own.items()
-        # A report may do no more than carry the file's own.
+        for name, item in stated.items()
+        # A report may merely repeat the file's coefficients.
         if not np.array_equal(used[name].coefficients, item.coefficients)
     }
     return [
         x for x in machine.warnings
-        if x.code != "no-uncertainty" or not beaten.issuperset(x.facts["names"])
+        if x.code != "no-uncertainty" or not replaced.issuperset(x.facts["names"])
     ]  # fmt: skip
 
 
@@ -328,31 +328,31 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
 
 def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalReport) -> None:
     """Raises InputError where a report and the machine file disagree on a component."""
-    known, shown = machine.machine.components, machine.source.shown
+    components, file = machine.machine.components, machine.source.shown
     reference = machine.machine.reference_temperature_degC
     problems: list[Finding] = []
     for name, item in report.components.items():
         place = {"file": report.source.shown, "path": f"results.components.{name}"}
-        entry, axis = known.get(name), item.of
+        entry, axis = components.get(name), item.of
         if entry is None:
-            place |= {"what": f"component in {shown}", "value": name}
-            problems.append(finding("unknown-name", **place, **suggestion(name, known)))
+            place |= {"what": f"component in {file}", "value": name}
+            problems.append(finding("unknown-name", **place, **suggestion(name, components)))
             continue
-        differ = []
+        differences = []
         if isinstance(item, ReportedDrift):
             # A drift that is the same everywhere needs no axis.
             axis = entry.of if item.of is None and item.degree == 0 else item.of
             if abs(item.reference_temperature_degC - reference) > SAME_TEMPERATURE:
-                wanted = f"{reference:g} degC, its reference temperature: fit again"
-                stated = f"{item.reference_temperature_degC:g} degC"
-                differ.append((".reference_temperature_degC", stated, wanted))
+                expected = f"{reference:g} degC, its reference temperature: fit again"
+                value = f"{item.reference_temperature_degC:g} degC"
+                differences.append((".reference_temperature_degC", value, expected))
         elif entry.degree != AUTO and _shape(item) != _shape(entry):
-            differ.append(("", f"of {_shape(item)}", f"{_shape(entry)}: fit again"))
+            differences.append(("", f"of {_shape(item)}", f"{_shape(entry)}: fit again"))
         if axis != entry.of or UNITS[entry.unit].dimension != UNITS[item.unit].dimension:
-            wanted = f"of {entry.of} in {entry.unit}"
-            differ.append(("", f"of {item.of} in {item.unit}", wanted))
-        for key, stated, wanted in differ:
-            facts = {"other": shown, "value": stated, "expected": wanted}
+            expected = f"of {entry.of} in {entry.unit}"
+            differences.append(("", f"of {item.of} in {item.unit}", expected))
+        for key, value, expected in differences:
+            facts = {"other": file, "value": value, "expected": expected}
             facts |= {**place, "path": place["path"] + key}
             problems.append(finding("contradicts", **facts))
     if problems:
@@ -366,7 +366,7 @@ def _shape(entry: Component | ReportedComponent) -> str:
 
 def thermal_from_machine_file(machine: LoadedMachine) -> dict[str, ThermalEstimate]:
     """The drifts that the machine file states, by component: exactly known coefficients, those of
-    the least-squares polynomial through their positions (Valdes et al., eq. (13)); what they leave
+    the least-squares polynomial through their positions (Valdes et al., eq. (13)); the leftover
     is a shift of the component as a whole.
     """
     result = {}
@@ -415,7 +415,7 @@ def thermal_from_report(
         unit, ranges = UNITS[item.unit], item.temperature_range_degC
         f, powers, sensors = unit.to_internal, item.degree + 1, len(item.sensors)
         size = powers * sensors
-        seen = None if ranges is None else np.array(ranges, float).reshape(sensors, 2)
+        limits = None if ranges is None else np.array(ranges, float).reshape(sensors, 2)
         result[name] = ThermalEstimate(
             component=name,
             of=item.of,
@@ -429,7 +429,7 @@ def thermal_from_report(
             leftover_dof=dof_or(item.leftover_dof),
             time_constants=np.array(item.time_constants_min, float),
             sensor_u=np.array(item.sensor_u_degC, float),
-            temperature_range=seen,
+            temperature_range=limits,
             position_range=item.position_range_mm,
         )
     return result

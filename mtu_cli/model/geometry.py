@@ -66,8 +66,8 @@ def fit_sphere(points: FloatArray) -> RoundFit:
 def fit_circle(points: FloatArray) -> RoundFit:
     """The least-squares circle of `points` (n, 2), or (n, 3): in their least-squares plane.
 
-    In space the gradient is that in the plane: what points that move tilt it by is of the order of
-    their heights above it over the radius.
+    In space the gradient is that in the plane: points that move tilt it by the order of their
+    heights above it over the radius.
 
     Raises GeometryError where the points do not determine it.
     """
@@ -145,7 +145,7 @@ def _solved(columns: FloatArray, values: FloatArray) -> FloatArray:
     """Coefficients of `columns` (n, d) and a constant: of a step, d_i = u_i.dc + dr."""
     fit = least_squares(np.column_stack([columns, np.ones(len(columns))]), values)
     if fit.rank < columns.shape[1] + 1:
-        # Seen from a centre as far away as this, the points hardly bend.
+        # From a centre as far away as this, the points hardly bend.
         flat = "line" if columns.shape[1] == 2 else "plane or a circle"
         raise GeometryError(f"the points lie on a {flat}")
     return fit.coefficients

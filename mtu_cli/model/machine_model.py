@@ -62,7 +62,7 @@ class Term:
 
 
 def drift_terms(drift: ThermalEstimate, levers: dict[str, Node]) -> tuple[Term, Term]:
-    """The drift by its temperatures, powers first, then sensors; and what its model leaves of it:
+    """The drift by its temperatures, powers first, then sensors; and the leftover of its model:
     mean 0, one draw for all points of a part.
     """
     by_temperature = ComponentEstimate(
@@ -76,7 +76,7 @@ def drift_terms(drift: ThermalEstimate, levers: dict[str, Node]) -> tuple[Term, 
         # What does not depend on the position holds beyond the positions where it was read.
         position_range=drift.position_range if drift.degree else None,
     )
-    left = ComponentEstimate(
+    leftover = ComponentEstimate(
         name=f"{drift.component}.leftover",
         of=drift.of,
         unit=drift.unit,
@@ -87,14 +87,14 @@ def drift_terms(drift: ThermalEstimate, levers: dict[str, Node]) -> tuple[Term, 
     )
     return (
         Term(estimate=by_temperature, levers=levers, drift=drift),
-        Term(estimate=left, levers=levers),
+        Term(estimate=leftover, levers=levers),
     )
 
 
 def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> FloatArray:
-    """Temperatures (n, s) of a drift's sensors, lagged where the rows tell a history: one
+    """Temperatures (n, s) of a drift's sensors, lagged where the rows are a history: one
     temperature for all rows, or rows without times, count as settled. What lags is the mean over
-    the rows of a moment; a sensor without lag is every row's own.
+    the rows of a moment; a sensor without lag has the value of each row.
     """
     result = np.empty((n, len(drift.sensors)))
     for s, sensor in enumerate(drift.sensors):
@@ -109,7 +109,7 @@ def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> Floa
 
 
 def row_times(covariates: Covariates) -> FloatArray | None:
-    """Times (n,) of the rows, min; None where they tell no history."""
+    """Times (n,) of the rows, min; None where they are no history."""
     times = covariates.get(TIME)
     return None if times is None or np.ndim(times) == 0 else np.asarray(times, float)
 
@@ -117,7 +117,7 @@ def row_times(covariates: Covariates) -> FloatArray | None:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineModel:
     """A machine with all its components known: `axes` that have an equation, `terms` in the order
-    of theta, `remainders` what the equations hold beside components, `constants` name -> (value,
+    of theta, `remainders` what the equations hold but components, `constants` name -> (value,
     u), `effects` what the machine file declares as such.
     """
 
@@ -137,7 +137,7 @@ class MachineModel:
         return tuple(slice(start, end) for start, end in pairwise([0, *ends]))
 
     def covariates(self) -> tuple[str, ...]:
-        """Names that the equations use beside positions, constants and components."""
+        """Names that the equations use except positions, constants and components."""
         used = {sensor for drift in self.drifts() for sensor in drift.sensors}
         for axis in self.axes:
             used |= self.names_in(axis)
@@ -170,10 +170,12 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     effects = effects_of(machine, estimates.effects)
     parts: list[Part] = [(machine.forms, {})]
     parts += zip(machine.effect_forms, effects.renames, strict=True)
-    found = estimates.components | effects.components | effects.own
+    by_name = estimates.components | effects.components | effects.tables
     levers = _levers(parts)
-    terms = [Term(estimate=found[name], levers=levers[name]) for name in found if name in levers]
-    _check_terms(machine, terms, [name for name in levers if name not in found])
+    terms = [
+        Term(estimate=by_name[name], levers=levers[name]) for name in by_name if name in levers
+    ]
+    _check_terms(machine, terms, [name for name in levers if name not in by_name])
     for name, drift in estimates.thermal.items():
         if levers.get(name):
             terms += drift_terms(drift, levers[name])
@@ -208,12 +210,12 @@ def effect_alone(machine: LoadedMachine, index: int) -> MachineModel:
     """What one of the machine's effects adds, its parameters as the file states them."""
     effects = effects_of(machine, None)
     part: Part = (machine.effect_forms[index], effects.renames[index])
-    known, levers = effects.components | effects.own, _levers([part])
-    if others := sorted(levers.keys() - known.keys()):
+    components, levers = effects.components | effects.tables, _levers([part])
+    if missing := sorted(levers.keys() - components.keys()):
         name = machine.machine.effects[index].name
-        reason = f"the effect {name!r} holds {listed(others)}: it adds nothing by itself"
+        reason = f"the effect {name!r} holds {listed(missing)}: it adds nothing by itself"
         raise error("not-applicable", reason=reason)
-    terms = [Term(estimate=known[name], levers=own) for name, own in levers.items()]
+    terms = [Term(estimate=components[name], levers=arms) for name, arms in levers.items()]
     joint = tuple(x for x in effects.joint if set(x.components) <= levers.keys())
     return _joined(machine, [part], terms, joint)
 
@@ -235,25 +237,23 @@ def _levers(parts: Sequence[Part]) -> dict[str, dict[str, Node]]:
     for form, rename in parts:
         for equation, linear in form.items():
             for name, lever in linear.coefficients.items():
-                own = levers.setdefault(rename.get(name, name), {})
-                known, axis = own.get(equation[1:]), equation[1:]
-                own[axis] = lever if known is None else Call("+", (known, lever), lever.column)
+                arms = levers.setdefault(rename.get(name, name), {})
+                total, axis = arms.get(equation[1:]), equation[1:]
+                arms[axis] = lever if total is None else Call("+", (total, lever), lever.column)
     return levers
 
 
 def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequence[str]) -> None:
-    """Raises InputError for `missing` components, and for one too few readings leave without
-    scatter.
-    """
-    shown = machine.source.shown
+    """Raises InputError for `missing` components and those of too few readings for a scatter."""
+    file = machine.source.shown
     if not terms and not missing:
-        raise error("not-applicable", reason="no equation contains a component", file=shown)
-    known = "readings (--lbb, --laser), coefficients here, or a components report (-c)"
-    known += "; with -m no study is read"
+        raise error("not-applicable", reason="no equation contains a component", file=file)
+    sources = "readings (--lbb, --laser), coefficients here, or a components report (-c)"
+    sources += "; with -m no study is read"
     few, faults = "more readings of it, best in several passes", []
     missing = sorted(missing, key=lambda name: machine.line_of("components", name) or 0)
     if missing:
-        faults.append((missing[0], "missing-input", f"an estimate of {listed(missing)}", known))
+        faults.append((missing[0], "missing-input", f"an estimate of {listed(missing)}", sources))
     for item in (term.estimate for term in terms):
         if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat)):
             what = f"as many readings of {item.name!r} as coefficients"
@@ -264,7 +264,7 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
                 code,
                 what=what,
                 expected=expected,
-                file=shown,
+                file=file,
                 path=f"components.{name}",
                 line=machine.line_of("components", name),
             )
@@ -274,20 +274,20 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
 
 def missing_covariates(
     model: MachineModel,
-    given: Collection[str],
+    values: Collection[str],
     columns: Collection[str] | None = None,
     *,
     ask: str = "--at {}=VALUE",
     of_sensor: str = "",
     **place: Any,
 ) -> list[Finding]:
-    """A finding of each covariate that the equations need and that is not among those `given`;
+    """A finding of each covariate that the equations need and that has none of the `values`;
     `place` is of the file whose `columns` it might be one of. `ask` is the option that gives it,
     `of_sensor` what else gives a temperature of a drift.
     """
     drifts, problems = sensors_of(model), []
     for name in model.covariates():
-        if name in given:
+        if name in values:
             continue
         expected = ask.format(name) + of_sensor * (name in drifts)
         if columns is not None:
@@ -380,8 +380,8 @@ def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:
 def _not_finite(model: MachineModel, axis: str, point: FloatArray) -> Finding:
     """The finding of the equation of an axis that has no value at `point` (3,), mm."""
     at = {name: point[AXES.index(name)] for name in coordinates_of(model, axis)}
-    known = [f"{name}={value:g}" for name, value in at.items() if not np.isnan(value)]
-    where = f" at {', '.join(known)}" if known else ""
+    coordinates = [f"{name}={value:g}" for name, value in at.items() if not np.isnan(value)]
+    where = f" at {', '.join(coordinates)}" if coordinates else ""
     expected = "an equation that is defined at every feature (no division by 0, no root or "
     expected += "logarithm of a negative number, no exponential of millimetres)"
     if unknown := [name for name, value in at.items() if np.isnan(value)]:
@@ -404,8 +404,8 @@ def without_coordinate(
         if len(lacking):
             name, place = named(int(lacking[0]))
             problem = _not_finite(model, axis, points[lacking[0]])
-            others = f" (and {len(lacking) - 1} more)" if len(lacking) > 1 else ""
-            where = f"{problem.facts['where']}, of feature {name!r}{others}"
+            rest = f" (and {len(lacking) - 1} more)" if len(lacking) > 1 else ""
+            where = f"{problem.facts['where']}, of feature {name!r}{rest}"
             return replace(problem, facts={**problem.facts, "where": where}, **place)
     return None
 

@@ -1,4 +1,4 @@
-"""Lengths and right angles as functions of the errors, and an angle's own Monte Carlo."""
+"""Lengths and right angles as functions of the errors, and a Monte Carlo model of an angle."""
 
 from __future__ import annotations
 
@@ -127,11 +127,11 @@ def check_square(part: LoadedPart, entries: Iterable[int]) -> None:
         for kind, ids, axes in (("row", entry.row, (0, 1)), ("column", entry.column, (1, 0))):
             line = np.array([[places[i][axis] for axis in axes] for i in ids], np.float64)
             u, v = (line - line.mean(axis=0)).T
-            found = float(slope((u[:, None], v[:, None]))[0])
-            if abs(found) <= LARGEST_SLOPE:
+            b1 = float(slope((u[:, None], v[:, None]))[0])
+            if abs(b1) <= LARGEST_SLOPE:
                 continue
             axis, most = "xy"[axes[0]], np.degrees(np.arctan(LARGEST_SLOPE))
-            degrees = 90.0 if np.isnan(found) else float(np.degrees(np.arctan(found)))
+            degrees = 90.0 if np.isnan(b1) else float(np.degrees(np.arctan(b1)))
             problems.append(
                 finding(
                     "contradicts",
@@ -187,10 +187,10 @@ class AngleTrials(PointTrials):
         places, index = prediction.points.T, prediction.axes.index
         every = np.eye(len(prediction.mean)).reshape(len(places.T), -1, len(prediction.mean))
         combine, design = [], []
-        for own, axis in ((of_row, "x"), (of_row, "y"), (of_column, "y"), (of_column, "x")):
-            H = contrasts(len(own))
-            combine.append(H @ every[own, index(axis)])
-            design.append(H @ places[AXES.index(axis), own])
+        for line, axis in ((of_row, "x"), (of_row, "y"), (of_column, "y"), (of_column, "x")):
+            H = contrasts(len(line))
+            combine.append(H @ every[line, index(axis)])
+            design.append(H @ places[AXES.index(axis), line])
         combined, nominal = np.vstack(combine), np.concatenate(design)
         ends = np.cumsum([len(x) for x in design])[:-1]
         u_r, v_r, u_c, v_c = (x[:, None] for x in design)
@@ -218,7 +218,7 @@ class AngleTrials(PointTrials):
     def _reduce(self, factor: FloatArray, means: FloatArray, of_row: int) -> None:
         """The product that draws u, the first-order form and v, which `factor` and `means` (2 n +
         1, ...) are of, and what is made of it. Directions within a line are those of the
-        eigenvectors of its part of V: of w'V w are left eigenvalues times squares, and what both
+        eigenvectors of its part of V: w'V w becomes eigenvalues times squares, and what both
         lines share.
         """
         n = len(factor) // 2
@@ -226,20 +226,20 @@ class AngleTrials(PointTrials):
         least = ROUNDING * size.max(initial=0.0)
         normals = normals[size > least]
         by_z = factor @ normals.T
-        left = (factor - by_z @ normals)[n:]
+        rest = (factor - by_z @ normals)[n:]
         last = np.zeros_like(means)
-        last[n] = np.linalg.norm(left[0])
-        # The means ride along in the product: a pass over the array is saved.
+        last[n] = np.linalg.norm(rest[0])
+        # The means are part of the product: this saves a pass over the array.
         product = np.hstack([by_z, last, means])
         self.of_lines, self.lines = np.zeros((4, n)), (slice(of_row), slice(of_row, n))
-        v_left, u, v = left[1:], product[:n], product[n + 1 :]
+        v_rest, u, v = rest[1:], product[:n], product[n + 1 :]
         for i, line in enumerate(self.lines):
-            d, Q = np.linalg.eigh(v_left[line] @ v_left[line].T)
-            for rows in (u, v, v_left):
+            d, Q = np.linalg.eigh(v_rest[line] @ v_rest[line].T)
+            for rows in (u, v, v_rest):
                 rows[line] = Q.T @ rows[line]
             self.of_lines[[i, 2 + i], line] = np.ones(len(d)), d
         row, column = self.lines
-        self.twice_shared = 2.0 * v_left[row] @ v_left[column].T
+        self.twice_shared = 2.0 * v_rest[row] @ v_rest[column].T
         # Of errors that are all independent v has no part in z: u'v needs no v that is drawn.
         self.v_fixed = bool(np.abs(by_z[n + 1 :]).max(initial=0.0) <= least)
         if self.v_fixed:

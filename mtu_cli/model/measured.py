@@ -32,7 +32,7 @@ Label = tuple[str, str, str]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTables:
     """Tables of one kind of quantity, one row a table and one column a part: `labels` (operation,
-    id, axis; "" where there is none), `cells` what an analysis of variance needs, in mm or rad;
+    id, axis; "" where there is none), `cells` the data of an analysis of variance, in mm or rad;
     `parts` the columns; `rounding` (tables,) the variance of a value by the last digit of the
     coordinates.
     """
@@ -42,13 +42,13 @@ class MeasuredTables:
     cells: Cells
     rounding: FloatArray = field(default_factory=lambda: np.zeros(1))
 
-    def only(self, kept: list[int]) -> MeasuredTables:
-        """The tables at the indices `kept`."""
+    def only(self, index: list[int]) -> MeasuredTables:
+        """The tables at the indices `index`."""
         return MeasuredTables(
-            labels=tuple(self.labels[i] for i in kept),
+            labels=tuple(self.labels[i] for i in index),
             parts=self.parts,
-            cells=only(self.cells, kept),
-            rounding=self.rounding[kept],
+            cells=only(self.cells, index),
+            rounding=self.rounding[index],
         )
 
 
@@ -78,8 +78,8 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
     used, table = distinct(operation.astype(np.int64) * features + points.feature)
     cell = table * parts + points.part
     errors = points.measured - points.nominal
-    found = [cells_of(errors[:, k], cell, len(used), parts, spare=True) for k in axes]
-    each = {x.name: [getattr(cells, x.name) for cells in found] for x in fields(Cells)}
+    tables = [cells_of(errors[:, k], cell, len(used), parts, spare=True) for k in axes]
+    each = {x.name: [getattr(cells, x.name) for cells in tables] for x in fields(Cells)}
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(
         labels=tuple(
@@ -126,20 +126,20 @@ def judged_axes(
 
     Raises InputError where there is no such axis.
     """
-    measured, lost = axes_of(points), np.asarray(np.isnan(points.measured).all(axis=0))
+    measured, absent = axes_of(points), np.asarray(np.isnan(points.measured).all(axis=0))
     axes = tuple(k for k in measured if AXES[k] in model.axes)
     if not axes:
         raise no_shared_axis(model, points, measured)
-    warned = left_out(points)
+    warnings = left_out(points)
     for k, axis in enumerate(AXES):
         if k in measured and k not in axes:
             facts = {"axis": axis, "consequence": consequence.format(axis)}
-            warned.append(finding("axis-without-equation", **facts))
-        elif lost[k] and axis in model.axes:
+            warnings.append(finding("axis-without-equation", **facts))
+        elif absent[k] and axis in model.axes:
             judged = f"the E{axis} of the machine is not judged"
             facts = {"what": "the points", "axis": axis, "consequence": judged}
-            warned.append(finding("axis-not-measured", **facts))
-    return axes, warned
+            warnings.append(finding("axis-not-measured", **facts))
+    return axes, warnings
 
 
 def some(rows: BoolArray, name: str) -> str:
@@ -149,11 +149,11 @@ def some(rows: BoolArray, name: str) -> str:
 
 
 def missing_entries(what: str, entries: Iterable[Any], labels: Iterable[Label]) -> list[Finding]:
-    """Lengths or angles of the part file that no measurement of a part has all features of."""
-    known = {label[1] for label in labels}
-    lost = [f"{what} {entry.id}" for entry in entries if entry.id not in known]
+    """Lengths or angles of the part file without a measurement of a part that has all features."""
+    ids = {label[1] for label in labels}
+    names = [f"{what} {entry.id}" for entry in entries if entry.id not in ids]
     reason = "no measurement of a part, in one operation, has all of its features"
-    return [finding("not-measured", names=lost, reason=reason)] if lost else []
+    return [finding("not-measured", names=names, reason=reason)] if names else []
 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
@@ -189,11 +189,11 @@ def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
     places = part.part.places()
     z = {name: places[name][2] for name in points.features if name in places}
     ends = ((e.id, z.get(e.from_), z.get(e.to)) for e in part.part.lengths)
-    lost = [id for id, a, b in ends if None not in (a, b) and a != b]
-    if not lost or 2 in length_axes(points, part):
+    names = [id for id, a, b in ends if None not in (a, b) and a != b]
+    if not names or 2 in length_axes(points, part):
         return []
-    what, free = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
-    return [finding("axis-not-measured", what=what, names=lost, axis="z", consequence=free)]
+    what, consequence = f"ends of {listed(names)}", "the lengths are taken as free of error along z"
+    return [finding("axis-not-measured", what=what, names=names, axis="z", consequence=consequence)]
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:

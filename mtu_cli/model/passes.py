@@ -29,10 +29,10 @@ class Passes:
     setups: tuple[str, ...]
     runs: IntArray
 
-    def only(self, kept: IntArray) -> Passes:
-        """The passes `kept` (m,)."""
-        arrays = {name: getattr(self, name)[kept] for name in ("order", "starts", "ends", "runs")}
-        keys, setups = tuple(self.keys[g] for g in kept), tuple(self.setups[g] for g in kept)
+    def only(self, index: IntArray) -> Passes:
+        """The passes at `index` (m,)."""
+        arrays = {name: getattr(self, name)[index] for name in ("order", "starts", "ends", "runs")}
+        keys, setups = tuple(self.keys[g] for g in index), tuple(self.setups[g] for g in index)
         return replace(self, keys=keys, setups=setups, **arrays)
 
 
@@ -41,7 +41,7 @@ def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[Int
     passes: one (file, number, direction), forward before reverse. Without a number each reading is
     a pass of its own where there is no axis, else a repeat of pass 0.
 
-    Files number their passes on their own: pass 1 of two days is two passes.
+    Each file numbers its passes: pass 1 of two days is two passes.
     """
     has, sign = readings.has_pass[rows], readings.direction[rows].astype(np.int64)
     numbers = np.where(has, readings.pass_number[rows], 0)
@@ -55,7 +55,7 @@ def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[Int
     # One reading without a time (nan) leaves its pass without.
     starts, ends = _least(group, times, G), -_least(group, -times, G)
     timed = bool(np.isfinite(starts).all()) and _one_clock(keys, starts, ends)
-    # Without a clock a pass goes forward first: the order of rows is not to matter.
+    # Without a clock a pass goes forward first: the order of rows has no effect.
     rank: IntArray = np.arange(G)
     if timed:
         rank[np.argsort(starts, kind="stable")] = np.arange(G)
@@ -83,8 +83,8 @@ def _least(code: IntArray, values: FloatArray | IntArray, count: int) -> FloatAr
 def _one_clock(keys: IntArray, starts: FloatArray, ends: FloatArray) -> bool:
     """Whether the files of the passes (G,) share a clock.
 
-    Files whose times overlap were each counted from their own start; but those of one direction
-    take turns with those of the other: of these the passes are compared.
+    Files whose times overlap each count from their own start; but those of one direction alternate
+    with those of the other: of these the passes are compared.
     """
     file = keys[:, 0]
     if np.ptp(file) > 0 and _directions(file, keys[:, 2]).all():
@@ -95,19 +95,18 @@ def _one_clock(keys: IntArray, starts: FloatArray, ends: FloatArray) -> bool:
 
 def _directions(code: IntArray, sign: IntArray) -> IntArray:
     """The direction (n,) that all of the same code have; 0 where they run both ways, or in none."""
-    _, own = np.unique(code, return_inverse=True)
-    count = int(own.max(initial=-1)) + 1
-    least, most = _least(own, sign, count), -_least(own, -sign, count)
-    return np.where(least == most, least, 0.0).astype(np.int64)[own]
+    _, index = np.unique(code, return_inverse=True)
+    count = int(index.max(initial=-1)) + 1
+    least, most = _least(index, sign, count), -_least(index, -sign, count)
+    return np.where(least == most, least, 0.0).astype(np.int64)[index]
 
 
 def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     """The run there and back of each pass (G,), numbered in time.
 
     A number that runs both ways is a run. Where every number of a file runs one way, one there and
-    one back are a run: else what differs between directions were taken for what differs between
-    passes. Files that hold one direction each are read as one. The passes of a run are of one
-    set-up.
+    one back are a run: else a difference of directions would count as one of passes. Files that
+    hold one direction each are read as one. The passes of a run are of one set-up.
     """
     numbered, code = np.unique(keys[:, :2], axis=0, return_inverse=True)
     code = code.reshape(-1)
@@ -117,29 +116,29 @@ def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     in_time = np.argsort(_least(code, rank, len(numbered)), kind="stable")
     run = np.arange(len(numbered))
     for file in np.unique(files):
-        own = in_time[files[in_time] == file]
-        if way[own].all():
-            for there, back in fellows(numbered[own, 1], way[own]):
-                run[own[back]] = run[own[there]]
+        order = in_time[files[in_time] == file]
+        if way[order].all():
+            for there, back in pairs_of_passes(numbered[order, 1], way[order]):
+                run[order[back]] = run[order[there]]
     labels = np.unique(np.array(setups, dtype=object), return_inverse=True)[1]
     both = np.column_stack([run[code], labels.reshape(-1)])
-    own = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
-    start = _least(own, rank, len(keys))[own]
+    group = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
+    start = _least(group, rank, len(keys))[group]
     return np.unique(start, return_inverse=True)[1].reshape(-1)
 
 
-def fellows(number: IntArray, way: IntArray) -> list[tuple[int, int]]:
+def pairs_of_passes(number: IntArray, way: IntArray) -> list[tuple[int, int]]:
     """Places of the pairs (there, back) in a sequence of passes of one direction each, `way`.
 
-    Numbers tell by the difference from there to back that most pairs have: 0 of two counts, 1 of
-    passes in turn, half of all of one count there before all back; a pass that is missing then
-    leaves its fellow alone. Else the n-th there and the n-th back.
+    Numbers pair by the difference from there to back that most pairs have: 0 of two counts, 1 of
+    passes in turn, half of all of one count there before all back; then a missing pass leaves its
+    partner single. Else the n-th there and the n-th back.
     """
     there, back = np.flatnonzero(way > 0), np.flatnonzero(way < 0)
     steps, counts = np.unique(number[back] - number[there, None], return_counts=True)
     # Fewer than half may be chance.
     likely = np.flatnonzero(2 * counts > min(len(there), len(back)))
-    once = all(len(np.unique(number[own])) == len(own) for own in (there, back))
+    once = all(len(np.unique(number[rows])) == len(rows) for rows in (there, back))
     if not (once and len(likely)):
         return list(zip(there.tolist(), back.tolist(), strict=False))
     half = int(number.max()) + 1

@@ -52,7 +52,7 @@ INDEFINITE = 1e-9
 def constant_effects(
     model: MachineModel, points: FloatArray, covariates: Covariates, centre: Design
 ) -> tuple[list[Block], FloatArray]:
-    """What the constants' uncertainties do: blocks, and a shift (rows,) of the mean, mm.
+    """The constants' uncertainties: blocks, and a shift (rows,) of the mean, mm.
 
     First and second order in every uncertain constant c (JCGM 100, 5.1.2, note): dE/dc and
     d2E/dc2 by central differences over one standard uncertainty. A constant is a lever arm of
@@ -160,11 +160,11 @@ class Prediction:
         Without A of the errors themselves, (n*a,). Effective degrees of freedom by
         Welch-Satterthwaite (JCGM 100, G.4.1) over the independent mean squares behind it
         (`variance.block_variance`), and never fewer than the least of them: where one is subtracted
-        the formula alone would give next to none.
+        the formula alone would give almost none.
         """
-        found = [block_variance(block, A, len(self.axes)) for block in self.blocks]
-        parts = np.array([part for part, _ in found])
-        of_mean, of_part, dof, passes = zip(*(own for _, own in found), strict=True)
+        results = [block_variance(block, A, len(self.axes)) for block in self.blocks]
+        parts = np.array([part for part, _ in results])
+        of_mean, of_part, dof, passes = zip(*(x for _, x in results), strict=True)
         behind = MeanSquares(
             of_mean=np.concatenate(of_mean),
             of_part=np.concatenate(of_part),
@@ -198,24 +198,24 @@ def predict(
 
     Raises InputError for a missing covariate or coordinate.
     """
-    given = covariates or {}
-    if missing := missing_covariates(model, given):
+    values = covariates or {}
+    if missing := missing_covariates(model, values):
         raise InputError(missing)
-    rows = design(model, points, given)
+    rows = design(model, points, values)
     blocks = component_blocks(model, rows.J, rows.levers)
-    of_constants, shift = constant_effects(model, points, given, rows)
-    others = temperature_blocks(model, points, given, rows.levers)
-    others += [*table_blocks(model, points, rows.levers), *of_constants]
+    of_constants, shift = constant_effects(model, points, values, rows)
+    rest = temperature_blocks(model, points, values, rows.levers)
+    rest += [*table_blocks(model, points, rows.levers), *of_constants]
     independent = np.zeros(len(rows.J))
-    for term, own, lever in zip(model.terms, model.columns, rows.levers.T, strict=True):
-        # Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, whose readings are
-        # not at hand, the same total variance without its correlation.
-        known, G = term.estimate, rows.J[:, own]
-        C, s2 = known.covariance + known.pass_covariance, known.s_repeat**2
-        if known.independent_covariance is not None and known.independent_s is not None:
-            C, s2 = known.independent_covariance, known.independent_s**2
+    for term, columns, lever in zip(model.terms, model.columns, rows.levers.T, strict=True):
+        # Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, without readings,
+        # the same total variance without its correlation.
+        estimate, G = term.estimate, rows.J[:, columns]
+        C, s2 = estimate.covariance + estimate.pass_covariance, estimate.s_repeat**2
+        if estimate.independent_covariance is not None and estimate.independent_s is not None:
+            C, s2 = estimate.independent_covariance, estimate.independent_s**2
         independent += np.einsum("ri,ij,rj->r", G, C, G) + lever**2 * s2
-    for block in others:
+    for block in rest:
         independent += np.einsum("ri,ij,rj->r", block.G, block.C + block.D, block.G)
         independent += (block.noise**2).sum(axis=1)
     outside = []
@@ -232,15 +232,15 @@ def predict(
         axes=model.axes,
         points=points,
         mean=rows.mean + shift,
-        blocks=(*blocks, *others),
+        blocks=(*blocks, *rest),
         independent_variance=independent,
         outside=tuple(outside),
     )
 
 
 def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) -> list[Block]:
-    """What tables leave open between and beyond their positions, of all parts alike, and the bends
-    of runs (`basis.TableShape`); `levers` (rows, terms).
+    """The uncertainty of tables between and beyond their positions, common to all parts, and the
+    bends of runs (`basis.TableShape`); `levers` (rows, terms).
     """
     blocks, place = [], places(model, points)
     for t, term in enumerate(model.terms):
@@ -259,7 +259,7 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
 # Temperatures: the noise of the sensors, and what to warn of.
 
 SLACK = 0.05
-"""Share of the fitted range of temperatures that may be exceeded without a word."""
+"""Share of the fitted range of temperatures that may be exceeded without a warning."""
 
 
 def _by_sensor(
@@ -290,19 +290,19 @@ def temperature_gradients(
     `points` (n, 3), `levers` (rows, terms) as `design` gives them. With `noise` times u(T_s), in
     mm: what one standard uncertainty of a reading does to the errors once they have settled.
     """
-    found = _by_sensor(model, points, levers, noise=noise)
-    return {sensor: np.sum([*by_lag.values()], axis=0) for sensor, by_lag in found.items()}
+    by_sensor = _by_sensor(model, points, levers, noise=noise)
+    return {sensor: np.sum([*by_lag.values()], axis=0) for sensor, by_lag in by_sensor.items()}
 
 
 def temperature_blocks(
     model: MachineModel, points: FloatArray, covariates: Covariates, levers: FloatArray
 ) -> list[Block]:
-    """What the noise of the temperature readings adds to the errors at `points` (n, 3).
+    """The errors at `points` (n, 3) by the noise of the temperature readings.
 
     Rows with the same temperatures share one reading, and its error; other readings are
     independent. A lag is linear in the readings, u = L T: with times, the noise of earlier
-    readings comes through it as they do, and rows near in time are wrong together. With R
-    (n, K) the readings of the rows, sensor s of noise u_s adds F F', F = diag(dE/dT_s) u_s L R.
+    readings lags as they do, and rows near in time have correlated errors. With R (n, K) the
+    readings of the rows, sensor s of noise u_s adds F F', F = diag(dE/dT_s) u_s L R.
     """
     n, times = len(points), row_times(covariates)
     each = [np.asarray(covariates[sensor], float) for sensor in sensors_of(model)]
@@ -317,7 +317,7 @@ def temperature_blocks(
         if not live:
             continue
         if readings == n > 1 and not lagged:
-            # Every row has a reading of its own.
+            # One reading a row.
             F = np.sum([*live.values()], axis=0)
         else:
             R = np.eye(readings)[which if readings > 1 else np.zeros(n, np.int64)]
@@ -327,8 +327,8 @@ def temperature_blocks(
                 through = np.empty((len(live), n, readings))
                 through[:, order] = first_order_lag(R[order], times[order], np.array([*live]))
             F = np.zeros((len(levers), readings))
-            for column, own in zip(live.values(), through, strict=True):
-                F += column[:, None] * np.repeat(own, len(levers) // n, axis=0)
+            for column, LR in zip(live.values(), through, strict=True):
+                F += column[:, None] * np.repeat(LR, len(levers) // n, axis=0)
         result.append(normal_block(sensor, F, of_part=True))
     return result
 
@@ -345,19 +345,19 @@ def temperature_warnings(
     for drift in model.drifts():
         ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
         for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
-            given = np.asarray(covariates[sensor], float)
-            if max(low - given.min(), given.max() - high) > max(SLACK * (high - low), 1e-9):
+            values = np.asarray(covariates[sensor], float)
+            if max(low - values.min(), values.max() - high) > max(SLACK * (high - low), 1e-9):
                 beyond.setdefault((sensor, low, high), []).append(drift.component)
     warnings, gradients = [], {}
     if beyond:
         levers = design(model, points, covariates).levers
         gradients = temperature_gradients(model, points, levers)
     for (sensor, low, high), names in beyond.items():
-        given = np.atleast_1d(np.asarray(covariates[sensor], float))
-        away = np.maximum(low - given, given - high)
+        values = np.atleast_1d(np.asarray(covariates[sensor], float))
+        away = np.maximum(low - values, values - high)
         worst = int(np.argmax(away))
         wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * float(away[worst])
-        what = f"{sensor} at {given[worst]:.4g} degC (up to {wrong:.2g} um)"
+        what = f"{sensor} at {values[worst]:.4g} degC (up to {wrong:.2g} um)"
         facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
         of = [f"the drift of {listed(names)}"]
         warnings.append(finding("outside-measured-range", what=what, names=of, **facts))
@@ -376,13 +376,13 @@ def temperature_warnings(
 def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
     """The covariance (rows, rows) with the variances (rows,), without negative eigenvalues, as
     reports show it: D that is estimated without bias may have a negative part; correlations are
-    those without it. The prediction's own where it has both already.
+    those without it. The prediction's covariance where it has both already.
     """
-    own = prediction.covariance
-    if np.allclose(np.diag(own), variance, rtol=1e-9, atol=0.0):
-        values = np.linalg.eigvalsh(own)
+    covariance = prediction.covariance
+    if np.allclose(np.diag(covariance), variance, rtol=1e-9, atol=0.0):
+        values = np.linalg.eigvalsh(covariance)
         if values[0] >= -INDEFINITE * abs(values[-1]):
-            return own
+            return covariance
     return rescaled(prediction.drawable, variance)
 
 

@@ -1,4 +1,4 @@
-"""Readings of components less what was known of them, as tables of passes and targets."""
+"""Residuals of the readings of components, as tables of passes and targets."""
 
 from __future__ import annotations
 
@@ -25,76 +25,76 @@ from mtu_cli.units import ANGLE, UNITS
 
 
 def reading_tables(
-    machine: LoadedMachine, known: Estimates, readings: Readings
+    machine: LoadedMachine, estimates: Estimates, readings: Readings
 ) -> tuple[tuple[ResidualTable, ...], tuple[Finding, ...]]:
-    """One table a component that was read: readings minus what was known of it before them. `known`
-    are estimates that these readings took no part in: a components report's, or those of the
-    machine file. A component of which nothing was known is taken less its own least-squares
-    polynomial of these readings, whose degree is `fitted_degree`: then neither factor has a column,
-    and what the polynomial may hold cannot be seen. Effects of the machine that were found in
-    readings of a component are taken off, too.
+    """One table for each component that was read: its readings minus its prediction. `estimates`
+    are those that these readings took no part in: of a components report, or of the machine file.
+    Of a component without an estimate the readings are taken minus their least-squares polynomial,
+    whose degree is `fitted_degree`: then neither factor has a column, and what the polynomial may
+    hold cannot be seen. Effects of the machine that were found in readings of a component are
+    subtracted, too.
 
     A pass takes the place of a part, a target and direction that of a feature. Forward and reverse
-    of a pass share what the fit found them to share of D, the rest each draws anew.
+    of a pass share that part of D which the fit estimated for both; the rest each draws anew.
     """
-    tables, warned = [], text_warnings(readings)
+    tables, warnings = [], text_warnings(readings)
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
-            seen = component_readings(machine, readings, name, rows)
-            cells = reading_layout(readings, seen, name).cells
-            columns = {key: x for key, x in seen.columns.items() if key != f"dir_{seen.axis}"}
+            series = component_readings(machine, readings, name, rows)
+            cells = reading_layout(readings, series, name).cells
+            columns = {key: x for key, x in series.columns.items() if key != f"dir_{series.axis}"}
             groups = (cells.part, cells.column, readings.file_index[rows])
-            gone, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
-            warned += gaps
-            seen = component_readings(machine, readings, name, rows[~gone]) if gaps else seen
-            tables.append(_table(machine, name, known, readings, seen, warned))
-    return tuple(tables), tuple(warned)
+            mask, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
+            warnings += gaps
+            series = component_readings(machine, readings, name, rows[~mask]) if gaps else series
+            tables.append(_table(machine, name, estimates, readings, series, warnings))
+    return tuple(tables), tuple(warnings)
 
 
 def _table(
     machine: LoadedMachine,
     name: str,
-    known: Estimates,
+    estimates: Estimates,
     readings: Readings,
-    seen: ComponentReadings,
-    warned: list[Finding],
+    series: ComponentReadings,
+    warnings: list[Finding],
 ) -> ResidualTable:
     """The table of the readings of one component."""
-    entry, estimate = machine.machine.components[name], known.components.get(name)
-    of, unit, rows, columns = seen.of, UNITS[entry.unit], seen.rows, seen.columns
-    layout = reading_layout(readings, seen, name)
-    shown, gaps = table_covariates(columns, layout.cells, readings, rows)
-    warned += gaps
-    if (drift := known.thermal.get(name)) is not None:
+    entry, estimate = machine.machine.components[name], estimates.components.get(name)
+    of, unit, rows, columns = series.of, UNITS[entry.unit], series.rows, series.columns
+    layout = reading_layout(readings, series, name)
+    covariates, gaps = table_covariates(columns, layout.cells, readings, rows)
+    warnings += gaps
+    if (drift := estimates.thermal.get(name)) is not None:
         # It needs its temperatures, and the times where it lags.
         needed = [*drift.sensors, *((TIME,) if drift.time_constants.any() else ())]
         whole = {k for k, x in columns.items() if x.dtype != object and np.isfinite(x).all()}
-        if lost := [key for key in needed if key not in whole]:
-            warned.append(finding("drift-not-removed", component=name, columns=", ".join(lost)))
+        if lacks := [key for key in needed if key not in whole]:
+            warnings.append(finding("drift-not-removed", component=name, columns=", ".join(lacks)))
             drift = None
-    said, left_out = effects_on_readings(machine, name, layout.nominal, columns)
-    warned += left_out
-    errors, degree = readings.error[rows] - said, -1
+    effects, left_out = effects_on_readings(machine, name, layout.nominal, columns)
+    warnings += left_out
+    errors, degree = readings.error[rows] - effects, -1
     common = of_part = np.zeros((1, len(layout.features), 1, 0))
     if estimate is not None or drift is not None:
-        own, both = (None, None) if estimate is None else _by_run(estimate)
-        model = component_alone(name, of or AXES[0], own, drift)
-        wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
-        values = {key: columns[key] for key in wanted if key in columns}
-        warned += temperature_warnings(model, layout.nominal, values)
-        predicted, common, drawn = cell_model(model, layout.nominal, values, layout.cells, shown)
-        errors = errors - predicted[:, 0]
+        of_pass, of_run = (None, None) if estimate is None else _by_run(estimate)
+        model = component_alone(name, of or AXES[0], of_pass, drift)
+        names = [*model.covariates(), *((TIME,) if drift is not None else ())]
+        values = {key: columns[key] for key in names if key in columns}
+        warnings += temperature_warnings(model, layout.nominal, values)
+        mean, common, drawn = cell_model(model, layout.nominal, values, layout.cells, covariates)
+        errors = errors - mean[:, 0]
         if estimate is not None and np.any(estimate.pass_covariance):
-            # Forward and reverse draw with columns of their own.
-            way = np.zeros(len(layout.features))
-            way[layout.cells.column] = readings.direction[rows]
-            signs = way[None, :, None, None]
-            apart = [np.where(signs == sign, drawn, 0.0) for sign in np.unique(signs)]
-            if both is not None:
-                model = component_alone(name, of or AXES[0], both)
-                apart.append(cell_model(model, layout.nominal, {}, layout.cells, {})[2])
-            of_part = np.concatenate(apart, axis=3)
+            # Forward and reverse draw with separate columns.
+            direction = np.zeros(len(layout.features))
+            direction[layout.cells.column] = readings.direction[rows]
+            signs = direction[None, :, None, None]
+            parts = [np.where(signs == sign, drawn, 0.0) for sign in np.unique(signs)]
+            if of_run is not None:
+                model = component_alone(name, of or AXES[0], of_run)
+                parts.append(cell_model(model, layout.nominal, {}, layout.cells, {})[2])
+            of_part = np.concatenate(parts, axis=3)
     if estimate is None:
         # Of a table or `degree: auto` the bends of the highest degree are declared already.
         declared = isinstance(entry.degree, int) and not entry.is_table
@@ -108,7 +108,7 @@ def _table(
         axes=(of or name,),
         component=name,
         unit="arcsec" if unit.dimension == ANGLE else "um",
-        covariates=shown,
+        covariates=covariates,
         common=common,
         of_part=of_part,
         fitted_degree=degree,
@@ -127,9 +127,9 @@ def _by_run(estimate: ComponentEstimate) -> tuple[ComponentEstimate, ComponentEs
         return estimate, None
     D, zero = drawable_passes(estimate.pass_covariance, C), np.zeros_like(estimate.coefficients)
     K = bounded(drawable_passes(in_run, C), D)
-    own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
-    both = replace(own, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
-    return own, both
+    of_pass = replace(estimate, pass_covariance=drawable_passes(D - K, C))
+    of_run = replace(of_pass, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
+    return of_pass, of_run
 
 
 # Passes and targets.
@@ -139,20 +139,20 @@ SAME = 1e-4
 SIGNS = {1: " +", -1: " -", 0: ""}
 
 
-def reading_layout(readings: Readings, seen: ComponentReadings, name: str) -> Layout:
-    """The readings `seen` of the component `name`.
+def reading_layout(readings: Readings, series: ComponentReadings, name: str) -> Layout:
+    """The layout of the readings `series` of the component `name`.
 
     A pass is one number of one file, in one direction where it is not a run there and back.
     """
-    target, labels = np.zeros(len(seen.rows), np.int64), [name]
-    if seen.of is not None:
-        target, labels = _targets(seen.places[:, AXES.index(seen.of)])
-    sign = readings.direction[seen.rows].astype(np.int64)
+    target, labels = np.zeros(len(series.rows), np.int64), [name]
+    if series.of is not None:
+        target, labels = _targets(series.places[:, AXES.index(series.of)])
+    sign = readings.direction[series.rows].astype(np.int64)
     # Forward first, as the passes of a fit are.
     columns, column = np.unique(target * 3 + (1 - sign), return_inverse=True)
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
-    names = _row_names(readings, seen.passes)
+    names = _row_names(readings, series.passes)
     return Layout(
         parts=names,
         features=tuple(
@@ -163,10 +163,10 @@ def reading_layout(readings: Readings, seen: ComponentReadings, name: str) -> La
         cells=Cells(
             parts=len(names),
             columns=len(columns),
-            part=seen.passes.runs[seen.group],
+            part=series.passes.runs[series.group],
             column=column.reshape(-1),
         ),
-        nominal=seen.places,
+        nominal=series.places,
     )
 
 
@@ -176,20 +176,20 @@ def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
     """
     numbered = {key[:2] for key in passes.keys}
     twice = len({number for _, number in numbered}) < len(numbered)
-    found: list[dict[str, str]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
+    runs: list[dict[str, str]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
     for g in np.argsort(passes.order).tolist():
         file, number, way = passes.keys[g]
-        shown = f"{readings.sources[file].shown} " * twice + str(number)
-        found[passes.runs[g]][shown] = SIGNS[way]
-    names = ["/".join(own) for own in found]
+        label = f"{readings.sources[file].shown} " * twice + str(number)
+        runs[passes.runs[g]][label] = SIGNS[way]
+    names = ["/".join(labels) for labels in runs]
     if len(set(names)) < len(names):
-        names = [name + [*own.values()][-1] for name, own in zip(names, found, strict=True)]
+        names = [name + [*labels.values()][-1] for name, labels in zip(names, runs, strict=True)]
     return tuple(names)
 
 
 def _targets(position: FloatArray) -> tuple[IntArray, list[str]]:
-    """The target of each reading (n,), ascending, and their names, with as many digits as tell them
-    apart. Each position is its own target where neighbours would run together.
+    """The target of each reading (n,), ascending, and their names, with as many digits as make them
+    differ. Each position is a target of its own where neighbours would merge.
     """
     distinct, code = np.unique(position, return_inverse=True)
     near = SAME * float(np.ptp(distinct))

@@ -1,7 +1,7 @@
-"""Measured minus predicted, as parts x features x axes, with what the model's uncertainty adds.
+"""Measured minus predicted, as parts x features x axes, with the model's uncertainty.
 
-What the coefficients' covariance C adds to the errors is common to all parts; what the pass-to-pass
-covariance D adds each part draws anew. Readings become such tables in `reading_residuals`.
+Errors by the coefficients' covariance C are common to all parts; those by the pass-to-pass
+covariance D each part draws anew. Readings become such tables in `reading_residuals`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from mtu_cli.model.visits import (
     IntArray,
     Motions,
     check_repeats,
-    freed_errors,
+    datum_errors,
     incomplete_datum,
     motions_of,
     only_rows,
@@ -90,22 +90,22 @@ class ResidualTable:
         return self.repeats > 0
 
     def freed(self, values: FloatArray) -> FloatArray:
-        """Columns (P or 1, H, A, K) less the freedoms of the datum in each part, as the errors and
-        factors are; cells that were not measured keep theirs.
+        """Columns (P or 1, H, A, K) less the best-fit motions of the datum in each part, as the
+        errors and factors are; cells that were not measured keep theirs.
         """
         return without_motions(values, self.motions, len(self.parts))
 
     @cached_property
     def mean_places(self) -> FloatArray:
         """Places (H, 3) of the features, means over the parts where they are known; else nan."""
-        known = np.isfinite(self.places)
-        count = known.sum(axis=0)
-        total = np.where(known, self.places, 0.0).sum(axis=0)
+        finite = np.isfinite(self.places)
+        count = finite.sum(axis=0)
+        total = np.where(finite, self.places, 0.0).sum(axis=0)
         return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
     @cached_property
     def motions(self) -> tuple[Motions, ...]:
-        """What the datum lets each part move by, each operation on its own."""
+        """The motions of each part that the datum removes, by operation."""
         axes = tuple(AXES.index(axis) for axis in self.axes if axis in AXES)
         return motions_of(self.datum, self.places, self.operation, axes, self.there)
 
@@ -116,9 +116,9 @@ class ResidualTable:
         values = {axis: self.places[..., i] for i, axis in enumerate(AXES)} | self.covariates
         result = {}
         for name in dict.fromkeys(columns):
-            own = np.broadcast_to(values.get(name, np.nan), self.there.shape)[self.there]
-            if len(own) and np.isfinite(own).all():
-                result[name] = [float(own.min()), float(own.max())]
+            column = np.broadcast_to(values.get(name, np.nan), self.there.shape)[self.there]
+            if len(column) and np.isfinite(column).all():
+                result[name] = [float(column.min()), float(column.max())]
         return result
 
 
@@ -161,13 +161,13 @@ def filled(table: FloatArray, there: BoolArray) -> FloatArray:
     """
     if there.all():
         return table
-    held = there.reshape(*there.shape, *(1,) * (table.ndim - 2))
+    mask = there.reshape(*there.shape, *(1,) * (table.ndim - 2))
     means = []
     for k in (0, 1):
-        origin = np.take_along_axis(table, np.expand_dims(held.argmax(axis=k), k), axis=k)
-        away = np.where(held, table - origin, 0.0).sum(axis=k, keepdims=True)
-        means.append(origin + away / np.maximum(held.sum(axis=k, keepdims=True), 1))
-    return np.where(held, table, np.where(held.any(axis=0, keepdims=True), *means))
+        origin = np.take_along_axis(table, np.expand_dims(mask.argmax(axis=k), k), axis=k)
+        away = np.where(mask, table - origin, 0.0).sum(axis=k, keepdims=True)
+        means.append(origin + away / np.maximum(mask.sum(axis=k, keepdims=True), 1))
+    return np.where(mask, table, np.where(mask.any(axis=0, keepdims=True), *means))
 
 
 # The table of measured points.
@@ -180,8 +180,8 @@ def residual_table(
     datum: Datum = "none",
 ) -> tuple[ResidualTable, tuple[Finding, ...]]:
     """The table of measured points: E = measured - nominal - (J theta + remainder), the model at
-    the points' nominal places and own covariates, `covariates` where they have no such column. A
-    `datum` that frees is projected out of every measurement of a part and of the factors. An axis
+    the points' nominal places and covariates, `covariates` where they have no such column. A
+    `datum` but none is projected out of every measurement of a part and of the factors. An axis
     without an equation, or that not every point has, is left out with a warning; so are covariates
     that repeat the errors or are texts, and rows with one of few gaps in a covariate.
 
@@ -189,36 +189,36 @@ def residual_table(
     or points of no axis that an equation is for.
     """
     check_repeats(points)
-    axes, warned = judged_axes(model, points, "errors along {} are left out")
+    axes, warnings = judged_axes(model, points, "errors along {} are left out")
     points, repeated = without_repeated(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
-    warned += [*repeated, *gaps, *text_warnings(points)]
-    points, lost = _without_lost(points, axes, datum)
-    warned += lost
+    warnings += [*repeated, *gaps, *text_warnings(points)]
+    points, removals = _estimable(points, axes, datum)
+    warnings += removals
     layout = _layout(model, points)
     at, cells, columns = covariates or {}, layout.cells, point_columns(points)
     values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
-    shown, more = table_covariates(columns, cells, points, np.arange(len(points)))
-    predicted, common, of_part = cell_model(model, points.nominal, values, cells, shown)
+    tables, more = table_covariates(columns, cells, points, np.arange(len(points)))
+    predicted, common, of_part = cell_model(model, points.nominal, values, cells, tables)
     first = np.unique(cells.column, return_index=True)[1]
     once = predict(model, layout.features, points.nominal[first], rows_of(values, first))
-    warned += [*idle, *more, *outside_warnings(once)]
-    warned += guess_warnings(model, points.nominal, values)
+    warnings += [*idle, *more, *outside_warnings(once)]
+    warnings += guess_warnings(model, points.nominal, values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
-    errors = freed_errors(points, errors, axes, datum)[0]
+    errors = datum_errors(points, errors, axes, datum)[0]
     of_operation = (layout.operation == code for code in np.unique(layout.operation))
-    seen = [cells.repeats[:, own] for own in of_operation]
-    if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in seen):
-        warned.append(incomplete_datum())
-    own = [x.estimate for x in model.terms if np.any(x.estimate.pass_covariance)]
-    dofs = [each.pass_dof for each in own] + [group.pass_dof for group in model.joint]
+    reps = [cells.repeats[:, mask] for mask in of_operation]
+    if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in reps):
+        warnings.append(incomplete_datum())
+    estimates = [x.estimate for x in model.terms if np.any(x.estimate.pass_covariance)]
+    dofs = [each.pass_dof for each in estimates] + [group.pass_dof for group in model.joint]
     table = layout.table(
         errors,
         axes=tuple(AXES[axis] for axis in axes),
         component=None,
         unit="um",
-        covariates=shown,
+        covariates=tables,
         common=common[:, :, of_axes],
         of_part=of_part[:, :, of_axes],
         datum=datum,
@@ -227,36 +227,34 @@ def residual_table(
         resolution=tuple(np.sqrt(12 * roundings(points)[list(axes)]).tolist()),
     )
     if datum != "none":
-        # Where all measurements of a part have the same features, errors are free already.
+        # Where all measurements of a part have the same features, errors are aligned already.
         table = replace(
             table,
             errors=table.freed(table.errors[..., None])[..., 0],
             common=compressed(table.freed(table.common)),
             of_part=compressed(table.freed(table.of_part)),
         )
-    return table, tuple(warned)
+    return table, tuple(warnings)
 
 
-def _without_lost(
-    points: Points, axes: tuple[int, ...], datum: Datum
-) -> tuple[Points, list[Finding]]:
-    """The points without the measurements whose errors the datum takes whole, with a warning.
+def _estimable(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, list[Finding]]:
+    """The points without the measurements whose errors the datum removes entirely, with a warning.
 
-    Raises InputError where it takes those of all.
+    Raises InputError where it removes those of all.
     """
-    lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
-    if lost.all() and len(lost):
+    mask = datum_errors(points, points.measured[:, axes], axes, datum)[1]
+    if mask.all() and len(mask):
         raise error(
             "too-little-data",
             what=f"the datum {datum!r} takes all errors, no measurement has enough features",
             file=points.sources[0].shown,
             expected="more features measured of each part, or --datum none",
         )
-    if count := int(lost.sum()):
+    if count := int(mask.sum()):
         reason = f"in measurements of so few features the datum {datum!r} takes all errors"
-        names = [f"{count} of {len(lost)} points"]
-        warned = [finding("not-measured", names=names, count=count, reason=reason)]
-        return only_rows(points, ~lost), warned
+        names = [f"{count} of {len(mask)} points"]
+        warnings = [finding("not-measured", names=names, count=count, reason=reason)]
+        return only_rows(points, ~mask), warnings
     return points, []
 
 
@@ -272,8 +270,8 @@ def _layout(model: MachineModel, points: Points) -> Layout:
     of_column = columns // count
     used = [points.features[code % count] for code in columns.tolist()]
     if len(np.unique(of_column)) > 1:
-        named = zip(of_column.tolist(), used, strict=True)
-        used = [f"{operations[code]} {name}".lstrip() for code, name in named]
+        pairs = zip(of_column.tolist(), used, strict=True)
+        used = [f"{operations[code]} {name}".lstrip() for code, name in pairs]
     parts, first, part = np.unique(points.part, return_index=True, return_inverse=True)
     earliest = np.full(len(parts), np.iinfo(np.int64).max)
     np.minimum.at(earliest, part.reshape(-1), points.sequence)
@@ -300,14 +298,14 @@ def cell_model(
     places: FloatArray,
     values: Covariates,
     cells: Cells,
-    shown: Mapping[str, FloatArray],
+    by_name: Mapping[str, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Predictions (n, a) mm at `places` (n, 3) mm under the covariates `values`, as `predict` makes
     them, and of the cells the factors F (P or 1, H, a, K) of the covariances F F', mm^2, that all
-    parts share and that every part draws anew. `shown` are the covariates' tables: the noise of a
+    parts share and that every part draws anew. `by_name` are the covariates' tables: the noise of a
     temperature that all points share is common to all parts, that of one reading a part is of the
     part; that of a reading a point adds to the scatter of single cells and is in neither factor. A
-    drift with a lag is given the history of all measurements.
+    drift with a lag has the history of all measurements.
     """
     centre = design(model, places, values)
     of_constants, shift = constant_effects(model, places, values, centre)
@@ -317,15 +315,15 @@ def cell_model(
     for block in (*blocks, *of_constants):
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
-    read = {name: shown[name].shape if name in shown else (1, 1) for name in sensors_of(model)}
+    read = {name: by_name[name].shape if name in by_name else (1, 1) for name in sensors_of(model)}
     if any(shape[1] == 1 for shape in read.values()):
         gradients = temperature_gradients(model, places, centre.levers, noise=True)
         for sensor, column in gradients.items():
-            # The noise of a reading of its own at every cell is none of the two.
+            # The noise of one reading a cell is in neither.
             if read[sensor][1] == 1:
                 (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
     size = (len(places), len(model.axes))
-    factors = (np.concatenate(own, axis=1).reshape(*size, -1) for own in (shared, drawn))
+    factors = (np.concatenate(columns, axis=1).reshape(*size, -1) for columns in (shared, drawn))
     tables = (cells.table(cells.means(F), 0.0) for F in factors)
     common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
     return mean.reshape(size), common, of_part
@@ -337,9 +335,9 @@ def compressed(factor: FloatArray) -> FloatArray:
     """
     if not factor.size:
         return factor[:1, ..., :0]
-    apart = NEGLIGIBLE * np.abs(factor).max()
-    factor = factor[:1] if (np.abs(factor - factor[:1]) <= apart).all() else factor
+    tolerance = NEGLIGIBLE * np.abs(factor).max()
+    factor = factor[:1] if (np.abs(factor - factor[:1]) <= tolerance).all() else factor
     flat = factor.reshape(-1, factor.shape[-1])
     size, vectors = np.linalg.eigh(flat.T @ flat)
-    kept = size > NEGLIGIBLE * max(float(size[-1]), 0.0)
-    return (flat @ vectors[:, kept]).reshape(*factor.shape[:-1], int(kept.sum()))
+    nonzero = size > NEGLIGIBLE * max(float(size[-1]), 0.0)
+    return (flat @ vectors[:, nonzero]).reshape(*factor.shape[:-1], int(nonzero.sum()))

@@ -18,7 +18,7 @@ DEFAULT_SEED = 20040126
 MOST_TRIALS, ENOUGH_TRIALS = 10_000_000, 300_000
 """Where the count adapts: of one output at most so many, of many at least these."""
 MOST_DRAWN = 60_000_000
-"""Values of all outputs together: some seconds. What clause 8 cannot decide by then is reported."""
+"""Values of all outputs: some seconds. What clause 8 cannot decide by then is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class Settings:
 
     @property
     def independent(self) -> bool:
-        """Whether the papers' independence is asked for as the main result."""
+        """Whether the papers' independence is the requested main result."""
         return self.correlation == "independent"
 
     def run(
@@ -77,16 +77,16 @@ class Settings:
 
 
 def validation_warnings(
-    names: Sequence[str], found: Sequence[Validation], unit: str, size: float
+    names: Sequence[str], results: Sequence[Validation], unit: str, size: float
 ) -> list[Finding]:
-    """Which first-order intervals the Monte Carlo rejects, and which it could not judge; the
+    """Which first-order intervals the Monte Carlo rejects, and which it leaves undecided; the
     largest difference in `unit`, of `size` in internal units.
     """
-    failed = [i for i, item in enumerate(found) if item.passed is False]
-    undecided = [names[i] for i, item in enumerate(found) if item.passed is None]
+    failed = [i for i, item in enumerate(results) if item.passed is False]
+    undecided = [names[i] for i, item in enumerate(results) if item.passed is None]
     warnings = []
     if failed:
-        largest = max(max(found[i].d_low, found[i].d_high) for i in failed) / size
+        largest = max(max(results[i].d_low, results[i].d_high) for i in failed) / size
         # A ratio has no unit.
         difference = f"up to {largest:.2g} {unit}".rstrip()
         names_failed = [names[i] for i in failed]

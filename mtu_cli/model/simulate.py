@@ -1,7 +1,7 @@
 """A virtual machine: readings of its components, and points of the parts that it makes.
 
-Every random quantity has its own stream, so that asking for more parts does not change the
-readings, nor more repeats the parts.
+Every random quantity has its own stream: more parts do not change the readings, nor more repeats
+the parts.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ def pass_root(model: MachineModel) -> FloatArray:
     """F (K, K), F F' the pass-to-pass covariance of all coefficients, in the order of theta,
     without the negative part that an estimate of D may have (`variance.drawable_passes`).
 
-    Raises InputError for passes of which nothing is known.
+    Raises InputError for passes whose covariance is unknown.
     """
     columns = model.columns
     K = columns[-1].stop
     result, every = np.zeros((K, K)), np.arange(K)
-    place = {term.estimate.name: every[own] for term, own in zip(model.terms, columns, strict=True)}
+    place = {term.estimate.name: every[at] for term, at in zip(model.terms, columns, strict=True)}
     for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns)))):
         if not np.isfinite(block.D).all():
             raise error(
@@ -56,8 +56,8 @@ def pass_root(model: MachineModel) -> FloatArray:
                 path=f"the pass-to-pass covariance of {block.names[0]}",
                 expected="a report of readings in several passes",
             )
-        own = np.concatenate([place[name] for name in block.names])
-        result[np.ix_(own, own)] = covariance_root(drawable_passes(block.D, block.C))
+        index = np.concatenate([place[name] for name in block.names])
+        result[np.ix_(index, index)] = covariance_root(drawable_passes(block.D, block.C))
     return result
 
 
@@ -82,10 +82,10 @@ def simulate_readings(
     positions: Mapping[str, FloatArray],
     only: str | None = None,
 ) -> SimulatedReadings:
-    """Readings of every component, or of the `only` one asked for, in `passes` in each of the
-    `directions` at the `positions` (mm) of its axis: its polynomial, a draw of D a pass, together
-    for components read together, s_repeat a reading. A component without an axis is read once a
-    pass, forward only; nothing reads the parameters of declared effects.
+    """Readings of every component, or of `only` one, in `passes` in each of the `directions` at the
+    `positions` (mm) of its axis: its polynomial, a draw of D a pass, jointly for components with
+    shared passes, s_repeat a reading. A component without an axis is read once a pass, forward
+    only; the parameters of declared effects have no readings.
     """
     estimates = [term.estimate for term in model.terms]
     # Direction and positions of each run through them in a pass.
@@ -97,20 +97,20 @@ def simulate_readings(
     ]
     # Of coefficients (passes, directions, k), and of readings (passes, directions, n); a component
     # without an axis is read in the first direction alone.
-    each = max(len(own) for own in places)
+    each = max(len(runs) for runs in places)
     drawn, normal = [], []
-    for c, (estimate, own) in enumerate(zip(estimates, places, strict=True)):
-        k, size = len(estimate.coefficients), (passes, len(own))
-        draws = stream(seed, READINGS_STREAM, c).standard_normal((*size, k + len(own[0][1])))
+    for c, (estimate, runs) in enumerate(zip(estimates, places, strict=True)):
+        k, size = len(estimate.coefficients), (passes, len(runs))
+        draws = stream(seed, READINGS_STREAM, c).standard_normal((*size, k + len(runs[0][1])))
         drawn.append(draws[..., k:])
         normal.append(np.broadcast_to(draws[..., :k], (passes, each, k)))
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
     rows: list[tuple[str, str, float, int, int, float]] = []
-    for estimate, own, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
+    for estimate, runs, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
         if EFFECT_MARK in estimate.name or only not in (None, estimate.name):
             continue
-        for number, i in np.ndindex(passes, len(own)):
-            sign, where = own[i]
+        for number, i in np.ndindex(passes, len(runs)):
+            sign, where = runs[i]
             b = estimate.coefficients + deviations[number, i, at]
             values = estimate.shape.columns(where) @ b + estimate.s_repeat * noise[number, i]
             rows += [
@@ -182,25 +182,25 @@ class Part:
 
         Raises InputError for an unknown name, and for a value that no points file could hold.
         """
-        known = {axis: self.points[:, k] for k, axis in enumerate(AXES)} | dict(self.values)
+        values = {axis: self.points[:, k] for k, axis in enumerate(AXES)} | dict(self.values)
         try:
-            check_known(node, known)
+            check_known(node, values)
         except InputError as fault:
             raise InputError(each.at(path=option) for each in fault.findings) from None
-        result = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(self.ids)))
+        result = np.array(np.broadcast_to(np.asarray(evaluate(node, values), float), len(self.ids)))
         faulty = ~((least <= result) & (result <= most))
         if not faulty.any():
             return result
         i = int(np.argmax(faulty))
-        named = f"in part {self.number} at feature {self.ids[i]!r}"
+        where = f"in part {self.number} at feature {self.ids[i]!r}"
         if np.isfinite(result[i]):
             unit = " mm" if most == LARGEST_MM else ""
             size = f"{'0 to' if least == 0 else 'at most'} {most:g}{unit}"
-            facts = {"path": f"{option} {named}", "value": f"{result[i]:g}"}
+            facts = {"path": f"{option} {where}", "value": f"{result[i]:g}"}
             raise error("out-of-range", **facts, expected=size + " in size" * (least < 0))
-        at = ", ".join(f"{name} = {known[name][i]:g}" for name in names_of(node))
+        at = ", ".join(f"{name} = {values[name][i]:g}" for name in names_of(node))
         expected = "an equation that has one at every feature"
-        what = {"what": "the equation", "where": f" at {at} {named}", "expected": expected}
+        what = {"what": "the equation", "where": f" at {at} {where}", "expected": expected}
         raise error("no-finite-value", path=option, **what)
 
 
@@ -232,12 +232,12 @@ def simulate_points(
     model: MachineModel, ids: Sequence[str], points: FloatArray, plan: PartsPlan, seed: int
 ) -> SimulatedPoints:
     """CMM points of `plan.parts` parts with features `ids` at `points` (n, 3), mm. A part has one
-    draw of every component's D, those read together one of theirs, and of its offset, a feature one
-    of every component's s_repeat, a repeat one of the CMM's.
+    draw of every component's D, jointly for shared passes, and of its offset, a feature one of
+    every component's s_repeat, a repeat one of the CMM's.
 
     Raises InputError for an equation that uses an unknown name, or has no value or one out of range
-    at a feature; for a covariate of the machine that nothing gives; for a place that the part does
-    not state.
+    at a feature; for a covariate of the machine without a value; for a place that the part does not
+    state.
     """
     parts = _parts(ids, points, plan)
     ask, rooms = "--covariate '{}: EQUATION'", ", or --cmm-room DEGC"
@@ -247,13 +247,13 @@ def simulate_points(
     for i, k in np.argwhere(np.isnan(points[:, [AXES.index(axis) for axis in axes]]))[:1]:
         key, path = f"{axes[k]}_mm", f"features.{ids[i]}"
         raise error("missing-key", key=key, path=path, expected=f"{key} of every feature")
-    # Without covariates in the equations the places alone make the design, of every part.
+    # Without covariates in the equations one design, of the places, holds for every part.
     fixed = None if model.covariates() else design(model, points, {})
     measured = [
         _measured(model, plan, part, seed, fixed or design(model, points, part.values), root)
         for part in parts
     ]
-    repeats = [len(own) for own in measured]
+    repeats = [len(x) for x in measured]
     each = list(zip(parts, repeats, strict=True))
     return SimulatedPoints(
         axes=axes,
@@ -261,7 +261,7 @@ def simulate_points(
         part=tuple(str(part.number) for part, r in each for _ in range(r * n)),
         feature=tuple(ids) * sum(repeats),
         repeat=np.concatenate([np.repeat(np.arange(1, r + 1), n) for r in repeats]),
-        measured=np.concatenate([own.reshape(-1, len(axes)) for own in measured]),
+        measured=np.concatenate([x.reshape(-1, len(axes)) for x in measured]),
         covariates={
             name: np.concatenate([np.tile(part.values[name], r) for part, r in each])
             for name in parts[0].values
@@ -299,9 +299,9 @@ def _measured(
     axes = _written(model)
     measured = np.tile(part.points[:, [AXES.index(axis) for axis in axes]], (repeats, 1, 1))
     measured[:, :, [axes.index(axis) for axis in model.axes]] += errors + cmm
-    others = [i for i, axis in enumerate(axes) if axis not in model.axes]
-    of_others = stream(seed, OTHER_AXES_STREAM, index).standard_normal((repeats, n, len(others)))
-    measured[:, :, others] += plan.cmm_u * of_others
+    rest = [i for i, axis in enumerate(axes) if axis not in model.axes]
+    of_rest = stream(seed, OTHER_AXES_STREAM, index).standard_normal((repeats, n, len(rest)))
+    measured[:, :, rest] += plan.cmm_u * of_rest
     return measured
 
 
@@ -311,30 +311,30 @@ def _written(model: MachineModel) -> tuple[str, ...]:
 
 
 def growth(
-    found: SimulatedPoints, ids: Sequence[str], points: FloatArray, circles: Sequence[Circle]
+    simulated: SimulatedPoints, ids: Sequence[str], points: FloatArray, circles: Sequence[Circle]
 ) -> FloatArray:
-    """What the circles' features stand off their nominal places, (n, axes) in mm: p - c grows by
+    """The circles' features minus their nominal places, (n, axes) in mm: p - c grows by
     D(T)/D0 - 1, with c the centre and D0 the diameter of the circle through the nominal features
     `ids` at `points` (features, 3); D(T) is linear between calibrated temperatures, beyond them
-    constant. A circle whose temperature no covariate gives stays nominal.
+    constant. A circle whose temperature is no covariate stays nominal.
 
     Raises InputError for features that do not determine their circle.
     """
-    columns = [AXES.index(axis) for axis in found.axes]
-    code = np.array([ids.index(name) for name in found.feature])
-    moved = np.zeros_like(found.measured)
+    columns = [AXES.index(axis) for axis in simulated.axes]
+    code = np.array([ids.index(name) for name in simulated.feature])
+    shift = np.zeros_like(simulated.measured)
     for circle in circles:
-        if circle.calibrated_mm is None or circle.temperature not in found.covariates:
+        if circle.calibrated_mm is None or circle.temperature not in simulated.covariates:
             continue
-        own = [ids.index(name) for name in circle.features]
+        ring_ids = [ids.index(name) for name in circle.features]
         try:
-            ring = fit_circle(points[own])
+            ring = fit_circle(points[ring_ids])
         except GeometryError as fault:
             what = f"no circle goes through the nominal points of {circle.id!r}: {fault}"
             raise error("too-little-data", what=what) from None
-        known = np.array(sorted(circle.calibrated_mm.items()))
-        diameter = np.interp(found.covariates[circle.temperature], known[:, 0], known[:, 1])
-        rows = np.isin(code, own)
+        table = np.array(sorted(circle.calibrated_mm.items()))
+        diameter = np.interp(simulated.covariates[circle.temperature], table[:, 0], table[:, 1])
+        rows = np.isin(code, ring_ids)
         away = (points[code] - ring.centre)[:, columns]
-        moved[rows] = (away * (diameter / (2.0 * ring.radius) - 1.0)[:, None])[rows]
-    return moved
+        shift[rows] = (away * (diameter / (2.0 * ring.radius) - 1.0)[:, None])[rows]
+    return shift

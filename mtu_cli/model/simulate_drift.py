@@ -35,8 +35,8 @@ class DriftPlan:
     without readings; each component at its `positions` (mm, by name; nan where it has no axis).
     `noise` is a reading's standard deviation by dimension of the unit, mm and rad. `settled` (mm or
     rad, by component) are the drifts at the positions once the room has settled at `high`; those of
-    other components are kept within `limits`, by dimension. `twins` (name, sensor): a second sensor
-    at the same place, with a noise of its own.
+    other components stay within `limits`, by dimension. `twins` (name, sensor): a second sensor at
+    the same place, with independent noise.
     """
 
     reference: float
@@ -105,7 +105,7 @@ def settled(
     plan: DriftPlan, sensors: Sensors, rooms: FloatArray, wobble: float, seed: int
 ) -> FloatArray:
     """Noise-free temperatures (r, s) with the room settled at each of `rooms`, degC, each with
-    draughts of its own of standard deviation `wobble`.
+    independent draughts of standard deviation `wobble`.
     """
     draughts = np.empty((len(rooms), len(sensors.names)))
     for r, s in np.ndindex(draughts.shape):
@@ -147,17 +147,17 @@ class SimulatedDrift:
 def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> Sensors:
     """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible:
     with the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
-    drifts are R G a. Where one is asked for or exceeds its limit it becomes a target d of a = a0 +
-    G^+ (d/R - G a0), the solution nearest to a0. Limits that the sensors cannot keep beside the
-    other drifts are left alone.
+    drifts are R G a. Where one is requested or exceeds its limit it becomes a target d of a = a0 +
+    G^+ (d/R - G a0), the solution nearest to a0. Limits that the sensors cannot keep along with
+    the other drifts are dropped.
 
-    Raises InputError where the sensors cannot give the drifts that are asked for.
+    Raises InputError where the sensors cannot give the requested drifts.
     """
     names = tuple(sorted({sensor for drift in drifts for sensor in drift.sensors}))
     draws = np.array([stream(seed, _CLIMATE_STREAM, 0, s).random(2) for s in range(len(names))])
     low, high = plan.sensor_lag
     lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
-    drawn = shares = 1.0 + plan.sensor_spread * (2.0 * draws[:, 1] - 1.0)
+    a0 = shares = 1.0 + plan.sensor_spread * (2.0 * draws[:, 1] - 1.0)
     rise = plan.high - plan.reference
     targets = []
     for drift in drifts:
@@ -165,28 +165,28 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
         G = np.zeros((len(positions), len(names)))
         place = np.zeros(len(positions)) if drift.degree == 0 else positions
         G[:, [names.index(sensor) for sensor in drift.sensors]] = drift.gradients(place).T / scale
-        free, limit = rise * G @ drawn, plan.limits[drift.unit.dimension] / scale
-        value, rank = np.clip(free, -limit, limit), 1 + bool((np.abs(free) > limit).any())
+        raw, limit = rise * G @ a0, plan.limits[drift.unit.dimension] / scale
+        value, rank = np.clip(raw, -limit, limit), 1 + bool((np.abs(raw) > limit).any())
         if drift.component in plan.settled:
             value, rank = plan.settled[drift.component] / scale, 0
         targets.append((rank, drift, G, value))
-    kept_G, kept = np.zeros((0, len(names))), np.zeros(0)
+    base_G, base = np.zeros((0, len(names))), np.zeros(0)
     # Limits come last: they may give way, and what is within them shall stay so.
     for rank, drift, G, value in sorted(targets, key=lambda target: target[0]):
-        all_G, wanted = np.vstack([kept_G, G]), np.concatenate([kept, value])
-        moved = drawn
+        all_G, d = np.vstack([base_G, G]), np.concatenate([base, value])
+        a = a0
         if rise != 0:
-            moved = drawn + np.linalg.pinv(all_G) @ (wanted / rise - all_G @ drawn)
-        missed = np.abs(rise * all_G @ moved - wanted).max()
-        if missed <= _REACHED * max(1.0, float(np.abs(wanted).max())):
-            kept_G, kept, shares = all_G, wanted, moved
+            a = a0 + np.linalg.pinv(all_G) @ (d / rise - all_G @ a0)
+        residual = np.abs(rise * all_G @ a - d).max()
+        if residual <= _REACHED * max(1.0, float(np.abs(d).max())):
+            base_G, base, shares = all_G, d, a
         elif rank == 0:
-            asked, near = (" ".join(f"{x:.4g}" for x in y) for y in (value, rise * G @ moved))
+            requested, near = (" ".join(f"{x:.4g}" for x in y) for y in (value, rise * G @ a))
             raise error(
                 "not-applicable",
                 reason=f"--settled-drift: no shares of the sensors in the rise of {rise:.4g} degC "
                 f"give {drift.component} the settled drift",
-                value=f"{drift.component}: {asked}",
+                value=f"{drift.component}: {requested}",
                 expected=f"about {near} {drift.unit.name} (nearest to all that is asked): drifts "
                 "differ only where the gradients of the sensors do",
             )
@@ -203,26 +203,26 @@ def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
     count = len(true)
     times = np.arange(count, dtype=np.float64) * plan.interval
     read = as_read(plan, sensors, dict(zip(sensors.names, true.T, strict=True)), seed)
-    kept = (np.arange(count) % period < plan.moments).nonzero()[0].reshape(plan.cycles, -1)
+    at = (np.arange(count) % period < plan.moments).nonzero()[0].reshape(plan.cycles, -1)
     rows: list[tuple[str, str, float]] = []
     errors: list[FloatArray] = []
     for number, item in enumerate(drifts):
         # A drift follows a sensor's temperature, or its lag.
         columns = true[:, [sensors.names.index(sensor) for sensor in item.sensors]]
         lagged = first_order_lag(columns, times, item.time_constants).diagonal(axis1=0, axis2=2)
-        known = dict(zip(item.sensors, lagged.T, strict=True))
-        # What the model leaves, one draw a cycle, and the noise of every reading.
+        temperatures = dict(zip(item.sensors, lagged.T, strict=True))
+        # The leftover, one draw a cycle, and the noise of every reading.
         shape = plan.cycles, len(item.leftover)
         draws = stream(seed, _DRIFT_STREAM, 0, number).standard_normal(shape)
         noise = plan.noise[item.unit.dimension]
         for p, position in enumerate(plan.positions[item.component]):
             place = np.nan_to_num(position)
             root = place ** np.arange(shape[1]) @ covariance_root(item.leftover)
-            error = item.drift(np.full(count, place), known)
+            error = item.drift(np.full(count, place), temperatures)
             error = error + (draws @ root)[np.arange(count) // period]
             error += noise * stream(seed, _DRIFT_STREAM, 1, number, p).standard_normal(count)
             rows.append((item.component, item.unit.name, position))
-            errors.append((error / item.unit.to_internal)[kept])
+            errors.append((error / item.unit.to_internal)[at])
     table = np.stack(errors, axis=1)
     components, units, positions = (np.array(each) for each in zip(*rows, strict=True))
 
@@ -234,8 +234,8 @@ def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
         unit=tuple(spread(units[:, None]).tolist()),
         position=spread(positions[:, None]),
         cycle=spread(np.arange(plan.cycles)[:, None, None] + 1),
-        time=spread(times[kept][:, None]),
+        time=spread(times[at][:, None]),
         error=table.ravel(),
-        temperatures={name: spread(values[kept][:, None]) for name, values in read.items()},
+        temperatures={name: spread(values[at][:, None]) for name, values in read.items()},
         sensors=sensors,
     )

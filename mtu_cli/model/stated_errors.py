@@ -17,7 +17,7 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import LENGTH, UNITS
 
 POINTS = 11
-"""Over the travel, of what is no table."""
+"""Positions over the travel, where there is no table."""
 
 
 class StatedErrors(NamedTuple):
@@ -52,7 +52,7 @@ class Stated:
         return np.linspace(*machine.machine.travels[self.axis], POINTS)
 
     def errors_at(self, machine: LoadedMachine, positions: FloatArray) -> StatedErrors:
-        """What the machine file says of it at `positions` (n,), mm.
+        """Its errors by the machine file at `positions` (n,), mm.
 
         Raises InputError for a component without coefficients.
         """
@@ -95,19 +95,19 @@ def stated(machine: LoadedMachine, name: str) -> Stated:
         angle, axis, at = UNITS[component.unit].dimension != LENGTH, component.of, component.at_mm
         equations = [key for key, form in machine.forms.items() if name in form.coefficients]
     else:
-        index = names_known.index(name) - len(machine.machine.components)
-        form, own = machine.effect_forms[index], machine.machine.effects[index].components.values()
+        i = names_known.index(name) - len(machine.machine.components)
+        form, components = machine.effect_forms[i], machine.machine.effects[i].components.values()
         levers = [lever for each in form.values() for lever in each.coefficients.values()]
-        used = {x for lever in levers for x in names(lever)} | {x.of for x in own if x.of}
+        used = {x for lever in levers for x in names(lever)} | {x.of for x in components if x.of}
         axes = {x.removeprefix("dir_") for x in used} & {*AXES}
-        left = used - {*axes, *(f"dir_{x}" for x in axes), *machine.machine.constants}
+        rest = used - {*axes, *(f"dir_{x}" for x in axes), *machine.machine.constants}
         plain = all(x.remainder is None for x in form.values())
-        if len(form) > 1 or len(axes) != 1 or left or not plain:
-            depends = ", ".join(sorted(left | axes)) or "several axes"
+        if len(form) > 1 or len(axes) != 1 or rest or not plain:
+            depends = ", ".join(sorted(rest | axes)) or "several axes"
             reason = f"the effect {name} depends on {depends}: no table of one axis holds it"
             raise error("not-applicable", reason=reason)
         axis, equations = axes.pop(), [*form]
-        at = next((x.at_mm for x in own if x.at_mm), None)
+        at = next((x.at_mm for x in components if x.at_mm), None)
     return Stated(
         name=name,
         axis=axis,

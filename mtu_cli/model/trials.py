@@ -1,4 +1,4 @@
-"""Monte Carlo trials of one future part: its errors, what is made of them, and conformance."""
+"""Monte Carlo trials of one future part: its errors, its measurands, and conformance."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class PointTrials:
 
     `combine` (combinations, rows) says which linear combinations of the errors `measure` needs;
     only these are drawn, normal with the prediction's covariance or, without the `variance` of the
-    outputs, with every error on its own, as Gilsinn & Ling 2004, eq. (23), have it. `owner`
+    outputs, with independent errors, as in Gilsinn & Ling 2004, eq. (23). `owner`
     (combinations,) is the output that a combination belongs to. Where the effective degrees of
     freedom of the `variance` are finite its combinations are scaled to Student's t (JCGM 101:2008,
     6.4.9), so that the trials and the first-order interval differ by what the measurand is not
@@ -86,17 +86,17 @@ class PointTrials:
         self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
 
     def _factor_of(
-        self, stacked: FloatArray, prediction: Prediction, wanted: FloatArray
+        self, stacked: FloatArray, prediction: Prediction, target: FloatArray
     ) -> FloatArray:
-        """F with F F' the covariance of the stacked rows; where an output's own variance is another
-        (a negative D was kept from making it too small, `variance.block_variance`), without
-        negative part and with all rows of the output scaled alike.
+        """F with F F' the covariance of the stacked rows; where an output's `target` variance is
+        another (not lowered by a negative D, see `variance.block_variance`), without negative part
+        and with all rows of the output scaled alike.
         """
         raw = stacked @ prediction.covariance @ stacked.T
-        if np.allclose(np.diag(raw)[self.k :], wanted, rtol=1e-9, atol=0.0):
+        if np.allclose(np.diag(raw)[self.k :], target, rtol=1e-9, atol=0.0):
             return factor_of(raw)
         factor = factor_of(stacked @ prediction.drawable @ stacked.T)
-        ratio = _ratio(wanted, np.sum(factor[self.k :] ** 2, axis=1))
+        ratio = _ratio(target, np.sum(factor[self.k :] ** 2, axis=1))
         return factor * ratio[self.owner, None]
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
@@ -120,9 +120,9 @@ class PointTrials:
         return self.linear_u * [t_quantile(probability, dof) for dof in self.linear_dof.tolist()]
 
 
-def _ratio(wanted: FloatArray, drawn: FloatArray) -> FloatArray:
-    """By what rows of the variances `drawn` are scaled to those `wanted`; 0 where nothing is."""
-    return np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
+def _ratio(target: FloatArray, drawn: FloatArray) -> FloatArray:
+    """The factor that scales rows of the variances `drawn` to those of `target`; 0 where 0."""
+    return np.sqrt(np.divide(target, drawn, out=np.zeros_like(drawn), where=drawn > 0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,8 +180,8 @@ def joint_conformance(
     """That one part conforms in all its toleranced lengths; None of fewer than two. Not the product
     of their probabilities, as the lengths of a part are correlated, nor more than the least.
     """
-    known = {name: x for name, x in zip(model.names, items, strict=True) if x is not None}
-    if len(known) < 2:
+    conformances = {name: x for name, x in zip(model.names, items, strict=True) if x is not None}
+    if len(conformances) < 2:
         return None
     low = np.array([[-np.inf if x is None else x.tolerance.low * UM] for x in items])
     high = np.array([[np.inf if x is None else x.tolerance.high * UM] for x in items])
@@ -191,8 +191,8 @@ def joint_conformance(
         return np.all((low <= values) & (values <= high), axis=0, keepdims=True)
 
     p, se = _counted(("all_within",), all_within, settings)
-    least = min(float(p[0]), *(x.probability for x in known.values()))
-    return JointConformance(tuple(known), least, float(se[0]))
+    least = min(float(p[0]), *(x.probability for x in conformances.values()))
+    return JointConformance(tuple(conformances), least, float(se[0]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,9 +210,9 @@ def position_conformance(
     prediction: Prediction, position_um: Sequence[float | None], settings: Settings
 ) -> tuple[PositionConformance | None, ...]:
     """P(Ex^2 + Ey^2 <= (T/2)^2) of every feature with a T, by Monte Carlo. A mean square MS of nu
-    degrees of freedom says of its expectation that it is MS nu/W, W a chi-squared of nu (JCGM
-    101:2008, 6.4.9): every trial draws one W a source, and with it the errors along x and y
-    together. An axis without equation has no error.
+    degrees of freedom has the expectation MS nu/W, W a chi-squared of nu (JCGM 101:2008, 6.4.9):
+    every trial draws one W a source, common to the errors along x and y. An axis without equation
+    has no error.
     """
     result: list[PositionConformance | None] = [None] * len(position_um)
     zones = {i: zone for i, zone in enumerate(position_um) if zone is not None}
@@ -243,8 +243,8 @@ def _plane_factor(
     """F (features*axes, K*axes) of K sources, and their degrees of freedom (K,).
 
     F_k F_k' is the covariance that mean square k gives the errors `rows` (features, axes) of one
-    feature: by variances of Ex, Ey and Ex + Ey. What is negative in it (a difference of mean
-    squares) is left out, and the rows are scaled back to their variances.
+    feature: by variances of Ex, Ey and Ex + Ey. Its negative part (a difference of mean squares) is
+    left out, and the rows are scaled back to their variances.
     """
     n, a = rows.shape
     if independent:
@@ -261,7 +261,7 @@ def _plane_factor(
         sources[..., 0, 1] = sources[..., 1, 0] = covariance
     values, vectors = np.linalg.eigh(sources)
     factors = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
-    wanted = np.clip(each.total.reshape(n, a), 0.0, None)
-    ratio = _ratio(wanted, np.sum(factors**2, axis=(0, 3)))
+    target = np.clip(each.total.reshape(n, a), 0.0, None)
+    ratio = _ratio(target, np.sum(factors**2, axis=(0, 3)))
     scaled = (factors * ratio[..., None]).transpose(1, 2, 0, 3).reshape(n * a, -1)
     return np.asarray(scaled), each.squares.dof

@@ -59,7 +59,7 @@ class MeanSquares(NamedTuple):
     """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
     (K, m) is what each adds to the variance of the mean over all future parts, that of the
     coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
-    infinite where the machine file knows better than by readings; `passes` what is of passes.
+    infinite where the machine file states it as known; `passes` those of passes.
     """
 
     of_mean: FloatArray
@@ -70,7 +70,7 @@ class MeanSquares(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shares:
-    """What a variance consists of by its nature, 1 in all.
+    """The shares of a variance by its nature, 1 in all.
 
     `passes` is below 0 where passes differ by less than repeatability makes them.
     """
@@ -123,8 +123,8 @@ def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[Float
     of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
     dof = np.array([block.pass_dof, *block.repeat_dof])
     noise: FloatArray = np.sum(visits, axis=0)
-    # A pooled moment estimate of D may be negative where passes hardly differ; what passes
-    # and visits add together is not.
+    # A pooled moment estimate of D may be negative where passes hardly differ; the sum of passes
+    # and visits is not.
     of_D = np.maximum(of_D, -noise)
     split = np.array([of_C, of_D, noise])
     if block.pass_dof == 0:
@@ -143,12 +143,12 @@ def _of_mean_squares(
 
     w the visits of the measurand, q the powers that the passes have in common; (1/n) g'S g
     and s^2 q are of the coefficients. Where w is less than g'M g the second term is negative;
-    its s^2 is then kept to what S leaves room for, D being no less than 0: g'S g (1/n +
-    w/g'M g) with the degrees of freedom of the passes.
+    its s^2 is then bounded by S, D being no less than 0: g'S g (1/n + w/g'M g) with the degrees
+    of freedom of the passes.
 
     Of runs there and back S is S_m + S_h, two mean squares of the same degrees of freedom, and the
-    mean over n passes has the variance 2 S_m/n. S of uneven passes is put together from estimates
-    of its own: where S_h is more than S, C is all of the passes.
+    mean over n passes has the variance 2 S_m/n. S of uneven passes is composed of separate
+    estimates: where S_h is more than S, C is all of the passes.
     """
     n, halves = block.n_passes, block.half_differences
     of_C, of_D, S = (_quadratic(g, matrix) for matrix in (block.C, block.D, between))
@@ -167,11 +167,11 @@ def _of_mean_squares(
         of_mean = [np.where(beyond_S, of_C, 2 * (1 - share) * S / n), np.zeros_like(S)]
         of_part = [(1 - share) * passes, share * passes]
     dof = np.array([*[block.pass_dof] * len(of_mean), *block.repeat_dof])
-    for columns, own in zip(block.columns, visits, strict=True):
+    for columns, visit in zip(block.columns, visits, strict=True):
         inside = (columns, columns)
         common = _quadratic(g[:, columns], block.C[inside] - of_all[inside] / n)
         of_mean.append(np.where(beyond_S, 0.0, common))
-        beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + own
+        beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + visit
         of_part.append(np.where(capped, 0.0, beyond))
     squares = [*(PassSquare(g, each) for each in matrices), *[None] * len(visits)]
     return split, MeanSquares(np.array(of_mean), np.array(of_part), dof, squares)
@@ -185,8 +185,8 @@ def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:
 def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
     """D (k, k) without its negative part, measured in the standard uncertainties of C.
 
-    Level and slope differ in unit: without a measure the result would depend on them. What has no
-    uncertainty, or one that is not known (nan), is measured as it is.
+    Level and slope differ in unit: without a measure the result would depend on them. One without
+    uncertainty, or with an unknown one (nan), has the measure 1.
     """
     variances = np.where(np.diag(C) > 0, np.diag(C), 1.0)
     scale = np.sqrt(variances)
@@ -222,32 +222,32 @@ def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> 
     at, columns = {term.estimate.name: t for t, term in enumerate(model.terms)}, model.columns
     groups: list[tuple[list[str], JointPasses | None]] = []
     for group in model.joint:
-        kept = [name for name in group.components if name in at]
-        if len(kept) >= 2:
-            groups.append((kept, group))
-    joint = {name for kept, _ in groups for name in kept}
+        members = [name for name in group.components if name in at]
+        if len(members) >= 2:
+            groups.append((members, group))
+    joint = {name for members, _ in groups for name in members}
     groups += [([name], None) for name in at if name not in joint]
     blocks = []
     for names, shared in groups:
         terms = [at[name] for name in names]
-        known = [model.terms[t].estimate for t in terms]
-        ends = np.cumsum([0, *(len(x.coefficients) for x in known)]).tolist()
+        estimates = [model.terms[t].estimate for t in terms]
+        ends = np.cumsum([0, *(len(x.coefficients) for x in estimates)]).tolist()
         inside = tuple(slice(*pair) for pair in pairwise(ends))
-        squares = [between_passes(x) for x in known]
-        of = shared or known[0]
+        squares = [between_passes(x) for x in estimates]
+        of = shared or estimates[0]
         C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, squares[0]
         if shared is not None:
             owners = np.repeat(np.array(shared.components, object), shared.widths)
             rows = np.ix_(*[np.flatnonzero(np.isin(owners, names))] * 2)
             C, D, halves = C[rows], D[rows], None if halves is None else halves[rows]
             between = None
-            if shared.n_passes is not None and all(own is not None for own in squares):
+            if shared.n_passes is not None and all(S is not None for S in squares):
                 # Between components C is of their level and slope alone, whatever their degree.
                 between = from_mean(C, shared.n_passes, halves)
-                for part, own in zip(inside, squares, strict=True):
-                    between[part, part] = own
+                for part, S in zip(inside, squares, strict=True):
+                    between[part, part] = S
         sides = [J[:, columns[t]] for t in terms]
-        visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, known, strict=True)]
+        visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, estimates, strict=True)]
         block = Block(
             names=tuple(names),
             columns=inside,
@@ -256,7 +256,7 @@ def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> 
             D=D,
             noise=np.column_stack(visits),
             pass_dof=of.pass_dof,
-            repeat_dof=tuple(x.repeat_dof for x in known),
+            repeat_dof=tuple(x.repeat_dof for x in estimates),
             between=between,
             n_passes=of.n_passes or 0,
             half_differences=halves,

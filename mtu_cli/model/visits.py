@@ -27,7 +27,7 @@ def axes_of(points: Points) -> tuple[int, ...]:
 
 
 def operations_of(points: Points) -> tuple[tuple[str, ...], IntArray]:
-    """Names and codes (n,) of operations; "" where a file does not tell them."""
+    """Names and codes (n,) of operations; "" where a file does not have them."""
     if not points.operations:
         return ("",), np.broadcast_to(np.int64(0), len(points))
     unnamed = points.operation < 0
@@ -38,7 +38,7 @@ def operations_of(points: Points) -> tuple[tuple[str, ...], IntArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Visits:
-    """The points of each measurement of each part together: `errors` and `nominal` (visits,
+    """The points by measurement of each part: `errors` and `nominal` (visits,
     features, 3) mm, nan where a feature was not measured; `part` and `operation` (visits,) are
     codes, `of_point` (n,) the visit of each point. A visit is one repeat of one part in one
     operation: repeats by their number or, without one, in the order of the file, after those with a
@@ -91,39 +91,39 @@ def distinct(codes: NDArray[Any]) -> tuple[NDArray[Any], IntArray]:
     """The different codes (n,) in order, and which of them each one is; small whole numbers are
     counted, several times quicker than sorted.
 
-    >>> [found.tolist() for found in distinct(np.array([7, 3, 7]))]
+    >>> [array.tolist() for array in distinct(np.array([7, 3, 7]))]
     [[3, 7], [1, 0, 1]]
     """
     whole = len(codes) > 0 and codes.dtype.kind in "iu"
     if not whole or codes.min() < 0 or codes.max() > 4 * len(codes):
         values, index = np.unique(codes, return_inverse=True)
         return values, index.reshape(-1).astype(np.int64)
-    seen = np.bincount(codes) > 0
-    return np.flatnonzero(seen), (np.cumsum(seen) - 1)[codes]
+    present = np.bincount(codes) > 0
+    return np.flatnonzero(present), (np.cumsum(present) - 1)[codes]
 
 
 def only_features(points: Points, names: Iterable[str]) -> Points:
     """The points of some features; parts and operations keep their codes."""
     index = {name: code for code, name in enumerate(points.features)}
-    kept = [index[name] for name in dict.fromkeys(names) if name in index]
+    codes = [index[name] for name in dict.fromkeys(names) if name in index]
     code = np.full(len(points.features), -1)
-    code[kept] = np.arange(len(kept))
+    code[codes] = np.arange(len(codes))
     feature = code[points.feature]
     rows = np.flatnonzero(feature >= 0)
-    features = tuple(points.features[i] for i in kept)
+    features = tuple(points.features[i] for i in codes)
     return replace(only_rows(points, rows), features=features, feature=feature[rows])
 
 
 def only_rows(points: Points, rows: NDArray[Any]) -> Points:
     """Some of the points, by index (k,) or mask (n,); all parts and features keep their codes."""
-    own = {field.name: getattr(points, field.name) for field in fields(points)}
-    arrays = {name: value[rows] for name, value in own.items() if isinstance(value, np.ndarray)}
+    columns = {field.name: getattr(points, field.name) for field in fields(points)}
+    arrays = {name: value[rows] for name, value in columns.items() if isinstance(value, np.ndarray)}
     covariates = {name: column[rows] for name, column in points.covariates.items()}
     return replace(points, covariates=covariates, **arrays)
 
 
 def occurrence(codes: IntArray) -> IntArray:
-    """How often the code of each entry has stood before it: 0, 1, 2, ..."""
+    """How often the code of each entry occurs before it: 0, 1, 2, ..."""
     order = np.argsort(codes, kind="stable")
     ordered = codes[order]
     starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
@@ -139,12 +139,12 @@ def check_repeats(points: Points) -> None:
     Repeats without a number are counted on, and none of them stands twice.
     """
     _, operation = operations_of(points)
-    given = np.flatnonzero(points.repeat >= 0)
+    rows = np.flatnonzero(points.repeat >= 0)
     cell = operation.astype(np.int64) * len(points.features) + points.feature
-    place = (cell * len(points.parts) + points.part)[given]
-    numbers, code = distinct(points.repeat[given])
+    place = (cell * len(points.parts) + points.part)[rows]
+    numbers, code = distinct(points.repeat[rows])
     place = place * len(numbers) + code
-    if len(distinct(place)[0]) == len(given):
+    if len(distinct(place)[0]) == len(rows):
         return
     what, expected = "the feature in one repeat of one part", "one row a feature and `repeat`"
     raise InputError(
@@ -157,15 +157,15 @@ def check_repeats(points: Points) -> None:
             value=points.features[points.feature[i]],
             expected=expected,
         )
-        for i in given[occurrence(place) > 0][:LISTED_FAULTS]
+        for i in rows[occurrence(place) > 0][:LISTED_FAULTS]
     )
 
 
 ROUNDING = 1e-9
-"""A direction or an error below this share of what it is left of is rounding."""
+"""A direction or a remaining error below this share of the whole is rounding."""
 
 
-def freedoms(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
+def small_motions(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
     """Columns (n * a, k), k <= 4, of small motions: the errors that each gives, rows (feature, axis
     of `axes`), features first, at `places` (n, 3) in mm, of which x and y are used. An offset along
     each axis, mm a mm; where x and y are among the axes with rotation (-y, x) about the mean of the
@@ -184,15 +184,15 @@ def freedoms(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatAr
             x, y = x - centre[0], y - centre[1]
             r = np.maximum(np.hypot(x, y), 1e-300)
             along = x / r, y / r
-        moved = np.zeros((n, a))
-        moved[:, axes.index(0)], moved[:, axes.index(1)] = along
-        columns.append(moved.ravel())
+        motion = np.zeros((n, a))
+        motion[:, axes.index(0)], motion[:, axes.index(1)] = along
+        columns.append(motion.ravel())
     return np.column_stack(columns) if columns else np.zeros((n * a, 0))
 
 
 def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
-    """Orthonormal columns Q (n * a, k) of the freedoms, fewer where some coincide, without unit."""
-    F = freedoms(places, axes, datum)
+    """Orthonormal columns Q (n * a, k) of the motions, fewer where some coincide, without unit."""
+    F = small_motions(places, axes, datum)
     if not F.size:
         return F
     U, size, _ = np.linalg.svd(F / np.maximum(np.linalg.norm(F, axis=0), 1e-300), False)
@@ -208,14 +208,14 @@ def incomplete_datum() -> Finding:
 
 def without(Q: FloatArray, errors: FloatArray) -> FloatArray:
     """Errors (n * a, ...) less their least-squares rigid motion, e - Q Q'e; rounding is 0."""
-    left = np.asarray(errors - Q @ (Q.T @ errors))
+    rest = np.asarray(errors - Q @ (Q.T @ errors))
     size = np.abs(errors).max(axis=0, initial=0.0)
-    left[~(np.abs(left) > ROUNDING * size)] = 0.0
-    return left
+    rest[~(np.abs(rest) > ROUNDING * size)] = 0.0
+    return rest
 
 
 def projector(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
-    """(n * a, n * a), without unit: takes the freedoms out of errors at `places` (n, 3)."""
+    """(n * a, n * a), without unit: removes the best-fit motions of errors at `places` (n, 3)."""
     Q = basis(places, axes, datum)
     return without(Q, np.eye(len(Q)))
 
@@ -236,18 +236,18 @@ def motions_of(
     axes: tuple[int, ...],
     there: BoolArray,
 ) -> tuple[Motions, ...]:
-    """What each row is free to move by, in each operation on its own: rows at nominal `places` (N,
+    """The motions that the datum removes from each row, by operation: rows at nominal `places` (N,
     H, 3) mm have values where they are `there` (N, H); `operation` (H,) codes; `axes` (0, 1, 2)
     those of the errors.
     """
     result: list[Motions] = []
     for code in np.unique(operation) if datum != "none" else ():
-        own = np.flatnonzero(operation == code)
-        flat = np.nan_to_num(places[:, own]).reshape(len(places), -1)
-        alike = np.column_stack([there[:, own], flat])
+        features = np.flatnonzero(operation == code)
+        flat = np.nan_to_num(places[:, features]).reshape(len(places), -1)
+        alike = np.column_stack([there[:, features], flat])
         _, first, kind = np.unique(alike, axis=0, return_index=True, return_inverse=True)
         for k, row in enumerate(first.tolist()):
-            columns = own[there[row, own]]
+            columns = features[there[row, features]]
             if len(columns):
                 rows = np.flatnonzero(kind.reshape(-1) == k)
                 Q = basis(np.nan_to_num(places[row, columns]), axes, datum)
@@ -256,42 +256,42 @@ def motions_of(
 
 
 def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -> FloatArray:
-    """Values (rows or 1, H, A, R) less their least-squares motions; others stay as they are. The
-    first dimension stays 1 where all rows have the same motions.
+    """Values (rows or 1, H, A, R) less their least-squares motions; cells without any do not
+    change. The first dimension stays 1 where all rows have the same motions.
     """
     if not motions:
         return values
-    alike = all(len(own.rows) == rows for own in motions)
+    alike = all(len(motion.rows) == rows for motion in motions)
     if len(values) == 1 < rows and not alike:
         values = np.broadcast_to(values, (rows, *values.shape[1:]))
     result = values.copy()
-    for own in motions:
-        index = np.ix_(np.arange(1) if len(values) == 1 else own.rows, own.columns)
+    for motion in motions:
+        index = np.ix_(np.arange(1) if len(values) == 1 else motion.rows, motion.columns)
         m, h, a, r = (block := result[index]).shape
         flat = block.transpose(1, 2, 0, 3).reshape(h * a, m * r)
-        result[index] = without(own.Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
+        result[index] = without(motion.Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
     return result
 
 
 def freed(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, bool]:
-    """The points with each visit's freedoms taken out, and whether all visits are complete:
-    each has every feature of its operation.
+    """The points with best-fit alignment removed from each visit, and whether all visits are
+    complete: each has every feature of its operation.
     """
     if datum == "none" or not axes:
         return points, True
     chosen = list(axes)
     errors = points.measured[:, chosen] - points.nominal[:, chosen]
-    left, _, complete = freed_errors(points, errors, axes, datum)
+    rest, _, complete = datum_errors(points, errors, axes, datum)
     measured = points.measured.copy()
-    measured[:, chosen] = points.nominal[:, chosen] + left
+    measured[:, chosen] = points.nominal[:, chosen] + rest
     return replace(points, measured=measured), complete
 
 
-def freed_errors(
+def datum_errors(
     points: Points, errors: FloatArray, axes: tuple[int, ...], datum: Datum
 ) -> tuple[FloatArray, BoolArray, bool]:
-    """Errors (n, A) of the points less each visit's freedoms, those (n,) of which nothing is left
-    whatever they are, and whether all visits are complete.
+    """Errors (n, A) of the points less each visit's best-fit motion, those (n,) that it removes
+    entirely, and whether all visits are complete.
     """
     if datum == "none" or not axes:
         return errors, np.zeros(len(errors), bool), True
@@ -304,14 +304,14 @@ def freed_errors(
     places[at] = points.nominal
     one = np.zeros(there.shape[1], np.int64)
     motions = motions_of(datum, places, one, axes, there)
-    lost = np.zeros(there.shape, bool)
-    for own in motions:
-        lost[np.ix_(own.rows, own.columns)] = own.Q.shape[0] == own.Q.shape[1]
+    mask = np.zeros(there.shape, bool)
+    for motion in motions:
+        mask[np.ix_(motion.rows, motion.columns)] = motion.Q.shape[0] == motion.Q.shape[1]
     complete = True
     for operation in np.unique(visits.operation):
         of_it = there[visits.operation == operation]
         complete &= bool((of_it == of_it.any(axis=0)).all())
-    return without_motions(table[..., None], motions, len(there))[at][..., 0], lost[at], complete
+    return without_motions(table[..., None], motions, len(there))[at][..., 0], mask[at], complete
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Vectors and constructions of many trials at once: arrays (3, m), one row a coordinate.
 
 A construction takes the arrays of its input places and gives those of its outputs; lines and planes
-are (2, 3, m): a point and a unit vector. What is a single operation stands in the registry itself.
+are (2, 3, m): a point and a unit vector. Single operations stand in the registry itself.
 Fits are of least squared orthogonal distances, as in `mtu_cli.model.geometry`, which fits one set
 of points: the nominal ones, where the iteration for circles and spheres starts.
 """
@@ -200,7 +200,7 @@ def _orientation(points: FloatArray) -> FloatArray:
 
 def plane(points: Points, reference: FloatArray) -> FloatArray:
     """Centroid and unit normal (2, 3, m) of the plane of least squared distances; `reference` (3,)
-    says which of both normals is meant.
+    selects one of both normals.
     """
     q = np.stack(points, axis=1)
     centre = q.mean(axis=1)

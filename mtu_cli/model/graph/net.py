@@ -1,4 +1,4 @@
-"""A measurement graph from its file (``mtu/graph/1``): whether its net is sound, and what it says.
+"""A measurement graph from its file (``mtu/graph/1``), and the checks of its net.
 
 Stryczek, "A Bipartite Graph for Estimating Measurement Uncertainty on Five-Axis Machining
 Centres". A place holds a marker once it has a value; a transition fires, once, when all its
@@ -68,7 +68,7 @@ class Output:
 @dataclass(frozen=True, kw_only=True)
 class MeasurementGraph:
     """A sound graph. `rounds`: its transitions as they fire; `nominal` holds every place (m = 1),
-    `units` the unit of every place: mm, rad, 1 (or mm^n of a product); mm where nothing tells it.
+    `units` the unit of every place: mm, rad, 1 (or mm^n of a product); mm where undetermined.
     """
 
     document: YamlDocument
@@ -99,32 +99,32 @@ class MeasurementGraph:
         """
         places, outputs = self.graph.places, {}
         for text in tuple(names) or self.reported:
-            name, wanted = (text, "") if text in places else text.rpartition(".")[::2]
+            name, suffix = (text, "") if text in places else text.rpartition(".")[::2]
             if name not in places:
                 near = suggestion(name or text, places)
                 raise error("unknown-name", what="place", value=text, **near)
             kind, unit = places[name].kind, self.units[name]
-            known = COORDINATES[kind]
-            if wanted and wanted not in known:
-                hint = f"one of: {', '.join(f'{name}.{item}' for item in known)}"
+            coordinates = COORDINATES[kind]
+            if suffix and suffix not in coordinates:
+                hint = f"one of: {', '.join(f'{name}.{item}' for item in coordinates)}"
                 raise error("unknown-name", what="coordinate", value=text, expected=hint)
-            turned = {"frame": "rad", "line": "1", "plane": "1"}.get(kind, unit)
-            for i, coordinate in enumerate(known):
-                if wanted in ("", coordinate):
-                    own = turned if i >= 3 else unit
-                    given = {"place": name, "coordinate": coordinate, "kind": kind, "unit": own}
-                    outputs[name, i] = Output(**given, index=i)
+            direction_unit = {"frame": "rad", "line": "1", "plane": "1"}.get(kind, unit)
+            for i, coordinate in enumerate(coordinates):
+                if suffix in ("", coordinate):
+                    symbol = direction_unit if i >= 3 else unit
+                    fields = {"place": name, "coordinate": coordinate, "kind": kind, "unit": symbol}
+                    outputs[name, i] = Output(**fields, index=i)
         return tuple(outputs.values())
 
     def needed(self, outputs: Sequence[Output]) -> tuple[set[str], list[Step]]:
-        """Start places and transitions that stand behind some outputs."""
-        wanted, steps = {item.place for item in outputs}, []
+        """Start places and transitions that some outputs depend on."""
+        places, steps = {item.place for item in outputs}, []
         for step in reversed(self.computed):
-            if wanted.intersection(step.outputs):
+            if places.intersection(step.outputs):
                 steps.append(step)
-                wanted.update(step.inputs)
+                places.update(step.inputs)
         made = {name for step in self.computed for name in step.outputs}
-        return wanted - made, steps[::-1]
+        return places - made, steps[::-1]
 
 
 def start_value(place: Place) -> FloatArray:
@@ -170,13 +170,13 @@ def firing_order(steps: Iterable[Step], marked: Iterable[str]) -> Rounds:
 
 
 class _Net:
-    """The checks of one file, of the sound part of its contract; `known` are the names of all
-    places, faulty ones included; of transitions that cannot be read nobody knows what they name.
+    """The checks of one file, of the sound part of its contract; `place_names` are those of all
+    places, faulty ones included; the places of transitions that cannot be read are unknown.
     """
 
     def __init__(self, graph: Graph, faults: Faults) -> None:
         self.faults, self.places = faults, graph.places or {}
-        self.known = dict.fromkeys(faults.keys("places"))
+        self.place_names = dict.fromkeys(faults.keys("places"))
         misread = {path[1] for path in faults.unknown_keys if path[:1] == ("transitions",)}
         items = present(graph.transitions)
         self.transitions = {index: item for index, item in items if index not in misread}
@@ -185,7 +185,7 @@ class _Net:
         for index, item in self.transitions.items():
             for name in dict.fromkeys(item.out):
                 self.makers.setdefault(name, []).append(index)
-        self.unread = any(not (own.path or "").startswith("places.") for own in faults.findings)
+        self.unread = any(not (x.path or "").startswith("places.") for x in faults.findings)
         self.nominal: Values = {}
         self.units: dict[str, Unit] = {
             n: p.unit if p.kind == "constant" else "mm" for n, p in self.places.items()
@@ -210,7 +210,7 @@ class _Net:
 
     def step(self, index: int, item: Transition) -> Step | None:
         """A transition against its signature; None with its faults, and where it makes a place a
-        second time: what follows from that is not its fault.
+        second time: faults that follow from that are not its own.
         """
         path, faults, before = ("transitions", index), self.faults, len(self.faults.findings)
         for key, owner in ONLY.items():
@@ -223,18 +223,18 @@ class _Net:
             return None
         formula = self.formula(item, path) if item.do == "compute" else None
         takes, makes = (
-            [described(self.places[name].kind, self.places[name].axis) for name in own]
-            for own in (item.in_, item.out)
+            [described(self.places[name].kind, self.places[name].axis) for name in group]
+            for group in (item.in_, item.out)
         )
         uses = TRANSITIONS[item.do]
         taking = [use for use in uses if matches(use.takes, takes)]
         making = [use for use in taking if matches(use.makes, makes)]
         if not making:
-            known = [use.makes for use in taking] or [use.takes or "nothing" for use in uses]
-            side, verb, found = ("out", "make", makes) if taking else ("in", "take", takes)
-            given = {"do": item.do, "expected": "; or ".join(dict.fromkeys(known)), "verb": verb}
-            places = ", ".join(found) or "nothing"
-            faults.add((*path, side), "wrong-connection", places=places, **given)
+            options = [use.makes for use in taking] or [use.takes or "nothing" for use in uses]
+            side, verb, kinds = ("out", "make", makes) if taking else ("in", "take", takes)
+            facts = {"do": item.do, "expected": "; or ".join(dict.fromkeys(options)), "verb": verb}
+            places = ", ".join(kinds) or "nothing"
+            faults.add((*path, side), "wrong-connection", places=places, **facts)
         elif item.do == "meas" and makes == ["a point"] and item.along is None:
             faults.lacks(path, "along", "x, -x, ... or [i, j, k]")
         elif item.do == "meas" and makes != ["a point"] and item.along is not None:
@@ -249,8 +249,8 @@ class _Net:
 
     def check_known(self, path: YamlPath, items: Iterable[tuple[int, str]]) -> None:
         for at, name in items:
-            if name not in self.known:
-                self.faults.unknown((*path, at), name, self.known, "place")
+            if name not in self.place_names:
+                self.faults.unknown((*path, at), name, self.place_names, "place")
 
     def formula(self, item: Transition, path: YamlPath) -> Node | None:
         """The tree of a formula whose names are inputs: a constant or coordinate by its name, a
@@ -259,14 +259,14 @@ class _Net:
         if item.formula is None:
             self.faults.lacks(path, "formula", "a formula in the input places")
             return None
-        known: list[str] = []
+        inputs: list[str] = []
         for name in item.in_:
             kind = self.places[name].kind
             coordinates = COORDINATES[kind] if kind in ("point", "vector") else ()
-            known += [f"{name}.{each}" for each in coordinates] or [name]
+            inputs += [f"{name}.{each}" for each in coordinates] or [name]
         with self.faults.collected((*path, "formula")):
             node = parse(item.formula, BUDGET_FUNCTIONS, DOTTED)
-            check_known(node, known, "input")
+            check_known(node, inputs, "input")
             for at, name in enumerate(item.in_):
                 if name not in map(place_of, names(node)):
                     reason = "the formula does not use this input"
@@ -275,13 +275,13 @@ class _Net:
         return None
 
     def check_place(self, name: str, place: Place) -> None:
-        """That a place has the keys of its kind, and what a transition makes states nothing
-        against it.
+        """That a place has the keys of its kind, and that one which a transition makes states
+        nothing against it.
         """
         path, faults = ("places", name), self.faults
         if "." in name:
-            given = {"kind": "a name that formulas can use", "expected": name.replace(".", "_")}
-            faults.add(path, "wrong-type", value=name, **given)
+            facts = {"kind": "a name that formulas can use", "expected": name.replace(".", "_")}
+            faults.add(path, "wrong-type", value=name, **facts)
         makers = self.makers.get(name, [])
         maker = self.transitions[makers[0]].do if makers else ""
         for key, kinds in KEYS.items():
@@ -298,8 +298,8 @@ class _Net:
         count, expected = NOMINAL.get(place.kind, (0, ""))
         nominal = place.nominal_mm
         if nominal is not None and count and len(nominal) != count:
-            own = (*path, "nominal_mm")
-            faults.add(own, "wrong-value", value=list(nominal), expected=expected)
+            key_path = (*path, "nominal_mm")
+            faults.add(key_path, "wrong-value", value=list(nominal), expected=expected)
         if place.u is not None and place.value is None and not faults.misspelt(path, STARTS):
             faults.add((*path, "u"), "incomplete", what="`u`", other="`value`")
         measured = (maker == "meas" and count) or (place.known and not makers)
@@ -315,17 +315,17 @@ class _Net:
         transition or from the start, and leads to those reported, or to those that end the graph.
         """
         faults = self.faults
-        for name, (first, *others) in self.makers.items():
-            for index in others:
+        for name, (first, *rest) in self.makers.items():
+            for index in rest:
                 path: YamlPath = ("transitions", index, "out")
                 faults.add(path, "contradicts", other=self.made_by(first), value=name)
         self.check_known(("report",), self.report)
         faults.once(("report",), self.report, "the place")
-        before: dict[str, list[str]] = {}
+        sources: dict[str, list[str]] = {}
         for item in self.transitions.values():
             for name in item.out:
-                before.setdefault(name, []).extend(item.in_)
-        uncut: dict[str, list[str]] = before
+                sources.setdefault(name, []).extend(item.in_)
+        uncut: dict[str, list[str]] = sources
         while True:
             try:
                 TopologicalSorter(uncut).prepare()
@@ -335,27 +335,27 @@ class _Net:
             index = self.makers[cycle[1]][0]
             faults.add(("transitions", index), "graph-cycle", places=" -> ".join(cycle))
             uncut = {
-                name: [i for i in own if i not in cycle]
-                for name, own in uncut.items()
+                name: [i for i in inputs if i not in cycle]
+                for name, inputs in uncut.items()
                 if name not in cycle
             }
         if self.unread:
             return
         computed = {n for n, by in self.makers.items() if self.transitions[by[0]].do != "meas"}
-        ends = {*chain.from_iterable(before.values())}
+        ends = {*chain.from_iterable(sources.values())}
         ends |= {name for _, name in self.report} or computed
         for name, place in self.places.items():
             path = ("places", name)
             made = name in self.makers or place.marked or place.known
             if not made and not faults.misspelt(path, STARTS):
-                own = "`value:`, or " if place.kind == "constant" else ""
+                start = "`value:`, or " if place.kind == "constant" else ""
                 reason = f"no transition makes this {place.kind}"
-                wanted = f"{own}a transition with `out: {name}`"
-                faults.add(path, "unused-place", reason=reason, expected=wanted)
+                expected = f"{start}a transition with `out: {name}`"
+                faults.add(path, "unused-place", reason=reason, expected=expected)
             if name not in ends:
-                wanted = "an input of a transition, or listed under `report:`"
+                expected = "an input of a transition, or listed under `report:`"
                 reason = "the place leads nowhere"
-                faults.add(path, "unused-place", reason=reason, expected=wanted)
+                faults.add(path, "unused-place", reason=reason, expected=expected)
 
     def check_value(self, step: Step) -> None:
         """The values at nominal: constructions that are degenerate there, formulas without one;

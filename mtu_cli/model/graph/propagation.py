@@ -43,17 +43,17 @@ class Noise(NamedTuple):
     kind: Kind = "normal"
 
 
-def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
-    """The random inputs among the places `wanted`; normal ones first, in the file's order.
+def noises(graph: Graph, names: Collection[str]) -> list[Noise]:
+    """The random inputs among the places `names`; normal ones first, in the file's order.
 
     Of a probing: u_w = sqrt(u1^2 + u2^2 + u3^2) along its direction, u1 across (Stryczek, eq. (1)
-    and what follows it). n probings of one place share what the axis and the surface do to
-    them: their mean has u2/sqrt(n).
+    and the text below it). n probings of one place share the errors of the axis and the surface:
+    their mean has u2/sqrt(n).
     """
     groups = []
     for item in graph.transitions:
         name = item.out[0]
-        if item.do != "meas" or name not in wanted:
+        if item.do != "meas" or name not in names:
             continue
         stated = item.uncertainty.model_dump(exclude_unset=True) if item.uncertainty else {}
         probing = graph.uncertainty.model_copy(update=stated)
@@ -64,7 +64,7 @@ def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
         parts = (u1**2 * np.eye(len(along)), u2**2 / n * along, u3**2 * along)
         groups.append(Noise(name, dict(zip(PROBING, parts, strict=True))))
     for name, place in graph.places.items():
-        if name in wanted and place.u:
+        if name in names and place.u:
             groups.append(Noise(name, {name: np.array([[place.u**2]])}, place.distribution))
     groups = [item for item in groups if any(map(np.any, item.covariances.values()))]
     return sorted(groups, key=lambda item: item.kind != "normal")
@@ -114,16 +114,16 @@ class GraphTrials:
         if not self._shapes:
             self.linear_quantiles = lambda p: u * t_quantile(p, np.inf)
         self._work = Workspace()
-        # glibc gives memory back to the system beyond twice the largest block that it has seen
-        # freed (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is asked
-        # for again: a third of the time. One large block, freed and never touched, moves that
-        # bound, and what the constructions of a block free is there for those of the next.
+        # glibc returns memory to the system beyond twice the largest block freed so far
+        # (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is allocated
+        # again: a third of the time. One large block, freed and never touched, moves that bound,
+        # and the memory that one block of trials frees stays for the next.
         np.empty(KEPT_BYTES, dtype=np.uint8)
 
     def _derivatives(self) -> tuple[FloatArray, FloatArray]:
         """Nominal outputs and their derivatives, by central differences over one standard
         uncertainty of each input, all in one batch (JCGM 100:2008, 5.1.3, note 2). Where one of
-        both has no finite value it is 0, and the trials tell whether the output has one.
+        both has no finite value it is 0, and the trials show whether the output has one.
         """
         k, u = self.k, self.input_u
         X = np.repeat(self.mean[:, None], 2 * k + 1, axis=1)
@@ -155,7 +155,7 @@ class GraphTrials:
         return result
 
     def start(self, X: FloatArray) -> Values:
-        """The start places of inputs X (k, m); what is not random stands still."""
+        """The start places of inputs X (k, m); what is not random is constant."""
         values: Values = {}
         for name, rows in self._rows.items():
             values[name] = X[rows] if rows.stop - rows.start > 1 else X[rows.start]
@@ -169,13 +169,13 @@ class GraphTrials:
         for step in self.steps:
             step.run(values)
         rows = np.empty((len(self.outputs), m)) if into is None else into
-        turned: dict[str, FloatArray] = {}
+        rotations: dict[str, FloatArray] = {}
         for row, item in zip(rows, self.outputs, strict=True):
             value = values[item.place]
             if item.kind == "frame" and item.index >= 3:
-                if item.place not in turned:
-                    turned[item.place] = rotation(value, self.graph.nominal[item.place])
-                row[:] = turned[item.place][item.index - 3]
+                if item.place not in rotations:
+                    rotations[item.place] = rotation(value, self.graph.nominal[item.place])
+                row[:] = rotations[item.place][item.index - 3]
             else:
                 row[:] = value.reshape(-1, m)[item.index]
         return rows

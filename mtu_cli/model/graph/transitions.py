@@ -191,7 +191,7 @@ class Step:
     construct: Callable[..., Any] | None = None
 
     def unit(self, units: dict[str, Unit]) -> Unit:
-        """Of what it makes, by the units of its inputs; None where they do not tell it.
+        """The unit of its output, by those of its inputs; None where they do not determine it.
 
         Raises InputError where dimensions of a formula do not agree.
         """
@@ -203,14 +203,14 @@ class Step:
 
     def ready(self, nominal: Values) -> None:
         """Sets what it computes, with fits that start from, and are oriented as, the `nominal`
-        inputs; its outputs at nominal are put beside them.
+        inputs; adds its outputs at nominal to them.
 
         Raises GeometryError for nominal inputs that do not determine it.
         """
-        use, given = self.use, [nominal[name] for name in self.inputs]
-        if use.guard is not None and use.guard[0](*(place[..., 0] for place in given)):
+        use, inputs = self.use, [nominal[name] for name in self.inputs]
+        if use.guard is not None and use.guard[0](*(place[..., 0] for place in inputs)):
             raise GeometryError(use.guard[1])
-        self.construct = use.construct if use.fit is None else use.fit(given)
+        self.construct = use.construct if use.fit is None else use.fit(inputs)
         made = {name: nominal[name] for name in self.inputs}
         with np.errstate(all="ignore"):
             self.run(made)
@@ -219,7 +219,7 @@ class Step:
         nominal.update({name: made[name] for name in self.outputs})
 
     def run(self, values: Values) -> None:
-        """Puts the outputs beside the inputs in `values`."""
+        """Adds the outputs to the inputs in `values`."""
         if self.formula is not None:
             m = values[self.inputs[0]].shape[-1]
             value = evaluate(self.formula, {x: _read(values, x) for x in names(self.formula)})
@@ -236,23 +236,23 @@ def place_of(name: str) -> str:
 
 
 def _read(values: Values, name: str) -> FloatArray:
-    """What a formula means by ``H1.x``, or by the name of a whole place."""
+    """The value of ``H1.x`` in a formula, or of the name of a whole place."""
     place, _, coordinate = name.partition(".")
     return values[place]["xyzijk".index(coordinate) % 3] if coordinate else values[place]
 
 
 def formula_unit(node: Node, units: Mapping[str, Unit]) -> Unit:
-    """The unit of a formula's value, or None where the units of its inputs do not tell it.
+    """The unit of a formula's value, or None where the units of its inputs do not determine it.
 
     Raises InputError where dimensions do not agree.
     """
     powers = {"mm": 1, "rad": 0, "1": 0}
-    known = {
+    dimensions = {
         name: internal(powers[unit] if unit in powers else int(unit.removeprefix("mm^")))
         for name, unit in units.items()
         if unit is not None
     }
-    algebra = Algebra(units=known, factor=PLAIN)
+    algebra = Algebra(units=dimensions, factor=PLAIN)
     result = algebra.of(node)
     if algebra.faults:
         raise InputError(algebra.faults)

@@ -30,7 +30,7 @@ from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residuals import ResidualTable, residual_table
-from mtu_cli.model.visits import freedoms, projector
+from mtu_cli.model.visits import projector, small_motions
 
 ROTATION: Datum = "offset,rotation"
 FREE: list[Datum] = ["offset", ROTATION]
@@ -263,6 +263,6 @@ def test_a_ring_may_be_freed_of_centre_and_diameter(tmp_path: Path) -> None:
 def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[int, ...]) -> None:
     rng = np.random.default_rng(1)
     places = rng.uniform(0, 200, (7, 3))
-    F = freedoms(places, axes, datum)
+    F = small_motions(places, axes, datum)
     wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
     assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)

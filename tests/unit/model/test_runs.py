@@ -14,7 +14,7 @@ from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.model.fit import component_readings, estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
-from mtu_cli.model.passes import fellows
+from mtu_cli.model.passes import pairs_of_passes
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.reading_residuals import reading_layout
 
@@ -53,7 +53,7 @@ def told(text: str) -> list[str]:
     words = text.split()
     number = np.array([int(word[:-1]) for word in words])
     way = np.array([1 if word[-1] == "+" else -1 for word in words])
-    return [f"{words[i]}{words[j]}" for i, j in fellows(number, way)]
+    return [f"{words[i]}{words[j]}" for i, j in pairs_of_passes(number, way)]
 
 
 @pytest.mark.parametrize(
