@@ -22,8 +22,8 @@ from mtu_cli.language.functions import (
     ORDER,
     Slopes,
     apply_scalar,
-    given,
     power_slopes,
+    value_of,
 )
 from mtu_cli.language.tree import Call, Name, Node, Number
 from mtu_cli.language.tree import names as names_in
@@ -126,7 +126,7 @@ class _Expansion:
             case Number(value):
                 return self.constant(value)
             case Name(name, column):
-                series = self.constant(given(name, self.values, column))
+                series = self.constant(value_of(name, self.values, column))
                 if (directions := self.along(name)) is not None:
                     series[[PLACE[1, 0], PLACE[0, 1]]] = directions
                 return series

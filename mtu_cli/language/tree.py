@@ -112,7 +112,7 @@ def has_literal(node: Node) -> bool:
     return isinstance(node, Number)
 
 
-def shown(node: Node) -> str:
+def short_text(node: Node) -> str:
     """A term as a message shows it."""
     return shorten(to_text(node))
 
