@@ -53,15 +53,15 @@ class CellFaults:
         bad: Flags,
         column: str,
         describe: Callable[[int], dict[str, Any]] = lambda i: {},
-        **given: Any,
+        **facts: Any,
     ) -> None:
-        """One fault for each of the `bad` rows (n,), with what is `given` and what `describe` gives
-        for the row, counted from 0: its code and what belongs to it.
+        """One fault for each of the `bad` rows (n,), with the `facts` and those of `describe` for the
+        row, counted from 0: its code and what belongs to it.
         """
         rows = np.flatnonzero(bad)
         room = max(0, LISTED_FAULTS - len(self.listed))
         for i in rows[:room].tolist():
-            self.add(finding(**{**table.place(i), "column": column, **given, **describe(i)}))
+            self.add(finding(**{**table.place(i), "column": column, **facts, **describe(i)}))
         self.uncounted += max(0, len(rows) - room)
 
     def raise_if_any(self) -> None:
@@ -145,13 +145,13 @@ class Table:
             return np.broadcast_to(np.int64(-1), len(self))
         return np.nan_to_num(self.numbers[name], nan=-1.0).astype(np.int64)
 
-    def labelled(self, name: str, known: Sequence[str] = ()) -> tuple[tuple[str, ...], Ints]:
+    def labelled(self, name: str, order: Sequence[str] = ()) -> tuple[tuple[str, ...], Ints]:
         """Labels and each row's code (n,); -1 where there is none.
 
-        Labels in the order of `known`, then of appearance; those that no row has are left out.
+        Labels in this `order`, then in that of appearance; those that no row has are left out.
         """
         column = self.texts.get(name, Texts(np.full(len(self), -1), ()))
-        rank = {label: i for i, label in enumerate(known)}
+        rank = {label: i for i, label in enumerate(order)}
         labels = sorted(column.labels, key=lambda label: rank.get(label, len(rank)))
         if tuple(labels) == column.labels:
             return column.labels, column.codes
@@ -236,9 +236,9 @@ def stacked(parts: Sequence[tuple[Ints, Sequence[str]]]) -> Texts:
     """Parts of a column, each `cells[codes[i]]`, end to end: no text twice, none that is empty."""
     labels: dict[str, int] = {}
     codes = [np.zeros(0, np.int64)]
-    for own, cells in parts:
+    for code, cells in parts:
         index = [labels.setdefault(cell, len(labels)) if cell else -1 for cell in cells]
-        codes.append(np.array([*index, -1])[own])
+        codes.append(np.array([*index, -1])[code])
     return Texts(np.concatenate(codes), tuple(labels))
 
 

@@ -181,22 +181,22 @@ class EffectLibrary:
     sources: tuple[Source, ...]
 
 
-def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> EffectLibrary:
-    """Reads and checks an effects file; `taken` says whose the names are that it must not use.
+def load_effects(path: Path, owners: Mapping[str, str] | None = None) -> EffectLibrary:
+    """Reads and checks an effects file; `owners` says whose the names are that it must not use.
 
     Raises InputError with all faults of the file, each with its line.
     """
     families: list[LoadedFamily] = []
 
     def check(effects: Effects, faults: Faults) -> None:
-        named = []
+        family_names = []
         for index, family in present(effects.effects):
-            if owner := (taken or {}).get(family.family):
+            if owner := (owners or {}).get(family.family):
                 where = ("effects", index, "family")
                 faults.add(where, "name-taken", taken=owner, value=family.family)
             families.append(_loaded(family, ("effects", index), faults))
-            named.append((index, families[-1].name))
-        faults.once(("effects",), named, "the name of a family's candidates")
+            family_names.append((index, families[-1].name))
+        faults.once(("effects",), family_names, "the name of a family's candidates")
 
     document = read_yaml(path, "effects")
     check_contract(document, Effects, "effects", check)
@@ -231,8 +231,8 @@ def number_of(raw: str) -> tuple[str, str] | None:
 
 
 def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
-    """A family whose keys and names in braces go with each other; else their faults are added."""
-    forms = [(own, (*path, "members", index)) for index, own in present(family.members)]
+    """A family whose keys and names in braces agree; else their faults are added."""
+    forms = [(member, (*path, "members", index)) for index, member in present(family.members)]
     if family.parameters is not None and family.equations is not None:
         of_family = {key: getattr(family, key) for key in ("parameters", "equations", "search")}
         forms.insert(0, (MemberTemplate.model_construct(**of_family), path))
@@ -251,8 +251,8 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
     name, margins = family.name or family.family + ("-{a}" if "a" in used else ""), []
     for index, margin in present(family.margins):
         # A margin has what is searched where its equations name it.
-        held = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
-        search = {name: item for name, item in family.search.items() if name in held}
+        words = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
+        search = {name: item for name, item in family.search.items() if name in words}
         margins.append((margin.model_copy(update={"search": search}), (*path, "margins", index)))
     used |= marks(name) | _marks_of(margin for margin, _ in margins)
     for mark, other in (("b", "{a}"), ("n", "{b}")):
@@ -269,17 +269,17 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
 
 
 def _marks_of(forms: Iterable[MemberTemplate]) -> set[str]:
-    return marks(*(text for form in forms for own in form.equations.items() for text in own))
+    return marks(*(text for form in forms for pair in form.equations.items() for text in pair))
 
 
 def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faults) -> Template:
     """The template, whose faults are added: of names, of the search, of equations."""
-    before, taken = len(faults.findings), dict.fromkeys(LANGUAGE, "part of the equation language")
+    before, base = len(faults.findings), dict.fromkeys(LANGUAGE, "part of the equation language")
     places = [("parameters", name) for name in form.parameters]
     places += [("search", name) for name in form.search]
     for key, name in places:
-        own = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | taken
-        faults.symbol((*path, key, name), filled(name, {"each": "each"}), own, NAMED)
+        uses = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | base
+        faults.symbol((*path, key, name), filled(name, {"each": "each"}), uses, NAMED)
     searched, search = next(iter(form.search.items()), (None, None))
     if search is not None:
         _check_search(search, family, (*path, "search", str(searched)), faults)
@@ -327,10 +327,10 @@ def _check_equation(
 
     Raises InputError with its faults.
     """
-    known = {*parameters, searched} | ({CHOSEN} if family.over is not None else set())
+    symbols = {*parameters, searched} | ({CHOSEN} if family.over is not None else set())
     unknown = []
     for name, column in names(tree).items():
-        if name not in known and not _is_column(name, family):
+        if name not in symbols and not _is_column(name, family):
             facts = {"value": name, "meant": nearest(name, parameters), "expected": COLUMNS}
             unknown.append(finding("unknown-name", what="name", column=column, **facts))
         elif "each" in marks(name) and key != "E{each}":
@@ -342,8 +342,8 @@ def _check_equation(
     number = {name: 1.0 for name in names(tree) if name == searched or number_of(name)}
     columns = {CHOSEN: NUMBER}
     for name in names(tree).keys() - {*parameters, *number}:
-        if (own := column_dimensions(filled(name, STAND_INS))) is not None:
-            columns[name] = own
+        if (powers := column_dimensions(filled(name, STAND_INS))) is not None:
+            columns[name] = powers
     units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
     written = filled_tree(tree, number)
     check_dimension(written, internal(LENGTH), {}, parameters=units, columns=columns)

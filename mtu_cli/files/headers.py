@@ -90,9 +90,9 @@ class TableSpec:
         """How the cells of a column are read."""
         return self.columns.get(name) or (SENSOR if is_covariate(name) else FREE)
 
-    def knowing(self, name: str, known: Collection[str] | None) -> TableSpec:
-        """The same contract where the cells of a column are `known`, if they are."""
-        column = replace(self.columns[name], known=known)
+    def knowing(self, name: str, labels: Collection[str] | None) -> TableSpec:
+        """The same contract where the cells of a column are among `labels` (None: any text)."""
+        column = replace(self.columns[name], known=labels)
         return replace(self, columns={**self.columns, name: column})
 
 
@@ -200,25 +200,25 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
     for i, name in enumerate(header, 1):
         if not is_name(name):
             expected = A_NAME if name else "a name, or no such column"
-            given: dict[str, Any] = {"value": name, "column": i, "expected": expected}
-            yield finding("wrong-type", kind="a name that a table can show", **given)
+            facts: dict[str, Any] = {"value": name, "column": i, "expected": expected}
+            yield finding("wrong-type", kind="a name that a table can show", **facts)
         elif name in header[: i - 1]:
             expected = f"one of the columns {header.index(name) + 1} and {i}"
             yield finding("appears-twice", what="the column", column=name, expected=expected)
-    wanted = {*spec.required}
-    wanted |= {name for pair in spec.together if {*pair} & {*header} for name in pair}
-    free = [name for name in header if name and name not in spec.columns]
+    required_names = {*spec.required}
+    required_names |= {name for pair in spec.together if {*pair} & {*header} for name in pair}
+    extras = [name for name in header if name and name not in spec.columns]
     timed = EXCLUSIVE if {*EXCLUSIVE} & {*header} else ()
-    for name in sorted(spec.columns, key=lambda name: name not in wanted):
+    for name in sorted(spec.columns, key=lambda name: name not in required_names):
         if name in header or name in timed:
             continue
-        near = meant_by(name, free, LIKE if name in wanted else SLIP)
-        free = [other for other in free if other != near]
-        if name in wanted:
-            known = f"a column {name!r} (the columns are {listed(header, 12)})"
+        near = meant_by(name, extras, LIKE if name in required_names else SLIP)
+        extras = [column for column in extras if column != near]
+        if name in required_names:
+            hint = f"a column {name!r} (the columns are {listed(header, 12)})"
             unit = name.rpartition("_")[2]
             values = f", its values in {unit}" if unit in UNITS and unit not in f"{near}" else ""
-            expected = f"{near!r} renamed to {name!r}{values}" if near else known
+            expected = f"{near!r} renamed to {name!r}{values}" if near else hint
             yield finding("missing-column", column=name, expected=expected)
         elif near:
             expected = f"it renamed to {name!r}, or to a name of its own"
@@ -227,14 +227,14 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
         yield finding("exclusive", names=EXCLUSIVE, expected="one of them")
 
 
-def meant_by(name: str, others: Sequence[str], likeness: float) -> str | None:
-    """The column among `others` that is probably meant as `name` of a contract: by a synonym, by
+def meant_by(name: str, columns: Sequence[str], likeness: float) -> str | None:
+    """The one of `columns` that is probably meant as `name` of a contract: by a synonym, by
     its words in another order or case, or by letters that are alike.
     """
     words = {_words(each) for each in (name, *SYNONYMS.get(name, name).split(", "))}
-    if same := [other for other in others if _words(other) in words]:
+    if same := [column for column in columns if _words(column) in words]:
         return same[0] if len(same) == 1 else None
-    letters = {other[:200].casefold(): other for other in others}
+    letters = {column[:200].casefold(): column for column in columns}
     near = get_close_matches(name, letters, 1, likeness)
     return letters[near[0]] if near else None
 

@@ -92,14 +92,14 @@ def _side_by_side(table: Table, name: str) -> Floats:
 
 
 def _sequence(table: Table, faults: CellFaults) -> Ints:
-    """The order of manufacture (n,) as given, one a part and operation, or of first appearance."""
+    """The order of manufacture (n,) as stated, one a part and operation, or of first appearance."""
     parts, part = table.labelled("part")
-    given = [file for file in table.files if "sequence" in file.header]
-    if not given:
+    ordered_files = [file for file in table.files if "sequence" in file.header]
+    if not ordered_files:
         return part + 1
-    expected = f"it in all files, or in none: {given[0].source.shown} has it"
+    expected = f"it in all files, or in none: {ordered_files[0].source.shown} has it"
     for file in table.files:
-        if file not in given:
+        if file not in ordered_files:
             place = {**file.place, "column": "sequence", "expected": expected}
             faults.add(finding("missing-column", **place))
     sequence, operation = table.whole("sequence"), table.labelled("operation")[1]
@@ -124,8 +124,8 @@ def _nominal(table: Table, features: Mapping[str, Place] | None, faults: CellFau
     if features is None:
         bad = np.isnan(nominal[:, 0] + nominal[:, 1])
         expected = "it in a part file (--part), or nominal_x_mm and nominal_y_mm"
-        given: dict[str, Any] = {"what": "the nominal place", "expected": expected}
-        faults.cells(table, bad, "feature", code="missing-input", **given)
+        facts: dict[str, Any] = {"what": "the nominal place", "expected": expected}
+        faults.cells(table, bad, "feature", code="missing-input", **facts)
         return nominal
     places = np.array([features[name] for name in column.labels], np.float64).reshape(-1, 3)
     stated = places[column.codes]

@@ -68,8 +68,8 @@ class _Reported(BaseModel):
                 len(values) != size or any(len(row) not in width for row in values if width)
             )
             if odd:
-                wanted = " x ".join(map(str, (size, *width)))
-                faults.append(wrong(wanted, "wrong-count", key, found="another size"))
+                shape = " x ".join(map(str, (size, *width)))
+                faults.append(wrong(shape, "wrong-count", key, found="another size"))
             elif (
                 values
                 and ("covariance" in key or "mean_square" in key)
@@ -208,9 +208,9 @@ class ComponentsReport(_Results):
         """Components that were fitted together are there, with as many coefficients."""
         for i, group in enumerate(self.joint_pass_covariance):
             at = ("joint_pass_covariance", i)
-            known = [self.components[name] for name in group.components if name in self.components]
-            widths = [len(item.coefficients) for item in known]
-            if group.widths != widths or len(known) < len(group.components):
+            items = [self.components[name] for name in group.components if name in self.components]
+            widths = [len(item.coefficients) for item in items]
+            if group.widths != widths or len(items) < len(group.components):
                 expected = f"components of the report, whose widths are {widths}"
                 raise wrong(expected, "wrong-value", *at, value=group.components)
         return self

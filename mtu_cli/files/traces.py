@@ -132,21 +132,21 @@ def read_traces(
 
 def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDArray[Any]:
     """A column (n,), with the value of an option where the file has none: one for all files, or one
-    for each; None where neither says it. Raises InputError where both do, and differ.
+    for each; None where neither states it. Raises InputError where both do, and differ.
     """
     files = len(table.files)
     if values and len(values) not in (1, files):
         expected = f"one for all files, or {files} with commas"
         raise error("wrong-count", path=option, found=f"{len(values)} values", expected=expected)
     each = np.array([values[i % len(values)] if values else None for i in range(files)], object)
-    own = table.number(name).astype(object)
+    cells = table.number(name).astype(object)
     if name in table.texts:
         labels, codes = table.labelled(name)
-        own = np.array([*labels, None], object)[codes]
-    given = each[table.file_index]
-    stated = [x is not None and x == x for x in own]
-    other = np.flatnonzero(stated & (given != None) & (given != own))  # noqa: E711  # (n,)
+        cells = np.array([*labels, None], object)[codes]
+    options = each[table.file_index]
+    stated = [x is not None and x == x for x in cells]
+    other = np.flatnonzero(stated & (options != None) & (options != cells))  # noqa: E711  # (n,)
     if other.size:
-        place = {**table.place(int(other[0])), "column": name, "value": f"{own[other[0]]}"}
-        raise error("contradicts", other=f"{option} {given[other[0]]}", **place)
-    return np.where(table.has(name), own, given)
+        place = {**table.place(int(other[0])), "column": name, "value": f"{cells[other[0]]}"}
+        raise error("contradicts", other=f"{option} {options[other[0]]}", **place)
+    return np.where(table.has(name), cells, options)

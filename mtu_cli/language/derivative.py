@@ -191,13 +191,13 @@ class _Expansion:
         if value is None or slopes is None:
             self.fault(what, at, column)
             return np.full_like(inner, math.nan)
-        series, found = self.constant(value), slopes(at)
-        if not math.isfinite(found[0]):
+        series, derivatives = self.constant(value), slopes(at)
+        if not math.isfinite(derivatives[0]):
             return self.without_slopes(series, np.any(inner[1:], axis=0), what, inner, column)
         h = inner.copy()
         h[0] = 0.0
         rising = h
-        for k, slope in enumerate(found, start=1):
+        for k, slope in enumerate(derivatives, start=1):
             # An infinite derivative touches only the orders that its power of h reaches.
             series += np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
             rising = _product(rising, h)

@@ -62,15 +62,15 @@ def names(node: Node) -> dict[str, int]:
     return result
 
 
-def check_known(node: Node, known: Collection[str], what: str = "name") -> None:
-    """That an equation has no name but those `known`.
+def check_known(node: Node, symbols: Collection[str], what: str = "name") -> None:
+    """That an equation has no names but these `symbols`.
 
-    Raises InputError with all others, each with its column and the closest known name.
+    Raises InputError with all others, each with its column and the closest symbol.
     """
     unknown = [
-        finding("unknown-name", what=what, value=name, column=column, **suggestion(name, known))
+        finding("unknown-name", what=what, value=name, column=column, **suggestion(name, symbols))
         for name, column in names(node).items()
-        if name not in known
+        if name not in symbols
     ]
     if unknown:
         raise InputError(unknown)
@@ -131,16 +131,16 @@ def to_text(node: Node, outer: int = 0) -> str:
         case Call("neg", (operand,)):
             return _wrap(f"-{to_text(operand, 3)}", outer > 2)
         case Call(sign, (left, right)) if sign in PRECEDENCE:
-            own = PRECEDENCE[sign]
+            precedence = PRECEDENCE[sign]
             # The left side of ** and the right side of the others need parentheses at
             # equal precedence: ** groups to the right, the others to the left.
-            left_text = to_text(left, own + (sign == "**"))
-            right_text = to_text(right, own if sign == "**" else own + 1)
+            left_text = to_text(left, precedence + (sign == "**"))
+            right_text = to_text(right, precedence if sign == "**" else precedence + 1)
             if sign != "**" and not isinstance(right, Number):
                 # a - -b*c would parse back, but nobody would read it.
                 right_text = _wrap(right_text, right_text.startswith("-"))
             space = " " if sign in "+-" else ""
-            return _wrap(f"{left_text}{space}{sign}{space}{right_text}", own < outer)
+            return _wrap(f"{left_text}{space}{sign}{space}{right_text}", precedence < outer)
         case Call(function, arguments):
             return f"{function}({', '.join(to_text(item) for item in arguments)})"
 
