@@ -47,14 +47,14 @@ def copies(values: Floats, group: Rows, least: float = 0.0) -> Rows:
     neighbours = np.array([honest[:-1], honest[1:]])
     result = [np.zeros((0, 2), np.int64)]
     for within in (True, False):
-        known, pairs = (
+        honest_pairs, pairs = (
             each[:, (group[each[0]] == group[each[1]]) == within]
             for each in (neighbours, np.array([equal, twin[equal]]))
         )
         if not pairs.size:
             continue
-        if known.size:
-            share = agreeing(*values[known])
+        if honest_pairs.size:
+            share = agreeing(*values[honest_pairs])
         else:
             # Values of nothing but zeros have no last digit.
             share = max(1.0 - MEAN_RANGE * least / (step_of(values) or 1.0), 0.0)

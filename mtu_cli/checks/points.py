@@ -56,7 +56,7 @@ def mistake_of(data: PointsData, rows: Rows) -> Mistake:
                 result.setdefault(mistake, []).append("xyz"[axis])
                 break
         else:
-            return _together(measured, nominal, near)
+            return _joint_mistake(measured, nominal, near)
     looks = ", ".join(f"{' and '.join(result[each])} {each.looks}" for each in result if each.looks)
     return Mistake(looks, any(each.unit for each in result)) if looks else UNKNOWN
 
@@ -83,7 +83,7 @@ def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake
         yield Mistake(words), turned - np.median(turned)
 
 
-def _together(measured: Floats, nominal: Floats, near: float) -> Mistake:
+def _joint_mistake(measured: Floats, nominal: Floats, near: float) -> Mistake:
     """A mistake of all axes: points at the places of others, most of them, or values much smaller
     than the coordinates that follow none of them.
     """
@@ -93,10 +93,10 @@ def _together(measured: Floats, nominal: Floats, near: float) -> Mistake:
 
     away, which = KDTree(nominal).query(measured)
     at: Mask = np.asarray(away) < max(near, SAME_MM) * np.sqrt(nominal.shape[1])
-    reached = nominal[np.asarray(which)]
-    taken, there = (len(np.unique(each, axis=0)) for each in (reached[at], nominal))
-    all_taken = np.mean(at) >= NEARLY_ALL and taken >= NEARLY_ALL * there
-    if all_taken and np.mean(at & (reached != nominal).any(axis=1)) > 0.5:
+    nearest = nominal[np.asarray(which)]
+    hits, places = (len(np.unique(each, axis=0)) for each in (nearest[at], nominal))
+    all_hit = np.mean(at) >= NEARLY_ALL and hits >= NEARLY_ALL * places
+    if all_hit and np.mean(at & (nearest != nominal).any(axis=1)) > 0.5:
         return Mistake("features in another order")
     with np.errstate(invalid="ignore"):
         related = np.abs(np.corrcoef(measured, nominal, rowvar=False))
@@ -122,7 +122,7 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
         ("part", data.visits.of_point, data.named(data.visits.part)),
         ("the nominal place of", table.feature, table.features),
     )
-    found: dict[tuple[str, Mistake, int], list[tuple[str, Rows]]] = {}
+    mistakes: dict[tuple[str, Mistake, int], list[tuple[str, Rows]]] = {}
     for level, group, names in levels:
         for code in np.unique(group[far]).tolist():
             rows = np.flatnonzero(group == code)
@@ -131,9 +131,9 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
             mistake = mistake_of(data, rows)
             if mistake is not UNKNOWN or level == "points of":
                 key = level, mistake, int(table.file_index[rows[0]])
-                found.setdefault(key, []).append((repr(names[code]), rows))
+                mistakes.setdefault(key, []).append((repr(names[code]), rows))
                 far[rows] = False
-    for (level, mistake, _), groups in found.items():
+    for (level, mistake, _), groups in mistakes.items():
         rows = np.concatenate([each for _, each in groups])
         what = f"{level} {', '.join(dict.fromkeys(name for name, _ in groups))}"
         facts = {"what": what, "off": typical(errors[rows]), "looks": mistake.looks}
@@ -191,11 +191,11 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
             judged[run] = np.where(enough, errors[run], np.nan)
             columns += int(enough.sum())
         r = rounding_variance(table.measured[:, axis])
-        apart, s = outlying(judged, columns, r)
-        paired, s_paired = _repeats(errors, visits, r)
-        other = paired & ~apart, s_paired, "its other repeats"
-        for found, scatter, beside in ((apart, s, "the other parts"), other):
-            rows = np.flatnonzero(found[at]) if found.any() else np.zeros(0, np.int64)
+        outliers, s = outlying(judged, columns, r)
+        repeat_outliers, s_paired = _repeats(errors, visits, r)
+        other = repeat_outliers & ~outliers, s_paired, "its other repeats"
+        for mask, scatter, beside in ((outliers, s, "the other parts"), other):
+            rows = np.flatnonzero(mask[at]) if mask.any() else np.zeros(0, np.int64)
             rows = rows[(np.abs(data.errors[rows]) <= POINT_ERROR_MM).all(axis=1)]
             if len(rows):
                 size = 1e3 * np.abs(errors[at][rows])
@@ -208,12 +208,12 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
 
 def _repeats(errors: Floats, visits: Visits, r: float) -> tuple[Mask, float]:
     """Which errors (visits, features) differ too much from the repeat before or after them, and
-    the s of these. Of two repeats that are apart the one farther from the other parts is meant.
+    the s of these. Of two such repeats the one farther from the other parts is meant.
     """
     one = np.flatnonzero((np.diff(visits.part) == 0) & (np.diff(visits.operation) == 0))
-    apart, s = outlying(errors[one + 1] - errors[one], r=2 * r)
+    outliers, s = outlying(errors[one + 1] - errors[one], r=2 * r)
     first = np.abs(errors[one]) > np.abs(errors[one + 1])
     result = np.zeros(errors.shape, bool)
-    result[one] |= apart & first
-    result[one + 1] |= apart & ~first
+    result[one] |= outliers & first
+    result[one + 1] |= outliers & ~first
     return result, s / np.sqrt(2.0)

@@ -81,26 +81,26 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
     table = data.table
     unit = table.dimension if table.unit is None else table.unit
     for every in split(None, table.dimension, table.file_index, unit):
-        dimension, known = int(table.dimension[every[0]]), []
+        dimension, groups = int(table.dimension[every[0]]), []
         for each in split(every, table.code):
             if dimension == LENGTH and are_distances(data, each):
                 name = table.components[table.code[each[0]]]
                 yield Odd(each, {"component": name}, "error", code="distances-not-errors")
             else:
-                known.append(each)
-        if not known:
+                groups.append(each)
+        if not groups:
             continue
-        (low, high), rows = ERRORS[dimension], np.sort(np.concatenate(known))
+        (low, high), rows = ERRORS[dimension], np.sort(np.concatenate(groups))
         sizes = np.abs(table.error[rows])
         large = np.quantile(sizes / largest(dimension, table.position_mm[rows]), 0.75) > 1
         # The largest of each component: one of them may well have hardly any error.
-        most = np.median([np.abs(table.error[each]).max() for each in known])
+        most = np.median([np.abs(table.error[each]).max() for each in groups])
         size = float(np.quantile(sizes, 0.75) if large else min(most, high))
         stated = stated_unit(data, int(rows[0]))
         meant = meant_units(size, dimension, stated)
         if size and meant and (large or size < low):
-            shown = size / DECLARED[stated].to_internal
-            yield Odd(rows, {"size": shown, "unit": stated, "meant": meant}, "error")
+            value = size / DECLARED[stated].to_internal
+            yield Odd(rows, {"size": value, "unit": stated, "meant": meant}, "error")
 
 
 @check("swapped-columns", of="readings")
@@ -158,26 +158,26 @@ def outlying_readings(data: ReadingsData) -> Iterator[Odd]:
             value = f"{error[rows[0]] / unit:.6g} {stated}"
             yield Odd(rows, {**facts, "off": float(off) / unit, "s": s / unit}, "error", value)
     if few:
-        known = {"quantity": "outlying readings", "reason": "too few passes and positions"}
+        note = {"quantity": "outlying readings", "reason": "too few passes and positions"}
         rows = next(iter(few.values()))
-        yield Odd(rows, {**known, "names": list(few)}, code="not-estimable")
+        yield Odd(rows, {**note, "names": list(few)}, code="not-estimable")
 
 
 def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
-    """Components, rows of readings that noise alone tells apart, which are outlying, and the
-    deviation s, nan where too few of them are free: the passes in one direction, or one place of a
+    """Components, rows of readings that differ by noise alone, which are outlying, and the standard
+    deviation s, nan with too few degrees of freedom: the passes in one direction, or one place of a
     cycle in the order of time.
     """
     table = data.table
     for name, group in profiles(data, fewest=2):
-        # A pass that is a copy of another one says nothing of the scatter.
+        # A pass that is a copy of another one shows no scatter.
         group = group[np.sort(np.unique(table.error[group], axis=0, return_index=True)[1])]
         if len(group) < 2:
             continue
-        left = polished(table.error[group], table.position_mm[group[0]])
-        fitted = left.shape[1] + 2 * left.shape[0]
-        mask, s = outlying(left, fitted, _rounding(data, group))
-        s = s if left.size - fitted > FEWEST else np.nan
+        residuals = polished(table.error[group], table.position_mm[group[0]])
+        fitted = residuals.shape[1] + 2 * residuals.shape[0]
+        mask, s = outlying(residuals, fitted, _rounding(data, group))
+        s = s if residuals.size - fitted > FEWEST else np.nan
         if len(group) == 2:
             # Both are as far from their mean: the one farther off its neighbours is meant.
             off = np.abs(np.diff(table.error[group], 2, append=np.nan, prepend=np.nan))

@@ -210,10 +210,10 @@ def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget
         for name, item in budget.inputs.items():
             _check_input(item, ("inputs", name), faults)
         uses = dict.fromkeys(("pi", *BUDGET_FUNCTIONS), "part of the equation language")
-        for name in faults.given("inputs"):
+        for name in faults.valued_keys("inputs"):
             faults.symbol(("inputs", name), name, uses)
         _check_correlations(budget, faults)
-        coverage, keys = budget.coverage, faults.given()
+        coverage, keys = budget.coverage, faults.valued_keys()
         if coverage is not None and coverage.probability is not None and coverage.k is not None:
             faults.add(("coverage",), "exclusive", names="probability and k", expected="one")
         if {"equation", "equations"} <= set(keys):

@@ -245,7 +245,7 @@ class Faults:
         result = self.document.at(*path)
         return tuple(result) if isinstance(result, dict) else ()
 
-    def given(self, *path: str | int) -> tuple[str, ...]:
+    def valued_keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys that have a value, if a wrong one: ``key: ~`` says as much as no key."""
         return tuple(key for key in self.keys(*path) if self.document.at(*path, key) is not None)
 

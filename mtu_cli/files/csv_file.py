@@ -68,7 +68,7 @@ def read_tables(
 ) -> Table:
     """The rows of all (path, role) in one table; what is wrong with cells goes to `faults`.
 
-    Reported, too: a file that is given twice, times that do not go together, and equal rows.
+    Reported, too: a file that is read twice, times that contradict each other, and equal rows.
 
     Raises InputError where no file has a sound header, and ValueError without files.
     """
@@ -332,9 +332,9 @@ def _labelled(values: pd.Series[Any], column: Column) -> tuple[Ints, list[str]]:
 
     codes, labels = pd.factorize(values.astype(object))
     cells = [str(label).strip() for label in labels]
-    if column.known is not None:
+    if column.texts is not None:
         # The sign for micro and the Greek letter look alike.
-        cells = [cell if cell in column.known else plain_unit(cell) for cell in cells]
+        cells = [cell if cell in column.texts else plain_unit(cell) for cell in cells]
     return codes, [*cells, ""]
 
 
@@ -373,7 +373,7 @@ def _value(file: File, column: Column, label: str) -> float:
     value: float | None = None
     if column.kind == "text":
         value = (
-            0.0 if (label in column.known if column.known is not None else is_name(label)) else None
+            0.0 if (label in column.texts if column.texts is not None else is_name(label)) else None
         )
     elif column.kind == "sign":
         value = direction_sign(label)
@@ -394,8 +394,8 @@ def _fault(name: str, column: Column, decimal: Decimal, label: str) -> dict[str,
         expected = column.says or WANTED.get(column.kind, ("", "a number"))[1]
         return {"code": "empty-cell", "expected": expected}
     facts = {"value": label, "code": "wrong-type"}
-    if column.known is not None:
-        hint = suggestion(label, column.known)
+    if column.texts is not None:
+        hint = suggestion(label, column.texts)
         return {**facts, "code": "unknown-name", "what": name, **hint}
     value = number(label, decimal) if column.kind not in WANTED else None
     if value is None or not math.isfinite(value):

@@ -55,8 +55,8 @@ class CellFaults:
         describe: Callable[[int], dict[str, Any]] = lambda i: {},
         **facts: Any,
     ) -> None:
-        """One fault for each of the `bad` rows (n,), with the `facts` and those of `describe` for the
-        row, counted from 0: its code and what belongs to it.
+        """One fault for each of the `bad` rows (n,), with the `facts` and those of `describe` for
+        the row, counted from 0: its code and what belongs to it.
         """
         rows = np.flatnonzero(bad)
         room = max(0, LISTED_FAULTS - len(self.listed))

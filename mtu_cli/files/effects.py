@@ -240,7 +240,7 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
         if family.family not in SCATTERS:
             expected = f"a family that is one of: {', '.join(SCATTERS)}"
             faults.add((*path, "kind"), "wrong-value", value=family.kind, expected=expected)
-    elif not forms and "members" not in (keys := faults.given(*path)):
+    elif not forms and "members" not in (keys := faults.valued_keys(*path)):
         for key in ("parameters", "equations"):
             if key not in keys:
                 faults.add(path, "missing-key", key=key)

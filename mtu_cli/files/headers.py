@@ -1,4 +1,4 @@
-"""What a contract says of the columns of a CSV table, and its header held against it."""
+"""What a contract states of the columns of a CSV table, and the check of a header against it."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Column:
     """A column that a contract names.
 
     A `whole` number may be negative, a `count` is not; a `free` column holds numbers or texts; a
-    `sign` is -1 or +1 and may be written in words. `largest` bounds a number in size. `known` are
-    the texts that its cells may be (None: any name). `says`: what a cell should be, where the kind
+    `sign` is -1 or +1 and may be written in words. `largest` bounds a number in size. `texts` are
+    what its cells may be (None: any name). `says`: what a cell should be, where the kind
     does not say it.
     """
 
@@ -49,7 +49,7 @@ class Column:
     required: bool = False
     may_be_empty: bool = False
     largest: float = LARGEST_READING
-    known: Collection[str] | None = None
+    texts: Collection[str] | None = None
     says: str = ""
 
     @property
@@ -72,14 +72,14 @@ FREE = Column("free", may_be_empty=True, largest=math.inf)
 class TableSpec:
     """The `columns` that a contract names; every other column is a covariate.
 
-    What the table `holds`, and the `option` that takes it. `together` pairs must both be there, or
-    none of them.
+    What the table `holds`, and the `option` that takes it. Of each of `pairs` both columns must be
+    there, or none.
     """
 
     columns: Mapping[str, Column]
     holds: str = "a table"
     option: str = ""
-    together: tuple[tuple[str, str], ...] = ()
+    pairs: tuple[tuple[str, str], ...] = ()
 
     @property
     def required(self) -> list[str]:
@@ -90,9 +90,9 @@ class TableSpec:
         """How the cells of a column are read."""
         return self.columns.get(name) or (SENSOR if is_covariate(name) else FREE)
 
-    def knowing(self, name: str, labels: Collection[str] | None) -> TableSpec:
-        """The same contract where the cells of a column are among `labels` (None: any text)."""
-        column = replace(self.columns[name], known=labels)
+    def with_texts(self, name: str, texts: Collection[str] | None) -> TableSpec:
+        """The same contract where the cells of a column are one of `texts` (None: any)."""
+        column = replace(self.columns[name], texts=texts)
         return replace(self, columns={**self.columns, name: column})
 
 
@@ -110,7 +110,7 @@ READINGS = TableSpec(
     columns={
         "component": Column("text", required=True, says="the name of a component of the machine"),
         "error": Column(required=True),
-        "unit": Column("text", required=True, known=UNITS, says=f"one of: {', '.join(UNITS)}"),
+        "unit": Column("text", required=True, texts=UNITS, says=f"one of: {', '.join(UNITS)}"),
         "position_mm": Column(may_be_empty=True),
         "pass": PASS,
         "direction": Column("sign", may_be_empty=True),
@@ -124,7 +124,7 @@ READINGS = TableSpec(
 POINTS = TableSpec(
     holds="measured points",
     option="--cmm",
-    together=(("nominal_x_mm", "nominal_y_mm"),),
+    pairs=(("nominal_x_mm", "nominal_y_mm"),),
     columns={
         "part": Column("text", required=True, says="the serial number or name of the part"),
         "feature": Column("text", required=True, says="the name of a feature of the part"),
@@ -206,7 +206,7 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
             expected = f"one of the columns {header.index(name) + 1} and {i}"
             yield finding("appears-twice", what="the column", column=name, expected=expected)
     required_names = {*spec.required}
-    required_names |= {name for pair in spec.together if {*pair} & {*header} for name in pair}
+    required_names |= {name for pair in spec.pairs if {*pair} & {*header} for name in pair}
     extras = [name for name in header if name and name not in spec.columns]
     timed = EXCLUSIVE if {*EXCLUSIVE} & {*header} else ()
     for name in sorted(spec.columns, key=lambda name: name not in required_names):

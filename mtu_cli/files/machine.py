@@ -124,7 +124,7 @@ def _check_names(machine: Machine, faults: Faults) -> None:
         (("covariates", i), name, "a covariate") for i, name in present(machine.covariates)
     ]
     for key, what in (("constants", "a constant"), ("components", "a component")):
-        entries += [((key, name), name, what) for name in faults.given(key)]
+        entries += [((key, name), name, what) for name in faults.valued_keys(key)]
     for i, effect in effects:
         entries += [(("effects", i, "parameters", name), name, "") for name in effect.parameters]
         entries += [(("effects", i, "components", name), name, "") for name in effect.components]

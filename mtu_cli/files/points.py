@@ -57,10 +57,10 @@ def read_points(
     nominal_x_mm, nominal_y_mm. Where both do, they must agree within 1e-6 mm.
 
     Raises InputError with all problems of all files: of headers and of every cell first,
-    then, where those are sound, of what the rows mean together.
+    then, where those are sound, of the rows as a whole.
     """
     faults = CellFaults()
-    table = read_tables(files, POINTS.knowing("feature", features), faults, convert)
+    table = read_tables(files, POINTS.with_texts("feature", features), faults, convert)
     faults.raise_if_any()
     nominal, sequence = _nominal(table, features, faults), _sequence(table, faults)
     faults.raise_if_any()

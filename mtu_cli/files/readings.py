@@ -78,7 +78,7 @@ def read_readings(
     Raises InputError with all problems of all files: of cells first, then of what they mean.
     """
     faults = CellFaults()
-    table = read_tables(files, READINGS.knowing("component", components), faults, convert)
+    table = read_tables(files, READINGS.with_texts("component", components), faults, convert)
     _check_drift(table, faults, for_fit)
     sound = not faults.listed
     for code, label in enumerate(table.texts["component"].labels):

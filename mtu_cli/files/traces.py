@@ -28,10 +28,10 @@ TRACES = TableSpec(
     columns={
         "angle_deg": Column(required=True, largest=36_000.0),
         "deviation_um": Column(required=True, largest=1e5),
-        "direction": Column("text", known=tuple(WAYS)),
+        "direction": Column("text", texts=tuple(WAYS)),
         "radius_mm": Column(largest=1e5),
         "feed_mm_min": Column(largest=1e7, may_be_empty=True),
-        "plane": Column("text", known=PLANES),
+        "plane": Column("text", texts=PLANES),
         "pass": PASS,
     },
 )

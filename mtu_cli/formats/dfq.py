@@ -57,11 +57,11 @@ def read(file: RawFile, ask: Ask) -> Imported:
         facts = {"found": f"{count()} characteristics", "expected": f"{stated}, as K0100 says"}
         faults.add(file.finding("wrong-count", **facts))
     faults.raise_if_any()
-    coordinates, seen = list[Coordinate](), dict[int, int]()
+    coordinates, counts = list[Coordinate](), dict[int, int]()
     for (line, index), (text, attribute) in zip(lines, values, strict=True):
         match = OF_AXIS.fullmatch(of(index, "K2002") or of(index, "K2001"))
         feature = match[1].rstrip(" ._-:") if match else ""
-        seen[index] = seen.get(index, 0) + 1
+        counts[index] = counts.get(index, 0) + 1
         other = of(index, "K2004") == "1" or of(index, "K2142").lower() not in ("", "mm")
         if index not in fields:
             faults.cell(line, "characteristic", str(index), f"one of {count()}")
@@ -70,8 +70,8 @@ def read(file: RawFile, ask: Ask) -> Imported:
         elif other or match is None or not feature:
             result.drop("values of characteristics that are no X, Y or Z in mm")
         else:
-            own = (match[2].lower(), text, of(index, "K2101"))
-            coordinates.append(Coordinate(line, str(seen[index]), feature, *own))
+            coordinate = (match[2].lower(), text, of(index, "K2101"))
+            coordinates.append(Coordinate(line, str(counts[index]), feature, *coordinate))
     collect(file, ask, result, coordinates, faults)
     result.facts = {"characteristics": [of(i, "K2002") for i in sorted(fields) if i]}
     result.says = ["the n-th value of a characteristic is of the n-th part, in mm"]

@@ -174,11 +174,11 @@ def number_parameter(parameters: Parameters, name: str) -> float:
     return value
 
 
-def choice(parameters: Parameters, name: str, known: tuple[str, ...]) -> str:
-    """A parameter that is one of those `known`."""
-    value = parameter(parameters, name, " or ".join(known))
-    if value not in known:
-        near = suggestion(value, known)
+def choice(parameters: Parameters, name: str, choices: tuple[str, ...]) -> str:
+    """A parameter that is one of the `choices`."""
+    value = parameter(parameters, name, " or ".join(choices))
+    if value not in choices:
+        near = suggestion(value, choices)
         raise error("unknown-name", path=f"--set {name}", what=name, value=value, **near)
     return value
 
