@@ -48,15 +48,15 @@ def mistake_of(data: PointsData, rows: Rows) -> Mistake:
     for part in [] if data.datum == "none" else split(None, data.table.part[rows]):
         measured[part] -= measured[part].mean(axis=0)
         nominal[part] -= nominal[part].mean(axis=0)
-    near = min(EXPLAINED * typical(measured - nominal), POINT_ERROR_MM)
+    limit = min(EXPLAINED * typical(measured - nominal), POINT_ERROR_MM)
     result: dict[Mistake, list[str]] = {}
     for k, axis in enumerate(data.axes):
         for mistake, errors in _undone(measured, nominal, k):
-            if np.quantile(np.abs(errors), NEARLY_ALL) < near:
+            if np.quantile(np.abs(errors), NEARLY_ALL) < limit:
                 result.setdefault(mistake, []).append("xyz"[axis])
                 break
         else:
-            return _joint_mistake(measured, nominal, near)
+            return _joint_mistake(measured, nominal, limit)
     looks = ", ".join(f"{' and '.join(result[each])} {each.looks}" for each in result if each.looks)
     return Mistake(looks, any(each.unit for each in result)) if looks else UNKNOWN
 
@@ -69,7 +69,7 @@ def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake
     place = nominal[:, k]
     yield Mistake(""), measured[:, k] - place
     scaled = ((unit, measured[:, k] * factor - place) for unit, factor in COORDINATES.items())
-    for unit, errors in sorted(scaled, key=lambda each: np.abs(each[1]).sum()):
+    for unit, errors in sorted(scaled, key=lambda pair: np.abs(pair[1]).sum()):
         yield Mistake(f"in {unit}, not mm", unit=True), errors
     if len(place) < FEWEST_POINTS:
         return
@@ -83,7 +83,7 @@ def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake
         yield Mistake(words), turned - np.median(turned)
 
 
-def _joint_mistake(measured: Floats, nominal: Floats, near: float) -> Mistake:
+def _joint_mistake(measured: Floats, nominal: Floats, limit: float) -> Mistake:
     """A mistake of all axes: points at the places of others, most of them, or values much smaller
     than the coordinates that follow none of them.
     """
@@ -91,17 +91,17 @@ def _joint_mistake(measured: Floats, nominal: Floats, near: float) -> Mistake:
         return UNKNOWN
     from scipy.spatial import KDTree
 
-    away, which = KDTree(nominal).query(measured)
-    at: Mask = np.asarray(away) < max(near, SAME_MM) * np.sqrt(nominal.shape[1])
-    nearest = nominal[np.asarray(which)]
-    hits, places = (len(np.unique(each, axis=0)) for each in (nearest[at], nominal))
+    distance, index = KDTree(nominal).query(measured)
+    at: Mask = np.asarray(distance) < max(limit, SAME_MM) * np.sqrt(nominal.shape[1])
+    nearest = nominal[np.asarray(index)]
+    hits, places = (len(np.unique(points, axis=0)) for points in (nearest[at], nominal))
     all_hit = np.mean(at) >= NEARLY_ALL and hits >= NEARLY_ALL * places
     if all_hit and np.mean(at & (nearest != nominal).any(axis=1)) > 0.5:
         return Mistake("features in another order")
     with np.errstate(invalid="ignore"):
-        related = np.abs(np.corrcoef(measured, nominal, rowvar=False))
+        R = np.abs(np.corrcoef(measured, nominal, rowvar=False))
     count = measured.shape[1]
-    if typical(measured) < typical(nominal) / 2 and not (related[:count, count:] >= RELATED).any():
+    if typical(measured) < typical(nominal) / 2 and not (R[:count, count:] >= RELATED).any():
         return Mistake("errors, not the coordinates that they are errors of")
     return UNKNOWN
 
@@ -149,11 +149,11 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
 
 def _slip(value: float, place: float) -> str:
     """The slip of one coordinate that would bring it to its place."""
-    near = max(POINT_ERROR_MM, 1e-3 * abs(place))
+    limit = max(POINT_ERROR_MM, 1e-3 * abs(place))
     slip = "a mistyped digit, or another feature"
-    if any(abs(value / 10.0**digits - place) < near for digits in range(-3, 7)):
+    if any(abs(value / 10.0**digits - place) < limit for digits in range(-3, 7)):
         slip = "a decimal point out of place"
-    if abs(value + place) < near:
+    if abs(value + place) < limit:
         slip = "a lost sign"
     return f"{slip}; about {place:.9g} is expected"
 
@@ -184,8 +184,8 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
         errors, columns = np.full(visits.errors.shape[:2], np.nan), 0
         errors[at] = data.errors[:, k]
         judged = errors.copy()
-        for each in split(None, visits.operation):
-            run = slice(each[0], each[-1] + 1)  # visits are in the order of operations
+        for group in split(None, visits.operation):
+            run = slice(group[0], group[-1] + 1)  # visits are in the order of operations
             enough = np.isfinite(errors[run]).sum(axis=0) >= FEWEST
             errors[run] = polished(errors[run])
             judged[run] = np.where(enough, errors[run], np.nan)

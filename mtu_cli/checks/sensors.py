@@ -43,10 +43,10 @@ def out_of_range(data: Data) -> Iterator[Odd]:
         facts, values = {"low": low, "high": high, "unit": ""}, columns[name]
         rows = np.flatnonzero((values < low) | (values > high))
         rest = [each for other, each in middles.items() if other != name]
-        near = float(np.median(rest)) if rest else 20.0
+        reference = float(np.median(rest)) if rest else 20.0
         for unit, converted in (("degF", (middle - 32) / 1.8), ("K", middle - 273.15)):
-            odd = abs(converted - near) < SENSORS_NEAR_K < abs(middle - near) / 3
-            if near > hottest:
+            odd = abs(converted - reference) < SENSORS_NEAR_K < abs(middle - reference) / 3
+            if reference > hottest:
                 odd = middle > hottest
             if odd and coldest <= converted <= hottest:
                 rows, facts["unit"] = np.flatnonzero(~np.isnan(values)), unit
@@ -61,10 +61,10 @@ def spike(data: Data) -> Iterator[Odd]:
     """Readings beyond all of their neighbours' by more than the sensor ever steps."""
     table = data.table
     cycle = getattr(table, "cycle", table.file_index)
-    every = split(np.argsort(table.time_min, kind="stable"), cycle)
+    runs = split(np.argsort(table.time_min, kind="stable"), cycle)
     for name, values in sensors(data).items():
         odd = np.zeros(len(values), bool)
-        for rows in every:
+        for rows in runs:
             # Readings of several components at one moment hold one temperature.
             changes = np.flatnonzero(np.diff(values[rows], prepend=np.nan) != 0)
             sampled = values[rows[changes]]
@@ -87,7 +87,7 @@ def stuck(data: Data) -> Iterator[Odd]:
     for name, values in columns.items():
         different, count = np.unique(values[np.isfinite(values)], return_counts=True)
         rows = np.flatnonzero(values == different[np.argmax(count)])
-        ranges = [np.ptp(each[rows]) for other, each in columns.items() if other != name]
-        usual = float(np.median(ranges)) if len(ranges) >= fewest else 0.0
-        if len(values) >= 10 and len(rows) >= share * len(values) and usual >= OTHERS_MOVE_K:
-            yield Odd(rows, {"others": usual}, name, f"{values[rows[0]]:g}")
+        ranges = [np.ptp(column[rows]) for other, column in columns.items() if other != name]
+        movement = float(np.median(ranges)) if len(ranges) >= fewest else 0.0
+        if len(values) >= 10 and len(rows) >= share * len(values) and movement >= OTHERS_MOVE_K:
+            yield Odd(rows, {"others": movement}, name, f"{values[rows[0]]:g}")

@@ -49,7 +49,7 @@ def names_alike(data: PointsData) -> Iterator[Odd]:
         if pairs := [pair for pair in zip(spellings, labels, strict=True) if pair[0] != pair[1]]:
             odd = [labels.index(name) for _, name in pairs]
             rows = np.flatnonzero(np.isin(getattr(data.table, column), odd))
-            names = [f"{other!r} and {name!r}" for other, name in pairs]
+            names = [f"{spelling!r} and {name!r}" for spelling, name in pairs]
             facts = {"what": "names that differ by case or blanks only", "names": names}
             yield Odd(rows, facts, column)
 
@@ -68,10 +68,10 @@ def columns_alike(data: ReadingsData | PointsData) -> Iterator[Odd]:
         columns |= {"pass": table.has_pass, "direction": table.direction != 0}
         columns |= {"cycle": table.cycle >= 0}
     for name, mask in columns.items():
-        near = None if mask.any() else meant_by(name, [*table.covariates], NEARLY)
-        if near:
+        column = None if mask.any() else meant_by(name, [*table.covariates], NEARLY)
+        if column:
             what = "a covariate is nearly called as a column that is not there"
-            yield Odd(FIRST, {"what": what, "names": [repr(name)]}, near)
+            yield Odd(FIRST, {"what": what, "names": [repr(name)]}, column)
 
 
 @check("position-beyond-travel", of=("readings", "drift", "points", "part"))
@@ -150,10 +150,10 @@ def machine_sizes(data: DocumentData) -> Iterator[Odd]:
         for axis, travel in travels.items()
         if travel < TRAVEL_MM
     ]
-    most = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
+    limit = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
     for name, constant in machine.constants.items():
         value = float(getattr(constant, "value", constant))
-        if abs(value) > most:
+        if abs(value) > limit:
             findings.append((("constants", name, ""), f"a constant of {value:g} mm", "um"))
     for path, what, meant in findings:
         yield Odd(NONE, {"what": what, "meant": meant}, path=tuple(filter(None, path)))

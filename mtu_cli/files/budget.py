@@ -110,8 +110,8 @@ class Contribution(Contract):
     @property
     def ways(self) -> list[str]:
         """The keys that say how large it is: of a sound one a single key, or none."""
-        stated = [way for way in WAYS if getattr(self, way) is not None]
-        return [*stated, "low"] if self.high is not None and self.low is None else stated
+        keys = [way for way in WAYS if getattr(self, way) is not None]
+        return [*keys, "low"] if self.high is not None and self.low is None else keys
 
 
 class Input(Contribution):
@@ -250,8 +250,8 @@ def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
     elif item.value is None and item.low is None and item.high is None:
         faults.lacks(path, "value", "a value or readings", ("readings", "low", "high"))
     elif item.value is not None and item.low is not None and item.high is not None:
-        off = abs(item.value - 0.5 * (item.low + item.high))
-        if off > ROUNDING * max(abs(item.low), abs(item.high)):
+        difference = abs(item.value - 0.5 * (item.low + item.high))
+        if difference > ROUNDING * max(abs(item.low), abs(item.high)):
             expected = f"{item.middle:g}, the middle of `low` and `high`, or none"
             faults.add((*path, "value"), "wrong-value", value=item.value, expected=expected)
     for index, part in enumerate(item.contributions):
@@ -277,11 +277,11 @@ def _check_contribution(item: Contribution, path: YamlPath, faults: Faults) -> N
         expected = f"a number below `high`, {item.high:g}"
         faults.add((*path, "low"), "wrong-value", value=item.low, expected=expected)
         return
-    lacking = {key: f"`{other}`" for key, other in PAIRS.items() if getattr(item, other) is None}
+    needs = {key: f"`{other}`" for key, other in PAIRS.items() if getattr(item, other) is None}
     if not ways:
         width = "a width: `u`, `half_width`, `U`, or `low` and `high`"
-        lacking |= {"distribution": width, "dof": width}
-    for key, other in lacking.items():
+        needs |= {"distribution": width, "dof": width}
+    for key, other in needs.items():
         if getattr(item, key) is not None:
             faults.add((*path, key), "incomplete", what=f"`{key}`", other=other)
     if kind not in BOUNDED and ways in (["half_width"], ["low"]):
@@ -295,13 +295,13 @@ def _check_contribution(item: Contribution, path: YamlPath, faults: Faults) -> N
     for key, (owner, ratio) in SHAPES.items():
         value = getattr(item, key)
         # The widest that any half-width leaves room for.
-        most = item.half if item.half is not None else ratio * (item.u or math.inf)
+        limit = item.half if item.half is not None else ratio * (item.u or math.inf)
         if value is None and kind == owner and (key == "top" or dof is None):
             faults.add(path, "missing-key", key=key, expected=f"that of a {owner} distribution")
         elif value is not None and kind != owner:
             faults.add((*path, key), "misplaced", key=key, where=f"`distribution: {owner}`")
-        elif value is not None and value > most:
-            expected = f"at most {most:.6g}, by the half-width or u"
+        elif value is not None and value > limit:
+            expected = f"at most {limit:.6g}, by the half-width or u"
             faults.add((*path, key), "wrong-value", value=value, expected=expected)
 
 
@@ -371,30 +371,30 @@ def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
                 continue
             check_known(tree, keys)
             yield name, outputs[name], tree
-            within, result = check_consistent(tree, powers, powers_of[outputs[name]], powers_of)
-            faults.extend(path, within)
+            errors, result = check_consistent(tree, powers, powers_of[outputs[name]], powers_of)
+            faults.extend(path, errors)
             unit_path = ("quantity", "unit") if single else ("units", name)
             faults.extend(unit_path, [] if result is None else [result])
 
 
 def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) -> Iterator[Finding]:
     """Inputs without use, uncertainty or scatter; ``g: 9.81`` and ``u: 0`` mean constants."""
-    used = {name for tree in trees.values() for name in names(tree)}
+    symbols = {name for tree in trees.values() for name in names(tree)}
 
     def noted(code: str, path: YamlPath, at: str | None = None, **facts: Any) -> Finding:
         place = {"file": document.source.shown, "line": document.line_of(*path), "path": at}
         return finding(code, **place, **facts)
 
-    exact = []
+    constants = []
     for name, item in budget.inputs.items():
         path: YamlPath = ("inputs", name)
-        if name not in used:
+        if name not in symbols:
             yield noted("unused", path, path_text(path), what="input", name=name)
         elif item.readings and not item.varies:
             where = (*path, "readings")
             yield noted("equal-readings", where, path_text(path), n=len(item.readings))
         elif isinstance(document.at(*path), dict) and not item.varies and not item.ways:
-            exact.append(name)
-    if exact:
+            constants.append(name)
+    if constants:
         expected = "u: 0 where that is meant"
-        yield noted("no-uncertainty", ("inputs", exact[0]), names=exact, expected=expected)
+        yield noted("no-uncertainty", ("inputs", constants[0]), names=constants, expected=expected)

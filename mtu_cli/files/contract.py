@@ -85,7 +85,7 @@ def wrong(
 
 def all_wrong(errors: Iterable[PydanticCustomError]) -> PydanticCustomError:
     """One error that becomes the Findings of several."""
-    faults = [fault for each in errors for fault in (each.context or {})["faults"]]
+    faults = [fault for item in errors for fault in (item.context or {})["faults"]]
     return PydanticCustomError("findings", "{faults}", {"faults": faults})
 
 
@@ -174,9 +174,9 @@ class Faults:
 
     def extend(self, path: YamlPath, findings: InputError | Iterable[Finding]) -> None:
         """Findings that stand at `path`, such as those of an equation."""
-        reached, value = self.document.reached(path)
+        prefix, value = self.document.reached(path)
         # A short form stands for keys, or for a list, that the file does not have.
-        path = path if isinstance(value, dict) else reached
+        path = path if isinstance(value, dict) else prefix
         place = {"file": self.document.source.shown, "line": self.document.line_of(*path)}
         items = findings.findings if isinstance(findings, InputError) else findings
         self.findings += [item.at(path=path_text(path) or None, **place) for item in items]
@@ -232,13 +232,13 @@ class Faults:
 
     def misspelt(self, path: YamlPath, keys: Sequence[str]) -> bool:
         """Whether an unknown key of an entry, reported already, is meant for one of `keys`."""
-        unknown = self.unknown_keys.get(path, [])[:HINTED]
-        return any(nearest(name, [key]) for name in unknown for key in keys)
+        names = self.unknown_keys.get(path, [])[:HINTED]
+        return any(nearest(name, [key]) for name in names for key in keys)
 
     def is_faulty(self, *path: str | int) -> bool:
         """Whether something is wrong with an entry."""
         prefix = path_text(path)
-        return any((each.path or "").startswith(prefix) for each in self.findings)
+        return any((item.path or "").startswith(prefix) for item in self.findings)
 
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""
@@ -274,17 +274,17 @@ def check_contract(
     if faults.findings:
         raise InputError(faults.findings)
     try:
-        checked = model.model_validate(data)
+        result = model.model_validate(data)
     except ValidationError as fault:
         # Missing keys last: an unknown one may be meant.
         items = fault.errors(include_url=False)
         for item in sorted(items, key=lambda item: item["type"] == "missing"):
             _report(item, faults, model)
-        checked = _sound_part(model, data)
-    check(checked, faults)
+        result = _sound_part(model, data)
+    check(result, faults)
     if faults.findings:
         raise InputError(faults.findings)
-    return checked
+    return result
 
 
 def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
@@ -301,13 +301,13 @@ def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
         faults.unknown(path, name, keys, "key")
     elif kind == "findings":
         # Of an entry the keys at fault are named, or a value of them.
-        whole = {"value": None if isinstance(value, dict) else literal}
+        facts = {"value": None if isinstance(value, dict) else literal}
         for fault in context["faults"]:
-            faults.add((*path, *fault["at"]), fault["code"], **{**whole, **fault["given"]})
+            faults.add((*path, *fault["at"]), fault["code"], **{**facts, **fault["given"]})
     elif kind == "literal_error":
         is_key = path != item["loc"]
-        allowed = get_args(get_args(type_at(model, path[:-1]))[0] if is_key else at)
-        faults.unknown(path, shown_value(literal), allowed, "key" if is_key else "value")
+        choices = get_args(get_args(type_at(model, path[:-1]))[0] if is_key else at)
+        faults.unknown(path, shown_value(literal), choices, "key" if is_key else "value")
     else:
         faults.add(path, "wrong-value", value=literal, expected=expectation(item, at))
 

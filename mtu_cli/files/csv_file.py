@@ -77,8 +77,8 @@ def read_tables(
         try:
             tables.append(read_table(path, role, spec, faults, convert))
         except InputError as fault:
-            for each in fault.findings:
-                faults.add(each)
+            for item in fault.findings:
+                faults.add(item)
     if not tables:
         faults.raise_if_any()
         raise ValueError("no files to read")
@@ -92,17 +92,17 @@ def read_tables(
 def _check_files(table: Table, faults: CellFaults) -> None:
     """Files that are read twice, and times that contradict each other."""
     first: dict[str, File] = {}
-    dated = [file for file in table.files if "time" in file.header]
+    dated_files = [file for file in table.files if "time" in file.header]
     for file in table.files:
         place: dict[str, Any] = {"file": file.source.shown}
-        other = first.setdefault(file.source.sha256, file)
-        if other is not file:
-            name = other.source.shown
+        original = first.setdefault(file.source.sha256, file)
+        if original is not file:
+            name = original.source.shown
             faults.add(finding("copied-rows", other=name, expected="each file once", **place))
-        elif dated and "time_min" in file.header:
+        elif dated_files and "time_min" in file.header:
             expected = "one of them in all files"
             faults.add(finding("exclusive", names=EXCLUSIVE, expected=expected, **place))
-        elif dated and len(file.aware | dated[0].aware) > 1:
+        elif dated_files and len(file.aware | dated_files[0].aware) > 1:
             place |= {"column": "time", "other": "the other times"}
             expected = "all times of all files with an offset from UTC, or none"
             faults.add(finding("contradicts", expected=expected, **place))
@@ -140,7 +140,7 @@ def read_table(
     if rows is None:
         rows, records = _one_by_one(file, faults)
     file.source = replace(file.source, rows=len(rows))
-    if not len(rows) and all(each.file != file.source.shown for each in faults.listed):
+    if not len(rows) and all(item.file != file.source.shown for item in faults.listed):
         expected = "a row of values below the header"
         raise error("empty-file", file=file.source.shown, what="rows", expected=expected)
     row_numbers = rows
@@ -416,8 +416,8 @@ def _excluded(numbers: Floats, column: Column) -> Flags:
     """Where numbers (n,) are none that the column may hold; nan is an empty cell."""
     largest = min(column.largest, sys.float_info.max) if column.numeric else sys.float_info.max
     # Extremes cost less than flags: nan makes both nan.
-    inside = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
-    odd = np.zeros(len(numbers), bool) if inside else ~(np.abs(numbers) <= largest)
+    in_range = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
+    odd = np.zeros(len(numbers), bool) if in_range else ~(np.abs(numbers) <= largest)
     if column.whole:
         odd |= numbers != np.rint(numbers)
     if column.kind == "count":

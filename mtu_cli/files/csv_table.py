@@ -35,15 +35,15 @@ class CellFaults:
         self.uncounted = 0
         self._cells: set[tuple[str | None, int, str | int]] = set()
 
-    def add(self, each: Finding) -> None:
+    def add(self, fault: Finding) -> None:
         """One more; of several of one cell the first counts."""
-        if each.row is not None and each.column is not None:
-            cell = (each.file, each.row, each.column)
+        if fault.row is not None and fault.column is not None:
+            cell = (fault.file, fault.row, fault.column)
             if cell in self._cells:
                 return
             self._cells.add(cell)
         if len(self.listed) < LISTED_FAULTS:
-            self.listed.append(each)
+            self.listed.append(fault)
         else:
             self.uncounted += 1
 
@@ -212,14 +212,14 @@ def joined(tables: Sequence[Table]) -> Table:
     """
     if len(tables) == 1:
         return tables[0]
-    whole = Table(
+    result = Table(
         files=tuple(table.files[0] for table in tables),
         rows=np.concatenate([table.rows for table in tables]),
         file_index=np.repeat(np.arange(len(tables)), [len(table) for table in tables]),
     )
-    for name in whole.header:
+    for name in result.header:
         if all(name not in table.texts for table in tables):
-            whole.numbers[name] = np.concatenate([table.number(name) for table in tables])
+            result.numbers[name] = np.concatenate([table.number(name) for table in tables])
             continue
         parts: list[tuple[Ints, Sequence[str]]] = []
         for table in tables:
@@ -228,8 +228,8 @@ def joined(tables: Sequence[Table]) -> Table:
             else:
                 cells = ["" if v != v else cell_text(v) for v in table.number(name).tolist()]
                 parts.append((np.arange(len(cells)), cells))
-        whole.texts[name] = stacked(parts)
-    return whole
+        result.texts[name] = stacked(parts)
+    return result
 
 
 def stacked(parts: Sequence[tuple[Ints, Sequence[str]]]) -> Texts:

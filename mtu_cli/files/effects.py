@@ -247,18 +247,18 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
     if family.kind == "outlier" and family.over is None:
         expected = "over: feature, part or operation"
         faults.add(path, "missing-key", key="over", expected=expected)
-    used = _marks_of(form for form, _ in forms)
-    name, margins = family.name or family.family + ("-{a}" if "a" in used else ""), []
+    placeholders = _marks_of(form for form, _ in forms)
+    name, margins = family.name or family.family + ("-{a}" if "a" in placeholders else ""), []
     for index, margin in present(family.margins):
         # A margin has what is searched where its equations name it.
         words = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
         search = {name: item for name, item in family.search.items() if name in words}
         margins.append((margin.model_copy(update={"search": search}), (*path, "margins", index)))
-    used |= marks(name) | _marks_of(margin for margin, _ in margins)
+    placeholders |= marks(name) | _marks_of(margin for margin, _ in margins)
     for mark, other in (("b", "{a}"), ("n", "{b}")):
-        if mark in used and other[1] not in used:
+        if mark in placeholders and other[1] not in placeholders:
             faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)
-    if "each" in used and used & {*AXIS_MARKS} != {"each"}:
+    if "each" in placeholders and placeholders & {*AXIS_MARKS} != {"each"}:
         faults.add(path, "misplaced", key="{each}", where="a family without {a} and {b}")
     return LoadedFamily(
         family=family,
@@ -285,20 +285,20 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
         _check_search(search, family, (*path, "search", str(searched)), faults)
     trees: dict[str, Node] = {}
     for key, text in form.equations.items():
-        here = (*path, "equations", key)
+        location = (*path, "equations", key)
         if not _EQUATION.fullmatch(key):
             expected = "Ex, Ey, Ez, E{a}, E{b}, E{n} or E{each}"
-            faults.add(here, "wrong-value", value=key, expected=expected)
+            faults.add(location, "wrong-value", value=key, expected=expected)
         elif key == "E{each}" and len(form.equations) > 1:
-            faults.add(here, "misplaced", key=key, where="an effect with no other equation")
-        with faults.collected(here):
+            faults.add(location, "misplaced", key=key, where="an effect with no other equation")
+        with faults.collected(location):
             trees[key] = parse(text, name=BRACED)
             _check_equation(trees[key], key, form.parameters, searched, family)
-    levers, used = {}, dict.fromkeys(name for tree in trees.values() for name in names(tree))
+    levers, symbols = {}, dict.fromkeys(name for tree in trees.values() for name in names(tree))
     if len(faults.findings) == before:
         levers = {key: linear_form(x, form.parameters).coefficients for key, x in trees.items()}
-        unused = [((*path, *place), place[1]) for place in places if place[1] not in used]
-        if family.over is not None and CHOSEN not in used:
+        unused = [((*path, *place), place[1]) for place in places if place[1] not in symbols]
+        if family.over is not None and CHOSEN not in symbols:
             unused.append(((*path, "equations"), CHOSEN))
         for where, name in unused:
             faults.add(where, "not-applicable", reason="it is in no equation", value=name)
@@ -306,7 +306,7 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
         units=dict(form.parameters),
         trees=trees,
         levers=levers,
-        columns=tuple(x for x in used if x not in {*form.parameters, searched, CHOSEN}),
+        columns=tuple(x for x in symbols if x not in {*form.parameters, searched, CHOSEN}),
         searched=searched,
         search=search,
         readings=form.readings,
@@ -328,15 +328,15 @@ def _check_equation(
     Raises InputError with its faults.
     """
     symbols = {*parameters, searched} | ({CHOSEN} if family.over is not None else set())
-    unknown = []
+    faults = []
     for name, column in names(tree).items():
         if name not in symbols and not _is_column(name, family):
             facts = {"value": name, "meant": nearest(name, parameters), "expected": COLUMNS}
-            unknown.append(finding("unknown-name", what="name", column=column, **facts))
+            faults.append(finding("unknown-name", what="name", column=column, **facts))
         elif "each" in marks(name) and key != "E{each}":
-            unknown.append(finding("misplaced", key=name, where="E{each}", column=column))
-    if unknown:
-        raise InputError(unknown)
+            faults.append(finding("misplaced", key=name, where="E{each}", column=column))
+    if faults:
+        raise InputError(faults)
     form = linear_form(tree, parameters, parameters)
     # Numbers of the data are written as literals, which have no unit.
     number = {name: 1.0 for name in names(tree) if name == searched or number_of(name)}
@@ -345,8 +345,8 @@ def _check_equation(
         if (powers := column_dimensions(filled(name, STAND_INS))) is not None:
             columns[name] = powers
     units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
-    written = filled_tree(tree, number)
-    check_dimension(written, internal(LENGTH), {}, parameters=units, columns=columns)
+    equation = filled_tree(tree, number)
+    check_dimension(equation, internal(LENGTH), {}, parameters=units, columns=columns)
     if form.remainder is not None:
         reason, expected = "a term without a parameter", "parameters in every term"
         raise error("not-applicable", reason=reason, column=1, expected=expected)
@@ -354,14 +354,14 @@ def _check_equation(
 
 def _check_search(search: Search, family: Family, path: YamlPath, faults: Faults) -> None:
     """The ends of a grid are expressions in `BOUNDS`."""
-    used = set[str]()
+    symbols = set[str]()
     for key in ("from_", "to"):
         for text in getattr(search, key):
             with faults.collected((*path, key.rstrip("_"))):
                 tree = parse(text)
                 check_known(tree, BOUNDS)
-                used |= names(tree).keys()
-    if search.of is None and (used or search.grid in ("between", "frequency")):
+                symbols |= names(tree).keys()
+    if search.of is None and (symbols or search.grid in ("between", "frequency")):
         expected = "the position or column that span, low and the grid are of"
         faults.add(path, "missing-key", key="of", expected=expected)
     elif search.of is not None and not _is_column(search.of, family):

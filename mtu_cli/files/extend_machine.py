@@ -69,7 +69,7 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
         document = parse_yaml(content.decode("utf-8-sig"), source)
         if document.data != {**old, **lists}:
             raise error("not-writable", file=file, reason="YAML does not give its values back")
-        extended = machine_from(replace(document, content=content))
+        new_machine = machine_from(replace(document, content=content))
     except InputError as fault:
         raise InputError(
             replace(item, code="not-writable", facts={"reason": item.text}, file=file, line=None)
@@ -77,7 +77,7 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
         ) from None
     return ExtendedMachine(
         content=content,
-        machine=extended,
+        machine=new_machine,
         parameters=tuple(f"{x['name']}.{name}" for x in new_effects for name in x["parameters"]),
         warnings=() if lossless else (finding("machine-written-anew", file=file),),
     )
@@ -93,7 +93,7 @@ def _needed_covariates(machine: LoadedMachine, effects: Sequence[Entry]) -> list
     """
     entry = machine.machine
     symbols = {"pi", *POSITIONS, *entry.constants, *entry.components}
-    needed: dict[str, None] = {}
+    covariates: dict[str, None] = {}
     for effect in effects:
         if (column := effect.get("covariate")) in symbols:
             expected = "another name of the column or of the machine's constant"
@@ -101,8 +101,8 @@ def _needed_covariates(machine: LoadedMachine, effects: Sequence[Entry]) -> list
             raise error("name-taken", **facts, file=machine.source.shown, expected=expected)
         scope = {*symbols, *entry.covariates, *effect["parameters"], *effect.get("components", ())}
         used = [name for text in effect["equations"].values() for name in names(parse(text))]
-        needed |= {name: None for name in used if not (name in scope or is_covariate(name))}
-    return list(needed)
+        covariates |= {name: None for name in used if not (name in scope or is_covariate(name))}
+    return list(covariates)
 
 
 def _with_unique_names(
@@ -118,15 +118,15 @@ def _with_unique_names(
         name = free_name(effect["name"], effect_names, "-")
         effect_names.add(name)
         keys = [key for key in ("parameters", "components") if key in effect]
-        names, new = dict.fromkeys(each for key in keys for each in effect[key]), dict[str, str]()
+        names, new = dict.fromkeys(item for key in keys for item in effect[key]), dict[str, str]()
         for old in names:
             new[old] = free_name(old, symbols | (names.keys() - {old}) | {*new.values()}, "_")
         equations = {
             axis: "".join(new.get(word, word) for word in WORD.split(text))
             for axis, text in effect["equations"].items()
         }
-        renamed = {key: {new[old]: x for old, x in effect[key].items()} for key in keys}
-        result.append({**effect, "name": name, **renamed, "equations": equations})
+        entries = {key: {new[old]: x for old, x in effect[key].items()} for key in keys}
+        result.append({**effect, "name": name, **entries, "equations": equations})
     return result
 
 

@@ -188,12 +188,12 @@ def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpe
     """
     place = {"file": source.shown, "row": row}
     if not {*spec.required} & {*header}:
-        for other in (READINGS, POINTS):
-            if {*other.required} <= {*header}:
-                expected = f"{spec.holds} ({other.option} takes {other.holds})"
-                raise error("other-table", kind=other.holds, expected=expected, **place)
+        for contract in (READINGS, POINTS):
+            if {*contract.required} <= {*header}:
+                expected = f"{spec.holds} ({contract.option} takes {contract.holds})"
+                raise error("other-table", kind=contract.holds, expected=expected, **place)
     if faults := [*_faults(header, spec)]:
-        raise InputError([each.at(**place) for each in faults])
+        raise InputError([item.at(**place) for item in faults])
 
 
 def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
@@ -212,17 +212,17 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
     for name in sorted(spec.columns, key=lambda name: name not in required_names):
         if name in header or name in timed:
             continue
-        near = meant_by(name, extras, LIKE if name in required_names else SLIP)
-        extras = [column for column in extras if column != near]
+        match = meant_by(name, extras, LIKE if name in required_names else SLIP)
+        extras = [column for column in extras if column != match]
         if name in required_names:
             hint = f"a column {name!r} (the columns are {listed(header, 12)})"
             unit = name.rpartition("_")[2]
-            values = f", its values in {unit}" if unit in UNITS and unit not in f"{near}" else ""
-            expected = f"{near!r} renamed to {name!r}{values}" if near else hint
+            values = f", its values in {unit}" if unit in UNITS and unit not in f"{match}" else ""
+            expected = f"{match!r} renamed to {name!r}{values}" if match else hint
             yield finding("missing-column", column=name, expected=expected)
-        elif near:
+        elif match:
             expected = f"it renamed to {name!r}, or to a name of its own"
-            yield finding("unknown-name", what="column", value=near, expected=expected)
+            yield finding("unknown-name", what="column", value=match, expected=expected)
     if {*EXCLUSIVE} <= {*header}:
         yield finding("exclusive", names=EXCLUSIVE, expected="one of them")
 
@@ -231,12 +231,12 @@ def meant_by(name: str, columns: Sequence[str], likeness: float) -> str | None:
     """The one of `columns` that is probably meant as `name` of a contract: by a synonym, by
     its words in another order or case, or by letters that are alike.
     """
-    words = {_words(each) for each in (name, *SYNONYMS.get(name, name).split(", "))}
+    words = {_words(text) for text in (name, *SYNONYMS.get(name, name).split(", "))}
     if same := [column for column in columns if _words(column) in words]:
         return same[0] if len(same) == 1 else None
     letters = {column[:200].casefold(): column for column in columns}
-    near = get_close_matches(name, letters, 1, likeness)
-    return letters[near[0]] if near else None
+    matches = get_close_matches(name, letters, 1, likeness)
+    return letters[matches[0]] if matches else None
 
 
 def _words(name: str) -> frozenset[str]:

@@ -97,23 +97,23 @@ def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
 
     for name, item in loaded.machine.components.items():
         path = ("components", name)
-        idle = [key for key in NEEDS_COEFFICIENTS if getattr(item, key) is not None]
+        figures = [key for key in NEEDS_COEFFICIENTS if getattr(item, key) is not None]
         if name not in loaded.used:
             yield warning("unused", *path, what="component", name=name)
-        if item.coefficients is None and idle:
-            facts = {"what": "figures", "names": idle, "reason": "there are no coefficients"}
+        if item.coefficients is None and figures:
+            facts = {"what": "figures", "names": figures, "reason": "there are no coefficients"}
             yield warning("not-used", *path, **facts)
-        elif item.coefficients is not None and not idle and name in loaded.used:
+        elif item.coefficients is not None and not figures and name in loaded.used:
             yield warning("no-uncertainty", *path, names=[name])
     for index, effect in enumerate(loaded.machine.effects):
-        used = {name for text in effect.equations.values() for name in names(parse(text))}
-        for name in [name for name in effect.parameters if name not in used]:
+        symbols = {name for text in effect.equations.values() for name in names(parse(text))}
+        for name in [name for name in effect.parameters if name not in symbols]:
             yield warning(
                 "unused", "effects", index, "parameters", name, what="parameter", name=name
             )
-        without = [n for n, p in effect.parameters.items() if "u" not in p.model_fields_set]
-        if effect.covariance is None and without:
-            yield warning("no-uncertainty", "effects", index, names=without)
+        parameters = [n for n, p in effect.parameters.items() if "u" not in p.model_fields_set]
+        if effect.covariance is None and parameters:
+            yield warning("no-uncertainty", "effects", index, names=parameters)
 
 
 def _check_names(machine: Machine, faults: Faults) -> None:
@@ -160,9 +160,9 @@ def _check_component(item: Component, path: YamlPath, faults: Faults) -> None:
         faults.add((*path, "coefficients"), "incomplete", **facts)
         return
     if count not in (0, size):
-        whole = f"a table of {counted(size, 'position')}"
-        whole = whole if of_table else f"a component of degree {item.degree}"
-        text = f"{counted(count, 'coefficient')} of {whole}"
+        description = f"a table of {counted(size, 'position')}"
+        description = description if of_table else f"a component of degree {item.degree}"
+        text = f"{counted(count, 'coefficient')} of {description}"
         faults.add((*path, "coefficients"), "wrong-count", found=text, expected=f"{size}")
     size = size or 2
     if item.covariance is not None:
@@ -248,8 +248,8 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
             faults.add(place, "name-taken", value=name, taken="a parameter")
     axis, components = effect.axis, faults.keys("components")
     if axis is not None and axis not in components:
-        several = axis and len(set(axis)) == len(axis) and set(axis) <= set(POSITIONS)
-        if not several:
+        are_axes = axis and len(set(axis)) == len(axis) and set(axis) <= set(POSITIONS)
+        if not are_axes:
             expected = "x, y or z, several of them (xy, for an angle), or the name of a component"
             hint = {"expected": expected, "meant": suggestion(axis, components).get("meant", ())}
             faults.add((*path, "axis"), "wrong-type", kind="an axis", value=axis, **hint)

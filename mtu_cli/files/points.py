@@ -86,9 +86,9 @@ def read_points(
 def _side_by_side(table: Table, name: str) -> Floats:
     """The columns of x, y and z (n, 3), each contiguous in memory; not to be written to."""
     names = [name.format(axis) for axis in AXES]
-    if not any(each in table.numbers for each in names):
+    if not any(column in table.numbers for column in names):
         return np.broadcast_to(np.nan, (len(table), len(AXES)))
-    return np.array([table.number(each) for each in names]).T
+    return np.array([table.number(column) for column in names]).T
 
 
 def _sequence(table: Table, faults: CellFaults) -> Ints:
@@ -128,14 +128,14 @@ def _nominal(table: Table, features: Mapping[str, Place] | None, faults: CellFau
         faults.cells(table, bad, "feature", code="missing-input", **facts)
         return nominal
     places = np.array([features[name] for name in column.labels], np.float64).reshape(-1, 3)
-    stated = places[column.codes]
+    reference = places[column.codes]
     for axis, letter in enumerate(AXES):
 
         def of_row(i: int, axis: int = axis) -> dict[str, str]:
             other = f"the nominal place of {column.labels[column.codes[i]]!r}"
-            expected = f"{stated[i, axis]:.9g}, as in the part file"
+            expected = f"{reference[i, axis]:.9g}, as in the part file"
             return {"other": other, "value": cell_text(nominal[i, axis]), "expected": expected}
 
-        bad = np.abs(nominal[:, axis] - stated[:, axis]) > SAME_MM
+        bad = np.abs(nominal[:, axis] - reference[:, axis]) > SAME_MM
         faults.cells(table, bad, f"nominal_{letter}_mm", of_row, code="contradicts")
-    return np.where(np.isnan(stated), nominal, stated)
+    return np.where(np.isnan(reference), nominal, reference)

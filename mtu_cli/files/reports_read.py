@@ -263,14 +263,14 @@ def report_from(source: Source, document: Any) -> Any:
     kind = next((kind for kind in KINDS if schema == f"mtu/{kind}/1"), None)
     if kind is None:
         expected = "{!r} or {!r}, as `mtu {} -o FILE.json` or `mtu {} -o FILE.json` writes it"
-        expected = expected.format(*(f"mtu/{each}/1" for each in KINDS), *KINDS)
+        expected = expected.format(*(f"mtu/{name}/1" for name in KINDS), *KINDS)
         place = {} if schema is None else {"path": "schema", "value": str(schema)}
         facts = {"kind": "a components report", "expected": expected}
         raise error("wrong-type", file=source.shown, **facts, **place)
     role, contract = KINDS[kind]
-    checked = check_contract(YamlDocument(source=source, data=document), contract, kind)
+    report = check_contract(YamlDocument(source=source, data=document), contract, kind)
     read = {"source": replace(source, role=role), "document": document}
-    return checked.results.model_copy(update=read)
+    return report.results.model_copy(update=read)
 
 
 def read_reports(paths: Iterable[Path]) -> ModelReports:
@@ -317,5 +317,5 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
         raise error("not-readable", reason=why, expected=expected, **place) from None
     # What was fitted to synthetic data is no more than that.
     inputs = data.get("inputs") if isinstance(data, dict) else None
-    made = any(isinstance(x, dict) and x.get("synthetic") is True for x in inputs or ())
-    return replace(source, synthetic=made), data
+    synthetic = any(isinstance(x, dict) and x.get("synthetic") is True for x in inputs or ())
+    return replace(source, synthetic=synthetic), data

@@ -110,24 +110,24 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
             raise error("not-readable", **facts, **place)
         content = path.read_bytes()
     except FileNotFoundError:
-        meant = tuple((Path(file).parent / near).as_posix() for near in near_name(path))
+        meant = tuple((Path(file).parent / name).as_posix() for name in near_name(path))
         raise error("no-such-file", meant=meant, expected=expected, **place) from None
     except (OSError, ValueError) as failed:
         raise error("not-readable", reason=system_reason(failed), **place) from None
     if not content:
         raise error("empty-file", what="text", **place)
     digest = hashlib.sha256(content).hexdigest()
-    made = content.startswith(SYNTHETIC.encode())
-    return Source(role=role, path=path, shown=file, sha256=digest, synthetic=made), content
+    synthetic = content.startswith(SYNTHETIC.encode())
+    return Source(role=role, path=path, shown=file, sha256=digest, synthetic=synthetic), content
 
 
 def near_name(path: Path) -> tuple[str, ...]:
     """The file in the folder that is nearly called so, if there is one."""
     try:
-        near = closest(path.name, [entry.name for entry in path.parent.iterdir()])
+        name = closest(path.name, [entry.name for entry in path.parent.iterdir()])
     except (OSError, ValueError):
         return ()
-    return () if near is None else (near,)
+    return () if name is None else (name,)
 
 
 def check_text(content: bytes, file: str) -> None:

@@ -161,9 +161,9 @@ def load_study(
             if names:
                 files[key] = tuple(folder / name for _, name in names)
             for i, name in names:
-                file, made = folder / name, absent or ()
-                needed = absent is not None and not any(same(file, each) for each in made)
-                if needed and not file.exists():
+                file, exceptions = folder / name, absent or ()
+                is_needed = absent is not None and not any(same(file, item) for item in exceptions)
+                if is_needed and not file.exists():
                     facts = {"value": name, "meant": near_name(file), "expected": FROM_HERE}
                     faults.add((key, i), "no-such-file", **facts)
             faults.once((key,), names, "the file")

@@ -94,9 +94,9 @@ def read_traces(
         place = {"path": "--radius", "expected": "--radius MM above 0, or a column radius_mm"}
         raise error("missing-input", what="the nominal radius", **place)
     for name, column in (("radius_mm", radii), ("plane", planes)):
-        if (other := np.flatnonzero(column != column[0])).size:
-            value = ", ".join(f"{column[i]}" for i in (0, other[0]))
-            place = {**table.place(int(other[0])), "column": name, "value": value}
+        if (conflicts := np.flatnonzero(column != column[0])).size:
+            value = ", ".join(f"{column[i]}" for i in (0, conflicts[0]))
+            place = {**table.place(int(conflicts[0])), "column": name, "value": value}
             raise error("contradicts", other="another trace", expected="one in all traces", **place)
     traces, number = [], table.whole("pass")
     # Rows of one file, pass, direction and feed are a trace.
@@ -138,15 +138,15 @@ def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDAr
     if values and len(values) not in (1, files):
         expected = f"one for all files, or {files} with commas"
         raise error("wrong-count", path=option, found=f"{len(values)} values", expected=expected)
-    each = np.array([values[i % len(values)] if values else None for i in range(files)], object)
+    defaults = np.array([values[i % len(values)] if values else None for i in range(files)], object)
     cells = table.number(name).astype(object)
     if name in table.texts:
         labels, codes = table.labelled(name)
         cells = np.array([*labels, None], object)[codes]
-    options = each[table.file_index]
-    stated = [x is not None and x == x for x in cells]
-    other = np.flatnonzero(stated & (options != None) & (options != cells))  # noqa: E711  # (n,)
-    if other.size:
-        place = {**table.place(int(other[0])), "column": name, "value": f"{cells[other[0]]}"}
-        raise error("contradicts", other=f"{option} {options[other[0]]}", **place)
+    options = defaults[table.file_index]
+    has_cell = [x is not None and x == x for x in cells]
+    rows = np.flatnonzero(has_cell & (options != None) & (options != cells))  # noqa: E711  # (n,)
+    if rows.size:
+        place = {**table.place(int(rows[0])), "column": name, "value": f"{cells[rows[0]]}"}
+        raise error("contradicts", other=f"{option} {options[rows[0]]}", **place)
     return np.where(table.has(name), cells, options)

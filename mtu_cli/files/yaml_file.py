@@ -67,8 +67,8 @@ class YamlDocument:
 
     def at(self, *path: str | int) -> Any:
         """The value at a path; None where there is none."""
-        reached, value = self.reached(path)
-        return value if reached == path else None
+        prefix, value = self.reached(path)
+        return value if prefix == path else None
 
 
 def path_text(path: YamlPath) -> str:

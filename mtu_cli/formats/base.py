@@ -160,8 +160,8 @@ def of_content(source: Source, content: bytes) -> RawFile:
     for encoding in CODE_PAGES:
         with suppress(UnicodeDecodeError):
             text = content.decode(encoding)
-            for broken, meant in MOJIBAKE.items():
-                text = text.replace(broken, meant)
+            for broken, sign in MOJIBAKE.items():
+                text = text.replace(broken, sign)
             name = encoding.removesuffix("-sig")
             return RawFile(source=source, content=content, text=text, encoding=name)
     return RawFile(source=source, content=content)

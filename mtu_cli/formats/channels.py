@@ -87,8 +87,8 @@ def _assemble(
     if ask.component and len(probes) > 1:
         reason = f"{len(probes)} channels of readings and one component"
         raise file.error("undecided", what=reason, expected="a --map profile")
-    other = len(names) - len(sensors) - len(probes)
-    result.drop("channels without a unit of temperature, length or angle", other)
+    count = len(names) - len(sensors) - len(probes)
+    result.drop("channels without a unit of temperature, length or angle", count)
     for i in probes:
         # Without a stated component the channel's name, less its unit.
         plain = re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", names[i])).strip("_")
@@ -145,18 +145,18 @@ def read_tdms(file: RawFile, ask: Ask) -> Imported:
         groups = TdmsFile.read(io.BytesIO(file.content)).groups()
     except Exception as fault:
         raise file.error("not-readable", reason=f"damaged TDMS ({type(fault).__name__})") from None
-    channels = [each for group in groups[:1] for each in group.channels() if len(each)]
+    channels = [item for group in groups[:1] for item in group.channels() if len(item)]
     count = min(map(len, channels), default=0)
     result = Imported(format="tdms", kind="drift")
     result.drop("groups beyond the first", max(0, len(groups) - 1))
-    result.drop("samples beyond the shortest channel", sum(len(each) - count for each in channels))
+    result.drop("samples beyond the shortest channel", sum(len(item) - count for item in channels))
     step = channels[0].properties.get("wf_increment") if channels else None
-    if not step or not all(each.dtype.kind in "iuf" for each in channels):
+    if not step or not all(item.dtype.kind in "iuf" for item in channels):
         raise file.error("missing-input", what="wf_increment of numeric channels")
-    names = [each.name for each in channels]
-    units = [plain_unit(str(each.properties.get("unit_string", ""))) or _unit(each.name)
-             for each in channels]  # fmt: skip
-    values = [[float(x) for x in each[:count]] for each in channels]
+    names = [item.name for item in channels]
+    units = [plain_unit(str(item.properties.get("unit_string", ""))) or _unit(item.name)
+             for item in channels]  # fmt: skip
+    values = [[float(x) for x in item[:count]] for item in channels]
     times = [n * float(step) / 60.0 for n in range(count)]
     _assemble(file, ask, result, names, units, ("time_min", times), values, [1] * count)
     return result

@@ -70,15 +70,15 @@ def split(line: str, separator: str) -> list[str]:
 
 def separator_of(lines: Sequence[str]) -> str:
     """The separator that gives most lines the same number of cells, two or more."""
-    best, most = " ", 0
+    best, count = " ", 0
     for sign in SEPARATORS:
         counts = Counter(len(split(line, sign)) for line in lines)
         counts.pop(1, None)
         counts.pop(0, None)
         if sign == "," and any(re.search(r"\d[ \t]+[-+]?[\d,]", line) for line in lines[1:]):
             continue
-        if counts and max(counts.values()) > most:
-            best, most = sign, max(counts.values())
+        if counts and max(counts.values()) > count:
+            best, count = sign, max(counts.values())
     return best
 
 
@@ -99,8 +99,8 @@ def evidence(cell: str) -> str:
     sign = "." if dots else ","
     if dots + commas > 1:
         return "," if dots else "."
-    whole, _, part = mantissa.partition(sign)
-    grouped = len(part) == 3 and re.fullmatch(r"[1-9]\d{0,2}", whole) and not exponent
+    integer, _, part = mantissa.partition(sign)
+    grouped = len(part) == 3 and re.fullmatch(r"[1-9]\d{0,2}", integer) and not exponent
     return OPEN if grouped else sign
 
 
@@ -115,19 +115,19 @@ def decimals(
     if decimal:
         return [decimal] * len(counts)
     signs = [{sign for sign in (".", ",") if count[sign]} for count in counts]
-    whole: set[str] = set().union(*signs) if signs else set()
-    if separator == "," and not whole:
-        whole = {"."}
+    all_signs: set[str] = set().union(*signs) if signs else set()
+    if separator == "," and not all_signs:
+        all_signs = {"."}
     result: list[Decimal] = []
     for number, (marks, count) in enumerate(zip(signs, counts, strict=True), 1):
-        if len(marks) > 1 or (count[OPEN] and not marks and len(whole) != 1):
+        if len(marks) > 1 or (count[OPEN] and not marks and len(all_signs) != 1):
             kind = (
                 "both signs in one column" if len(marks) > 1 else "numbers as 1.234 or 1,234 alone"
             )
             expected = "--decimal . or --decimal , (a map profile has `decimal`)"
             what = f"the decimal sign of column {number}: {kind}"
             raise file.error("undecided", what=what, expected=expected)
-        sign = next(iter(marks), None) or (next(iter(whole)) if len(whole) == 1 else ".")
+        sign = next(iter(marks), None) or (next(iter(all_signs)) if len(all_signs) == 1 else ".")
         result.append("," if sign == "," else ".")
     return result
 

@@ -51,7 +51,7 @@ def is_contract(content: bytes) -> bool:
 
 def identify(file: RawFile) -> Format | None:
     """The format of a file that is not the contract's CSV, or None."""
-    return next((each for each in registry() if each.sniff(file)), None)
+    return next((entry for entry in registry() if entry.sniff(file)), None)
 
 
 def read(file: RawFile, ask: Ask) -> Imported:
@@ -88,7 +88,7 @@ def unknown(file: RawFile) -> InputError:
         sign = " and ".join(sorted(signs)) or "not seen"
         description = f"{file.encoding}, {NAMES[separator]}, decimal sign {sign}"
         description += "".join(f" | {shorten(line.strip(), 40)}" for line in lines[:3])
-    names = [each.name for each in registry()]
+    names = [entry.name for entry in registry()]
     suffix = file.source.path.suffix[1:]
     likely = [*nearest(suffix, names), "wide", CONTRACT] if suffix else ["wide", CONTRACT]
     expected = f"{listed(likely)}, or a --map profile (mtu help instruments)"
@@ -107,8 +107,8 @@ def converter(
         if content.startswith(GZIP):
             return None
         if is_contract(content) and not ask.profile:
-            alone = "error" in names and "component" not in names and ask.kind != "points"
-            if not (alone and ask.component):
+            nameless = "error" in names and "component" not in names and ask.kind != "points"
+            if not (nameless and ask.component):
                 return None
             # A CSV of readings that leaves out the component that the call names.
             columns = {name: name for name in names}

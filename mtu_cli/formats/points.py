@@ -179,7 +179,7 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
 
 def _under(element: Element, ending: str) -> Iterator[Element]:
     """Elements beneath whose name without namespace ends so."""
-    return (each for each in element.iter() if local(each).endswith(ending))
+    return (item for item in element.iter() if local(item).endswith(ending))
 
 
 def _text(element: Element, name: str) -> str:

@@ -166,7 +166,7 @@ def features_of(file: RawFile) -> dict[str, Any]:
     result, features = dict[str, Any](), dict[str, Any]()
     for element in file.xml.iter() if file.xml is not None else ():
         fields = {name.rpartition("}")[2].upper(): text for name, text in element.attrib.items()}
-        children = ((local(each).upper(), (each.text or "").strip()) for each in element)
+        children = ((local(child).upper(), (child.text or "").strip()) for child in element)
         fields |= {name: text for name, text in children if text}
         if local(element) == "FEATURE" and fields.get("NAME"):
             text = fields.get("VALUE") or (element.text or "").strip()
@@ -187,7 +187,7 @@ def read_b5r(file: RawFile, ask: Ask) -> Imported:
     """The features, to be shown: the elements of the raw samples are not documented."""
     facts = features_of(file)
     features = facts.pop("features")
-    texts = {name: f"{each['value']:g} {each['unit']}".strip() for name, each in features.items()}
+    texts = {name: f"{item['value']:g} {item['unit']}".strip() for name, item in features.items()}
     says = ["A and B are first and second axis of the plane; raw samples are not read"]
     return Imported(format="b5r", kind="features", rows=[1] * len(features), facts=facts | texts,
                     says=says)  # fmt: skip

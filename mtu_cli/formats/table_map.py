@@ -108,13 +108,13 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         # A cycle begins where the set-point returns to its first value.
         table["cycle"] = (first & ~first.shift(fill_value=False)).cumsum().astype(str)
     if unpivot := profile.unpivot:
-        turned = {x: cells.numbers(place[x], may_be_empty=True) for x in unpivot.columns}
+        numbers = {x: cells.numbers(place[x], may_be_empty=True) for x in unpivot.columns}
         faults.raise_if_any()
-        parts = [table.assign(**{unpivot.into: turned[labels.pop("")]}, **labels)
+        parts = [table.assign(**{unpivot.into: numbers[labels.pop("")]}, **labels)
                  for labels in _row_labels(unpivot, ask)]  # fmt: skip
-        whole = pd.concat(parts).sort_index(kind="stable")
-        table = whole.dropna(subset=[unpivot.into])
-        result.drop("empty cells", len(whole) - len(table))
+        stack = pd.concat(parts).sort_index(kind="stable")
+        table = stack.dropna(subset=[unpivot.into])
+        result.drop("empty cells", len(stack) - len(table))
     faults.raise_if_any()
     factors = dict(profile.scale)
     for name, text in profile.units.items():
@@ -125,9 +125,9 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     for name, by in factors.items():
         if name in table and table[name].dtype.kind in "if":
             table[name] = table[name] * by
-    for name, other in profile.subtract.items():
-        if {name, other} <= {*table} and table[name].dtype.kind in "if":
-            table[name] = table[name] - table[other]
+    for name, reference in profile.subtract.items():
+        if {name, reference} <= {*table} and table[name].dtype.kind in "if":
+            table[name] = table[name] - table[reference]
     subtracted = {*profile.subtract.values()} - {*profile.columns}
     table = table.drop(columns=[*subtracted & {*table}])
     if kind != "points" and len(table):
@@ -143,7 +143,7 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     unused = [cell for i, cell in enumerate(header) if i not in place.values()]
     result.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
     result.drop("lines above the header", skip)
-    less = [f"{name} less {other}" for name, other in profile.subtract.items()]
+    less = [f"{name} less {reference}" for name, reference in profile.subtract.items()]
     times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
     result.says[:0] = [summary(grid, cells.signs), *less, *times]
     return result

@@ -85,29 +85,29 @@ def _read(file: RawFile, ask: Ask, lines: list[str], result: Imported) -> Import
     place = numeric_rows(grid)
     if place is None:
         raise file.error("empty-file", what="table of numbers", expected="targets and runs")
-    above, rows = grid.rows[: place.start], grid.rows[place]
+    header_rows, rows = grid.rows[: place.start], grid.rows[place]
     width = Grid(grid.separator, rows).width
-    headings = [row.cells for row in reversed(above) if len(row.cells) == width]
+    headings = [row.cells for row in reversed(header_rows) if len(row.cells) == width]
     name_rows = (cells for cells in headings if not cells[0].replace(".", "").isdigit())
     names = next(name_rows, [str(i) for i in range(1, width + 1)])
     runs = [i for i in range(1, width) if not SUMMARY.search(names[i])]
     result.drop("calculated columns", width - 1 - len(runs))
-    result.drop("lines above the table", max(0, len(above) - 1))
+    result.drop("lines above the table", max(0, len(header_rows) - 1))
     result.drop("lines below the table", len(grid.rows) - place.stop)
     columns = Columns(faults, names, rows, ask.decimal, grid.separator)
     if not runs:
         raise file.error("missing-input", what="a column of a run", expected="one column a run")
     ways, how = _ways([[cells[i] for i in runs] for cells in headings], len(runs), ask, result)
     stated = {unit for i in runs if (unit := unit_in(names[i]))}
-    over = {unit for row in above for cell in row.cells if (unit := unit_in(cell))} - {"mm"}
-    stated = stated or (over if len(over) == 1 else set())
+    units = {unit for row in header_rows for cell in row.cells if (unit := unit_in(cell))} - {"mm"}
+    stated = stated or (units if len(units) == 1 else set())
     if len(stated) > 1:
         raise file.error("undecided", what=f"the unit: {', '.join(sorted(stated))}")
     unit = unit_of(file, ask, result, next(iter(stated), None))
     targets = columns.numbers(0)
     values = [columns.numbers(i, may_be_empty=True) for i in runs]
     faults.raise_if_any()
-    result.drop("empty cells", sum(each.count(None) for each in values))
+    result.drop("empty cells", sum(column.count(None) for column in values))
     passes = [ways[:n].count(way) + 1 for n, way in enumerate(ways)]
     add_readings(file, ask, result, unit, (
         (row.line, target, run, way, value)

@@ -65,8 +65,8 @@ def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -
 
     Raises InputError for a name without a value.
     """
-    n, used = len(names), names_in(node)
-    rows = np.array([k for k, name in enumerate(names) if name in used], dtype=np.intp)
+    n, symbols = len(names), names_in(node)
+    rows = np.array([k for k, name in enumerate(names) if name in symbols], dtype=np.intp)
     # All pairs of the names that it has; without any there is its value.
     i, j = np.triu_indices(max(1, len(rows)))
     place = {names[row]: k for k, row in enumerate(rows)}
@@ -196,11 +196,11 @@ class _Expansion:
             return self.without_slopes(series, np.any(inner[1:], axis=0), what, inner, column)
         h = inner.copy()
         h[0] = 0.0
-        rising = h
+        power = h
         for k, slope in enumerate(derivatives, start=1):
             # An infinite derivative touches only the orders that its power of h reaches.
-            series += np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
-            rising = _product(rising, h)
+            series += np.where(power != 0.0, slope / math.factorial(k) * power, 0.0)
+            power = _product(power, h)
         return series
 
     def without_slopes(

@@ -62,10 +62,10 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
             if not any(name in linear for name in names(right)):
                 parts = _split(left, linear).items()
                 return {name: Call("/", (part, right), column) for name, part in parts}
-            inside, how = right, "in a denominator"
+            offender, how = right, "in a denominator"
         case Call(function):
-            inside, how = node, "in a power" if function == "**" else f"inside {function}()"
-    name, column = next((name, at) for name, at in names(inside).items() if name in linear)
+            offender, how = node, "in a power" if function == "**" else f"inside {function}()"
+    name, column = next((name, at) for name, at in names(offender).items() if name in linear)
     raise _not_linear((name,), linear, how, column)
 
 

@@ -67,13 +67,13 @@ def check_known(node: Node, symbols: Collection[str], what: str = "name") -> Non
 
     Raises InputError with all others, each with its column and the closest symbol.
     """
-    unknown = [
+    faults = [
         finding("unknown-name", what=what, value=name, column=column, **suggestion(name, symbols))
         for name, column in names(node).items()
         if name not in symbols
     ]
-    if unknown:
-        raise InputError(unknown)
+    if faults:
+        raise InputError(faults)
 
 
 def terms(node: Node) -> Iterator[Node]:
@@ -162,8 +162,8 @@ def filled_tree(node: Node, filling: Mapping[str, float | str]) -> Node:
                     return new_left
                 if new_right.value < 0.0:
                     # x - -5 and x + 5 are the same number, bit by bit.
-                    turned = Number(-new_right.value, new_right.column)
-                    return Call("+" if sign == "-" else "-", (new_left, turned), column)
+                    opposite = Number(-new_right.value, new_right.column)
+                    return Call("+" if sign == "-" else "-", (new_left, opposite), column)
             return Call(sign, (new_left, new_right), column)
         case Call(function, arguments, column):
             return Call(function, tuple(filled_tree(item, filling) for item in arguments), column)

@@ -176,8 +176,8 @@ def _expected(
     if unit is not None:
         if meant := parameter_units_of(unit.powers * target / powers, unit.name):
             return f"{parameter} in {' or '.join(meant)}"
-        over = (powers / target).exponents
-        if unit.per is None and over[0] == 0 and any(power > 1 for power in over):
+        ratio = (powers / target).exponents
+        if unit.per is None and ratio[0] == 0 and any(power > 1 for power in ratio):
             return None
     if powers.exponents[0] < target.exponents[0]:
         return "its lever arm as a factor (a position or a named constant)"
@@ -185,11 +185,11 @@ def _expected(
 
 
 def check_consistent(
-    node: Node, units: Mapping[str, Powers], stated: Powers, names: Mapping[str, Powers]
+    node: Node, units: Mapping[str, Powers], target: Powers, names: Mapping[str, Powers]
 ) -> tuple[list[Finding], Finding | None]:
     """Checks an equation of numbers that are calculated with as they stand, as a budget's are; a
     literal factor may have any unit. Returns the faults within the equation, and if there is none
-    that of its result, which should be `stated`.
+    that of its result, which should be in the unit `target`.
 
     >>> from mtu_cli.language.parser import parse
     >>> from mtu_cli.units import unit_powers
@@ -201,8 +201,8 @@ def check_consistent(
     """
     algebra = Algebra(units=units, empirical=True, names=names)
     powers = algebra.of(node)
-    if algebra.faults or powers.agrees(stated):
+    if algebra.faults or powers.agrees(target):
         return algebra.faults, None
-    how = times(powers, stated, "the equation") or "an equation that gives this unit"
-    algebra.add("the result", powers, stated, how)
+    how = times(powers, target, "the equation") or "an equation that gives this unit"
+    algebra.add("the result", powers, target, how)
     return [], algebra.faults[0]

@@ -122,8 +122,8 @@ def _read_heidenhain(text: str, parameters: Parameters) -> ErrorTable:
     if number.tolist() != [*range(len(at))]:
         refuse("the numbers do not run from 0", 3)
     if head[1]:
-        due = numeric(head[1], 1) + numeric(head[2], 1) * number
-        if np.abs(at - due).max() > QUANTUM:
+        position = numeric(head[1], 1) + numeric(head[2], 1) * number
+        if np.abs(at - position).max() > QUANTUM:
             refuse("the positions are not those of DATUM and DISTANCE", 1)
     return ErrorTable.of(at, *errors[::-1])
 

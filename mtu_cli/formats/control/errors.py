@@ -50,7 +50,7 @@ class ErrorTable:
 
     def at_places(self, places: FloatArray) -> FloatArray:
         """Errors (2, m) at other positions: linear between points, held beyond the ends."""
-        return np.stack([np.interp(places, self.at, each) for each in self.errors])
+        return np.stack([np.interp(places, self.at, row) for row in self.errors])
 
     @property
     def step(self) -> float | None:
@@ -105,8 +105,8 @@ class Controller:
         place = self.zero_at(table, reference)
         if place is None:
             return table
-        off = table.at_places(np.array([place]))
-        return replace(table, errors=table.errors - (off if self.zeroed == "each" else off[0]))
+        shift = table.at_places(np.array([place]))
+        return replace(table, errors=table.errors - (shift if self.zeroed == "each" else shift[0]))
 
     def text(self, table: ErrorTable, parameters: Parameters, note: str = "") -> str:
         """The file, with its sign convention and a `note` where comments are allowed.
@@ -126,7 +126,7 @@ class Controller:
             faults.append(finding("not-applicable", reason=reason, expected="a larger --step"))
         if faults:
             raise InputError(faults)
-        notes = [f"{self.comment} {each}\n" for each in (self.says, note) if each and self.comment]
+        notes = [f"{self.comment} {line}\n" for line in (self.says, note) if line and self.comment]
         return "".join([*notes, self.write(table, parameters)]).replace("\n", self.newline)
 
     def read_back(self, text: str, parameters: Parameters) -> ErrorTable:
@@ -178,8 +178,8 @@ def choice(parameters: Parameters, name: str, choices: tuple[str, ...]) -> str:
     """A parameter that is one of the `choices`."""
     value = parameter(parameters, name, " or ".join(choices))
     if value not in choices:
-        near = suggestion(value, choices)
-        raise error("unknown-name", path=f"--set {name}", what=name, value=value, **near)
+        hint = suggestion(value, choices)
+        raise error("unknown-name", path=f"--set {name}", what=name, value=value, **hint)
     return value
 
 

@@ -76,10 +76,10 @@ def _siemens_tables(text: str, kind: str) -> dict[str, tuple[FloatArray, FloatAr
     Raises InputError for other lines, and where MIN, MAX and STEP are not those of the points.
     """
     lines = lines_of(text, ";")
-    for needed in SIEMENS_FRAME:
-        if not any(re.fullmatch(needed, line) for _, line in lines):
+    for pattern in SIEMENS_FRAME:
+        if not any(re.fullmatch(pattern, line) for _, line in lines):
             expected = "a file with %_N_..._INI, CHANDATA(1) and M17"
-            refuse(f"a line like {needed} is missing", expected=expected)
+            refuse(f"a line like {pattern} is missing", expected=expected)
     points, ends = dict[str, dict[int, float]](), dict[tuple[str, str], tuple[str, int]]()
     for i, line in lines:
         match = SIEMENS.fullmatch(line)
@@ -151,7 +151,7 @@ def _write_cec(table: ErrorTable, parameters: Parameters) -> str:
 
 
 def _read_cec(text: str, parameters: Parameters) -> ErrorTable:
-    tables = sorted(_siemens_tables(text, "AN_CEC").values(), key=lambda each: -each[2])
+    tables = sorted(_siemens_tables(text, "AN_CEC").values(), key=lambda table: -table[2])
     ways = [way for *_, way in tables]
     at = tables[0][0]
     if ways not in ([0.0], [1.0, -1.0]) or not np.array_equal(at, tables[-1][0]):
@@ -244,8 +244,8 @@ def _read_acs(text: str, parameters: Parameters) -> ErrorTable:
         refuse("no ERRORMAP1D axis, zone, base, step, array")
     base, step, name = numeric(match[1]), numeric(match[2]), match[3]
     entries = re.findall(rf"{name}\((\d+)\)\s*=\s*(\S+)", text)
-    declared = re.search(rf"REAL\s+{name}\((\d+)\)", text)
-    count = int(declared[1]) if declared else len(entries)
+    declaration = re.search(rf"REAL\s+{name}\((\d+)\)", text)
+    count = int(declaration[1]) if declaration else len(entries)
     values = in_order({int(k): numeric(value) for k, value in entries}, name, count)
     return ErrorTable.of(base + step * np.arange(count), -values)
 
