@@ -42,7 +42,7 @@ def mistake_of(data: PointsData, rows: Rows) -> Mistake:
     """The mistakes of the axes that explain where points `rows` are.
 
     Along each axis they are tried from the likeliest on; undone, nearly all points lie where they
-    belong. With a datum each part's own origin is none.
+    belong. With a datum another origin of a part is no mistake.
     """
     measured, nominal = (of[rows][:, data.axes] for of in (data.table.measured, data.table.nominal))
     for part in [] if data.datum == "none" else split(None, data.table.part[rows]):
@@ -57,14 +57,14 @@ def mistake_of(data: PointsData, rows: Rows) -> Mistake:
                 break
         else:
             return _joint_mistake(measured, nominal, limit)
-    looks = ", ".join(f"{' and '.join(result[each])} {each.looks}" for each in result if each.looks)
-    return Mistake(looks, any(each.unit for each in result)) if looks else UNKNOWN
+    looks = ", ".join(f"{' and '.join(result[item])} {item.looks}" for item in result if item.looks)
+    return Mistake(looks, any(item.unit for item in result)) if looks else UNKNOWN
 
 
 def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake, Floats]]:
-    """Mistakes along one axis (of n, axes) and the errors (n,) that are left where each is undone:
+    """Mistakes along one axis (of n, axes) and the errors (n,) that remain once each is undone:
     none, units, an origin, the other way round, and another axis. An axis that runs the other way
-    has a zero of its own.
+    has another zero.
     """
     place = nominal[:, k]
     yield Mistake(""), measured[:, k] - place
@@ -78,9 +78,9 @@ def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake
     for i in sorted(range(measured.shape[1]), key=lambda i: i != k):
         if i != k:
             yield Mistake("swapped"), measured[:, i] - place
-        turned = -measured[:, i] - place
+        mirror = -measured[:, i] - place
         words = "with the other sign" if i == k else "swapped and with the other sign"
-        yield Mistake(words), turned - np.median(turned)
+        yield Mistake(words), mirror - np.median(mirror)
 
 
 def _joint_mistake(measured: Floats, nominal: Floats, limit: float) -> Mistake:
@@ -134,7 +134,7 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
                 mistakes.setdefault(key, []).append((repr(names[code]), rows))
                 far[rows] = False
     for (level, mistake, _), groups in mistakes.items():
-        rows = np.concatenate([each for _, each in groups])
+        rows = np.concatenate([item for _, item in groups])
         what = f"{level} {', '.join(dict.fromkeys(name for name, _ in groups))}"
         facts = {"what": what, "off": typical(errors[rows]), "looks": mistake.looks}
         file_unit = mistake.unit and level == "points of"

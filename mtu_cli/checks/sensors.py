@@ -42,7 +42,7 @@ def out_of_range(data: Data) -> Iterator[Odd]:
     for name, middle in middles.items():
         facts, values = {"low": low, "high": high, "unit": ""}, columns[name]
         rows = np.flatnonzero((values < low) | (values > high))
-        rest = [each for other, each in middles.items() if other != name]
+        rest = [item for other, item in middles.items() if other != name]
         reference = float(np.median(rest)) if rest else 20.0
         for unit, converted in (("degF", (middle - 32) / 1.8), ("K", middle - 273.15)):
             odd = abs(converted - reference) < SENSORS_NEAR_K < abs(middle - reference) / 3

@@ -262,7 +262,7 @@ def cell_text(value: object) -> str:
 
 
 def number(cell: str, decimal: Decimal = ".") -> float | None:
-    """The value of a cell; nan or infinite where it says so or overflows, None where it is none."""
+    """The value of a cell; nan or infinite where it reads so or overflows, None of no number."""
     text = cell.strip()
     if decimal == ",":
         text = "" if "." in text else text.replace(",", ".")

@@ -33,7 +33,7 @@ NEEDS_COEFFICIENTS = ("covariance", "s_repeat", "pass_covariance", "u_future")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedMachine(Loaded):
     """A checked machine; `forms`, linear in the components, by equation (``Ex``); `effect_forms`
-    such of each effect, linear in its parameters and components, too.
+    those of each effect, linear in its parameters and components, too.
     """
 
     machine: Machine

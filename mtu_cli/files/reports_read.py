@@ -205,7 +205,7 @@ class ComponentsReport(_Results):
 
     @model_validator(mode="after")
     def _joint(self) -> Self:
-        """Components that were fitted together are there, with as many coefficients."""
+        """Jointly fitted components are components of the report, with as many coefficients."""
         for i, group in enumerate(self.joint_pass_covariance):
             at = ("joint_pass_covariance", i)
             items = [self.components[name] for name in group.components if name in self.components]

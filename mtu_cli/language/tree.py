@@ -150,7 +150,7 @@ def _wrap(text: str, needed: bool) -> str:
 
 
 def filled_tree(node: Node, filling: Mapping[str, float | str]) -> Node:
-    """The tree with its names as `filling` says; sums with a negative number are turned."""
+    """The tree with its names as `filling` says; sums with a negative number become differences."""
     match node:
         case Name(name, column):
             new = filling.get(name, name)

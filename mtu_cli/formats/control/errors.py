@@ -68,9 +68,9 @@ class Controller:
     `sign` says what its values are: `error` (e), `correction` (-e) or `position` (nominal + e);
     `says` the convention in a sentence, written as a comment that begins with `comment`, or, where
     the format has none, into a file beside it. `two`: it has a column for each direction.
-    `zeroed`: "" as they are; "forward": less the forward value at the reference; "each": less each
-    direction's own at the first point. `parameters` with their defaults ("": has to be given where
-    it is needed). `most`: points that the control holds. `angles`: it holds errors that are angles,
+    `zeroed`: "" as they are; "forward": less the forward value at the reference; "each": less the
+    first value of each direction. `parameters` with their defaults ("": has to be given where it is
+    needed). `most`: points that the control holds. `angles`: it holds errors that are angles,
     `rotary`: those of a rotary axis. `listing`: for hand entry.
     """
 
