@@ -123,8 +123,8 @@ def check(code: str, of: Of | tuple[Of, ...]) -> Callable[[Find], Find]:
     """Registers a check of one or more kinds of input under a code, which several may have."""
 
     def register(find: Find) -> Find:
-        for each in (of,) if isinstance(of, str) else of:
-            CHECKS[each].append((code, find))
+        for kind in (of,) if isinstance(of, str) else of:
+            CHECKS[kind].append((code, find))
         return find
 
     return register
@@ -135,17 +135,17 @@ def run(of: Of, data: Data) -> list[Finding]:
     for chapter in CHAPTERS[of]:
         import_module(f"{__name__}.{chapter}")
     return [
-        each
+        item
         for code, find in CHECKS[of]
         for odd in find(data)
-        for each in _findings(odd.code or code, odd, data)
+        for item in _findings(odd.code or code, odd, data)
     ]
 
 
 def warnings_of(of: Of, data: Data) -> list[Finding]:
     """Those of `run` that warn. Raises InputError with the errors where there are any."""
     result = run(of, data)
-    if errors := [each for each in result if each.severity == "error"]:
+    if errors := [item for item in result if item.severity == "error"]:
         raise InputError(errors[:LISTED_FAULTS], len(errors[LISTED_FAULTS:]))
     return result
 
@@ -177,9 +177,9 @@ def _findings(code: str, odd: Odd, data: Data) -> Iterator[Finding]:
     rows, files = data.table.row[odd.rows], data.table.file_index[odd.rows]
     names = [data.table.sources[i].shown for i in files.tolist()]
     if odd.values is None:
-        inside = tuple(rows[files == files[0]].tolist())
-        facts = {**odd.facts, "rows": inside, "count": len(rows)}
-        cells = [(names[0], inside[0], odd.value)]
+        file_rows = tuple(rows[files == files[0]].tolist())
+        facts = {**odd.facts, "rows": file_rows, "count": len(rows)}
+        cells = [(names[0], file_rows[0], odd.value)]
     else:
         facts = {**odd.facts, "count": 1}
         values = [f"{value:g}" for value in odd.values.tolist()]

@@ -25,8 +25,8 @@ def agreeing(one: Floats, other: Floats) -> float:
     count = (np.isfinite(one) & np.isfinite(other)).sum(axis=1)
     alike = (one == other).sum(axis=1)
     enough = count >= FEWEST_EQUAL
-    most = (alike[enough] / count[enough]).max(initial=0.0)
-    return float(max(most, (alike.sum() + 1) / (count.sum() + 1)))
+    largest = (alike[enough] / count[enough]).max(initial=0.0)
+    return float(max(largest, (alike.sum() + 1) / (count.sum() + 1)))
 
 
 def copies(values: Floats, group: Rows, least: float = 0.0) -> Rows:
@@ -38,29 +38,29 @@ def copies(values: Floats, group: Rows, least: float = 0.0) -> Rows:
     digit hides of an instrument that repeats to s = `least`, q = 1 - 1.128 s/digit.
     """
     first: dict[bytes, int] = {}
-    every = np.arange(len(values))
+    indices = np.arange(len(values))
     rows = enumerate(values + 0.0)  # -0.0 is 0.0
     twin = np.array([first.setdefault(row.tobytes(), i) for i, row in rows], np.int64)
-    equal = np.flatnonzero(twin != every)
-    honest = np.flatnonzero(twin == every)
-    honest = honest[np.argsort(group[honest], kind="stable")]
-    neighbours = np.array([honest[:-1], honest[1:]])
+    duplicates = np.flatnonzero(twin != indices)
+    originals = np.flatnonzero(twin == indices)
+    originals = originals[np.argsort(group[originals], kind="stable")]
+    neighbours = np.array([originals[:-1], originals[1:]])
     result = [np.zeros((0, 2), np.int64)]
-    for within in (True, False):
-        known, pairs = (
-            each[:, (group[each[0]] == group[each[1]]) == within]
-            for each in (neighbours, np.array([equal, twin[equal]]))
+    for same_group in (True, False):
+        neighbour_pairs, pairs = (
+            pair[:, (group[pair[0]] == group[pair[1]]) == same_group]
+            for pair in (neighbours, np.array([duplicates, twin[duplicates]]))
         )
         if not pairs.size:
             continue
-        if known.size:
-            share = agreeing(*values[known])
+        if neighbour_pairs.size:
+            share = agreeing(*values[neighbour_pairs])
         else:
             # Values of nothing but zeros have no last digit.
             share = max(1.0 - MEAN_RANGE * least / (step_of(values) or 1.0), 0.0)
         count = np.isfinite(values[pairs[0]]).sum(axis=1)
-        sure = (count >= FEWEST_EQUAL) & (len(values) ** 2 / 2 * share**count < CHANCE)
-        result.append(pairs[:, sure].T)
+        mask = (count >= FEWEST_EQUAL) & (len(values) ** 2 / 2 * share**count < CHANCE)
+        result.append(pairs[:, mask].T)
     return np.concatenate(result)
 
 

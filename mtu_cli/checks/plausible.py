@@ -84,6 +84,6 @@ def largest(dimension: int, position: NDArray[np.float64]) -> NDArray[np.float64
 def meant_units(size: float, dimension: int, stated: str) -> list[str]:
     """The other units in which a typical largest error of `size` (mm, rad) is that of a machine."""
     low, high = ERRORS[dimension]
-    known = UNITS[dimension]
-    one = size / known.get(stated, 1.0)
-    return [unit for unit, to in known.items() if unit != stated and low <= one * to <= high]
+    factors = UNITS[dimension]
+    one = size / factors.get(stated, 1.0)
+    return [unit for unit, to in factors.items() if unit != stated and low <= one * to <= high]

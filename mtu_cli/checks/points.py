@@ -42,34 +42,34 @@ def mistake_of(data: PointsData, rows: Rows) -> Mistake:
     """The mistakes of the axes that explain where points `rows` are.
 
     Along each axis they are tried from the likeliest on; undone, nearly all points lie where they
-    belong. With a datum each part's own origin is none.
+    belong. With a datum another origin of a part is no mistake.
     """
     measured, nominal = (of[rows][:, data.axes] for of in (data.table.measured, data.table.nominal))
     for part in [] if data.datum == "none" else split(None, data.table.part[rows]):
         measured[part] -= measured[part].mean(axis=0)
         nominal[part] -= nominal[part].mean(axis=0)
-    near = min(EXPLAINED * typical(measured - nominal), POINT_ERROR_MM)
+    limit = min(EXPLAINED * typical(measured - nominal), POINT_ERROR_MM)
     result: dict[Mistake, list[str]] = {}
     for k, axis in enumerate(data.axes):
         for mistake, errors in _undone(measured, nominal, k):
-            if np.quantile(np.abs(errors), NEARLY_ALL) < near:
+            if np.quantile(np.abs(errors), NEARLY_ALL) < limit:
                 result.setdefault(mistake, []).append("xyz"[axis])
                 break
         else:
-            return _together(measured, nominal, near)
-    looks = ", ".join(f"{' and '.join(result[each])} {each.looks}" for each in result if each.looks)
-    return Mistake(looks, any(each.unit for each in result)) if looks else UNKNOWN
+            return _joint_mistake(measured, nominal, limit)
+    looks = ", ".join(f"{' and '.join(result[item])} {item.looks}" for item in result if item.looks)
+    return Mistake(looks, any(item.unit for item in result)) if looks else UNKNOWN
 
 
 def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake, Floats]]:
-    """Mistakes along one axis (of n, axes) and the errors (n,) that are left where each is undone:
+    """Mistakes along one axis (of n, axes) and the errors (n,) that remain once each is undone:
     none, units, an origin, the other way round, and another axis. An axis that runs the other way
-    has a zero of its own.
+    has another zero.
     """
     place = nominal[:, k]
     yield Mistake(""), measured[:, k] - place
     scaled = ((unit, measured[:, k] * factor - place) for unit, factor in COORDINATES.items())
-    for unit, errors in sorted(scaled, key=lambda each: np.abs(each[1]).sum()):
+    for unit, errors in sorted(scaled, key=lambda pair: np.abs(pair[1]).sum()):
         yield Mistake(f"in {unit}, not mm", unit=True), errors
     if len(place) < FEWEST_POINTS:
         return
@@ -78,12 +78,12 @@ def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake
     for i in sorted(range(measured.shape[1]), key=lambda i: i != k):
         if i != k:
             yield Mistake("swapped"), measured[:, i] - place
-        turned = -measured[:, i] - place
+        mirror = -measured[:, i] - place
         words = "with the other sign" if i == k else "swapped and with the other sign"
-        yield Mistake(words), turned - np.median(turned)
+        yield Mistake(words), mirror - np.median(mirror)
 
 
-def _together(measured: Floats, nominal: Floats, near: float) -> Mistake:
+def _joint_mistake(measured: Floats, nominal: Floats, limit: float) -> Mistake:
     """A mistake of all axes: points at the places of others, most of them, or values much smaller
     than the coordinates that follow none of them.
     """
@@ -91,17 +91,17 @@ def _together(measured: Floats, nominal: Floats, near: float) -> Mistake:
         return UNKNOWN
     from scipy.spatial import KDTree
 
-    away, which = KDTree(nominal).query(measured)
-    at: Mask = np.asarray(away) < max(near, SAME_MM) * np.sqrt(nominal.shape[1])
-    reached = nominal[np.asarray(which)]
-    taken, there = (len(np.unique(each, axis=0)) for each in (reached[at], nominal))
-    all_taken = np.mean(at) >= NEARLY_ALL and taken >= NEARLY_ALL * there
-    if all_taken and np.mean(at & (reached != nominal).any(axis=1)) > 0.5:
+    distance, index = KDTree(nominal).query(measured)
+    at: Mask = np.asarray(distance) < max(limit, SAME_MM) * np.sqrt(nominal.shape[1])
+    nearest = nominal[np.asarray(index)]
+    hits, places = (len(np.unique(points, axis=0)) for points in (nearest[at], nominal))
+    all_hit = np.mean(at) >= NEARLY_ALL and hits >= NEARLY_ALL * places
+    if all_hit and np.mean(at & (nearest != nominal).any(axis=1)) > 0.5:
         return Mistake("features in another order")
     with np.errstate(invalid="ignore"):
-        related = np.abs(np.corrcoef(measured, nominal, rowvar=False))
+        R = np.abs(np.corrcoef(measured, nominal, rowvar=False))
     count = measured.shape[1]
-    if typical(measured) < typical(nominal) / 2 and not (related[:count, count:] >= RELATED).any():
+    if typical(measured) < typical(nominal) / 2 and not (R[:count, count:] >= RELATED).any():
         return Mistake("errors, not the coordinates that they are errors of")
     return UNKNOWN
 
@@ -122,7 +122,7 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
         ("part", data.visits.of_point, data.named(data.visits.part)),
         ("the nominal place of", table.feature, table.features),
     )
-    found: dict[tuple[str, Mistake, int], list[tuple[str, Rows]]] = {}
+    mistakes: dict[tuple[str, Mistake, int], list[tuple[str, Rows]]] = {}
     for level, group, names in levels:
         for code in np.unique(group[far]).tolist():
             rows = np.flatnonzero(group == code)
@@ -131,10 +131,10 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
             mistake = mistake_of(data, rows)
             if mistake is not UNKNOWN or level == "points of":
                 key = level, mistake, int(table.file_index[rows[0]])
-                found.setdefault(key, []).append((repr(names[code]), rows))
+                mistakes.setdefault(key, []).append((repr(names[code]), rows))
                 far[rows] = False
-    for (level, mistake, _), groups in found.items():
-        rows = np.concatenate([each for _, each in groups])
+    for (level, mistake, _), groups in mistakes.items():
+        rows = np.concatenate([item for _, item in groups])
         what = f"{level} {', '.join(dict.fromkeys(name for name, _ in groups))}"
         facts = {"what": what, "off": typical(errors[rows]), "looks": mistake.looks}
         file_unit = mistake.unit and level == "points of"
@@ -149,11 +149,11 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
 
 def _slip(value: float, place: float) -> str:
     """The slip of one coordinate that would bring it to its place."""
-    near = max(POINT_ERROR_MM, 1e-3 * abs(place))
+    limit = max(POINT_ERROR_MM, 1e-3 * abs(place))
     slip = "a mistyped digit, or another feature"
-    if any(abs(value / 10.0**digits - place) < near for digits in range(-3, 7)):
+    if any(abs(value / 10.0**digits - place) < limit for digits in range(-3, 7)):
         slip = "a decimal point out of place"
-    if abs(value + place) < near:
+    if abs(value + place) < limit:
         slip = "a lost sign"
     return f"{slip}; about {place:.9g} is expected"
 
@@ -184,18 +184,18 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
         errors, columns = np.full(visits.errors.shape[:2], np.nan), 0
         errors[at] = data.errors[:, k]
         judged = errors.copy()
-        for each in split(None, visits.operation):
-            run = slice(each[0], each[-1] + 1)  # visits are in the order of operations
+        for group in split(None, visits.operation):
+            run = slice(group[0], group[-1] + 1)  # visits are in the order of operations
             enough = np.isfinite(errors[run]).sum(axis=0) >= FEWEST
             errors[run] = polished(errors[run])
             judged[run] = np.where(enough, errors[run], np.nan)
             columns += int(enough.sum())
         r = rounding_variance(table.measured[:, axis])
-        apart, s = outlying(judged, columns, r)
-        paired, s_paired = _repeats(errors, visits, r)
-        other = paired & ~apart, s_paired, "its other repeats"
-        for found, scatter, beside in ((apart, s, "the other parts"), other):
-            rows = np.flatnonzero(found[at]) if found.any() else np.zeros(0, np.int64)
+        outliers, s = outlying(judged, columns, r)
+        repeat_outliers, s_paired = _repeats(errors, visits, r)
+        other = repeat_outliers & ~outliers, s_paired, "its other repeats"
+        for mask, scatter, beside in ((outliers, s, "the other parts"), other):
+            rows = np.flatnonzero(mask[at]) if mask.any() else np.zeros(0, np.int64)
             rows = rows[(np.abs(data.errors[rows]) <= POINT_ERROR_MM).all(axis=1)]
             if len(rows):
                 size = 1e3 * np.abs(errors[at][rows])
@@ -208,12 +208,12 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
 
 def _repeats(errors: Floats, visits: Visits, r: float) -> tuple[Mask, float]:
     """Which errors (visits, features) differ too much from the repeat before or after them, and
-    the s of these. Of two repeats that are apart the one farther from the other parts is meant.
+    the s of these. Of two such repeats the one farther from the other parts is meant.
     """
     one = np.flatnonzero((np.diff(visits.part) == 0) & (np.diff(visits.operation) == 0))
-    apart, s = outlying(errors[one + 1] - errors[one], r=2 * r)
+    outliers, s = outlying(errors[one + 1] - errors[one], r=2 * r)
     first = np.abs(errors[one]) > np.abs(errors[one + 1])
     result = np.zeros(errors.shape, bool)
-    result[one] |= apart & first
-    result[one + 1] |= apart & ~first
+    result[one] |= outliers & first
+    result[one + 1] |= outliers & ~first
     return result, s / np.sqrt(2.0)

@@ -46,9 +46,9 @@ def profiles(data: ReadingsData, fewest: int = 3) -> Iterator[tuple[str, Rows]]:
     table = data.table
     for name, rows in data.by_component:
         alike: dict[tuple[int, bytes], list[Rows]] = {}
-        for each in passes(data, rows):
-            place = int(table.direction[each[0]]), table.position_mm[each].tobytes()
-            alike.setdefault(place, []).append(each)
+        for run in passes(data, rows):
+            place = int(table.direction[run[0]]), table.position_mm[run].tobytes()
+            alike.setdefault(place, []).append(run)
         for group in alike.values():
             if len(group) >= fewest and len(group[0]) > 4:
                 yield name, np.array(group)
@@ -80,27 +80,27 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
     """
     table = data.table
     unit = table.dimension if table.unit is None else table.unit
-    for every in split(None, table.dimension, table.file_index, unit):
-        dimension, known = int(table.dimension[every[0]]), []
-        for each in split(every, table.code):
-            if dimension == LENGTH and are_distances(data, each):
-                name = table.components[table.code[each[0]]]
-                yield Odd(each, {"component": name}, "error", code="distances-not-errors")
+    for block in split(None, table.dimension, table.file_index, unit):
+        dimension, groups = int(table.dimension[block[0]]), []
+        for group in split(block, table.code):
+            if dimension == LENGTH and are_distances(data, group):
+                name = table.components[table.code[group[0]]]
+                yield Odd(group, {"component": name}, "error", code="distances-not-errors")
             else:
-                known.append(each)
-        if not known:
+                groups.append(group)
+        if not groups:
             continue
-        (low, high), rows = ERRORS[dimension], np.sort(np.concatenate(known))
+        (low, high), rows = ERRORS[dimension], np.sort(np.concatenate(groups))
         sizes = np.abs(table.error[rows])
         large = np.quantile(sizes / largest(dimension, table.position_mm[rows]), 0.75) > 1
         # The largest of each component: one of them may well have hardly any error.
-        most = np.median([np.abs(table.error[each]).max() for each in known])
-        size = float(np.quantile(sizes, 0.75) if large else min(most, high))
+        peak = np.median([np.abs(table.error[group]).max() for group in groups])
+        size = float(np.quantile(sizes, 0.75) if large else min(peak, high))
         stated = stated_unit(data, int(rows[0]))
         meant = meant_units(size, dimension, stated)
         if size and meant and (large or size < low):
-            shown = size / DECLARED[stated].to_internal
-            yield Odd(rows, {"size": shown, "unit": stated, "meant": meant}, "error")
+            value = size / DECLARED[stated].to_internal
+            yield Odd(rows, {"size": value, "unit": stated, "meant": meant}, "error")
 
 
 @check("swapped-columns", of="readings")
@@ -108,11 +108,11 @@ def swapped(data: ReadingsData) -> Iterator[Odd]:
     """The same errors to the last digit in every pass, at positions that differ."""
     table = data.table
     for name, rows in data.by_component:
-        every = passes(data, rows)
-        errors = {np.sort(table.error[each]).tobytes() for each in every}
-        places = {table.position_mm[each].tobytes() for each in every}
+        runs = passes(data, rows)
+        errors = {np.sort(table.error[run]).tobytes() for run in runs}
+        places = {table.position_mm[run].tobytes() for run in runs}
         several = len(np.unique(table.error[rows])) >= FEWEST_EQUAL
-        if several and len(errors) == 1 < len(places) == len(every):
+        if several and len(errors) == 1 < len(places) == len(runs):
             yield Odd(rows, {"component": name}, "error")
 
 
@@ -145,51 +145,51 @@ def outlying_readings(data: ReadingsData) -> Iterator[Odd]:
     """Single readings far off the others of their passes, or off their neighbours in time; a note
     where passes and positions are too few for that.
     """
-    error, few = data.table.error, dict[str, Rows]()
+    error, small_samples = data.table.error, dict[str, Rows]()
     for name, sample, mask, s in _samples(data):
         if np.isnan(s):
-            few[name] = sample.ravel()
+            small_samples[name] = sample.ravel()
         elif mask.any():
             rows = sample[mask]
-            off = np.abs(error[rows] - np.median(error[sample])).max()
+            distance = np.abs(error[rows] - np.median(error[sample])).max()
             stated = stated_unit(data, int(rows[0]))
             unit = DECLARED[stated].to_internal
             facts = {"what": name, "beside": "the others", "unit": stated}
             value = f"{error[rows[0]] / unit:.6g} {stated}"
-            yield Odd(rows, {**facts, "off": float(off) / unit, "s": s / unit}, "error", value)
-    if few:
-        known = {"quantity": "outlying readings", "reason": "too few passes and positions"}
-        rows = next(iter(few.values()))
-        yield Odd(rows, {**known, "names": list(few)}, code="not-estimable")
+            yield Odd(rows, {**facts, "off": float(distance) / unit, "s": s / unit}, "error", value)
+    if small_samples:
+        note = {"quantity": "outlying readings", "reason": "too few passes and positions"}
+        rows = next(iter(small_samples.values()))
+        yield Odd(rows, {**note, "names": list(small_samples)}, code="not-estimable")
 
 
 def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
-    """Components, rows of readings that noise alone tells apart, which are outlying, and the
-    deviation s, nan where too few of them are free: the passes in one direction, or one place of a
+    """Components, rows of readings that differ by noise alone, which are outlying, and the standard
+    deviation s, nan with too few degrees of freedom: the passes in one direction, or one place of a
     cycle in the order of time.
     """
     table = data.table
     for name, group in profiles(data, fewest=2):
-        # A pass that is a copy of another one says nothing of the scatter.
+        # A pass that is a copy of another one shows no scatter.
         group = group[np.sort(np.unique(table.error[group], axis=0, return_index=True)[1])]
         if len(group) < 2:
             continue
-        left = polished(table.error[group], table.position_mm[group[0]])
-        fitted = left.shape[1] + 2 * left.shape[0]
-        mask, s = outlying(left, fitted, _rounding(data, group))
-        s = s if left.size - fitted > FEWEST else np.nan
+        residuals = polished(table.error[group], table.position_mm[group[0]])
+        fitted = residuals.shape[1] + 2 * residuals.shape[0]
+        mask, s = outlying(residuals, fitted, _rounding(data, group))
+        s = s if residuals.size - fitted > FEWEST else np.nan
         if len(group) == 2:
             # Both are as far from their mean: the one farther off its neighbours is meant.
-            off = np.abs(np.diff(table.error[group], 2, append=np.nan, prepend=np.nan))
-            mask &= off == off.max(axis=0)
+            bend = np.abs(np.diff(table.error[group], 2, append=np.nan, prepend=np.nan))
+            mask &= bend == bend.max(axis=0)
         yield name, group, mask, s
     for name, rows in data.by_component:
         time = table.time_min[rows]
         if not table.has_pass[rows].any() and np.isfinite(time).all():
             rows = rows[np.argsort(time, kind="stable")]
             place = np.nan_to_num(table.position_mm)
-            for each in split(rows, place, table.cycle, table.file_index):
-                yield name, each, *spikes(table.error[each], r=_rounding(data, each))
+            for run in split(rows, place, table.cycle, table.file_index):
+                yield name, run, *spikes(table.error[run], r=_rounding(data, run))
 
 
 def _rounding(data: ReadingsData, rows: Rows) -> float:

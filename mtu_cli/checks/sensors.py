@@ -33,20 +33,20 @@ def sensors(data: Data) -> dict[str, Floats]:
 @check("sensor-out-of-range", of=("readings", "drift", "points"))
 def out_of_range(data: Data) -> Iterator[Odd]:
     """Temperatures of no machine, and a column that agrees with the others in degF or K alone, or
-    with them is in that unit.
+    together with them is in that unit.
     """
     low, high = SENSOR_DEGC
     coldest, hottest = SHOP_DEGC
-    known = sensors(data)
-    middles = {name: float(np.nanmedian(values)) for name, values in known.items()}
+    columns = sensors(data)
+    middles = {name: float(np.nanmedian(values)) for name, values in columns.items()}
     for name, middle in middles.items():
-        facts, values = {"low": low, "high": high, "unit": ""}, known[name]
+        facts, values = {"low": low, "high": high, "unit": ""}, columns[name]
         rows = np.flatnonzero((values < low) | (values > high))
-        others = [each for other, each in middles.items() if other != name]
-        near = float(np.median(others)) if others else 20.0
+        rest = [item for other, item in middles.items() if other != name]
+        reference = float(np.median(rest)) if rest else 20.0
         for unit, converted in (("degF", (middle - 32) / 1.8), ("K", middle - 273.15)):
-            odd = abs(converted - near) < SENSORS_NEAR_K < abs(middle - near) / 3
-            if near > hottest:
+            odd = abs(converted - reference) < SENSORS_NEAR_K < abs(middle - reference) / 3
+            if reference > hottest:
                 odd = middle > hottest
             if odd and coldest <= converted <= hottest:
                 rows, facts["unit"] = np.flatnonzero(~np.isnan(values)), unit
@@ -61,15 +61,15 @@ def spike(data: Data) -> Iterator[Odd]:
     """Readings beyond all of their neighbours' by more than the sensor ever steps."""
     table = data.table
     cycle = getattr(table, "cycle", table.file_index)
-    every = split(np.argsort(table.time_min, kind="stable"), cycle)
+    runs = split(np.argsort(table.time_min, kind="stable"), cycle)
     for name, values in sensors(data).items():
         odd = np.zeros(len(values), bool)
-        for rows in every:
+        for rows in runs:
             # Readings of several components at one moment hold one temperature.
             changes = np.flatnonzero(np.diff(values[rows], prepend=np.nan) != 0)
             sampled = values[rows[changes]]
-            found, _ = spikes(sampled, SENSOR_STEP_K, rounding_variance(sampled))
-            odd[rows] = np.repeat(found, np.diff(changes, append=len(rows)))
+            mask, _ = spikes(sampled, SENSOR_STEP_K, rounding_variance(sampled))
+            odd[rows] = np.repeat(mask, np.diff(changes, append=len(rows)))
         if odd.any():
             yield Odd(np.flatnonzero(odd), {}, name, f"{values[odd][0]:g}")
 
@@ -80,14 +80,14 @@ def stuck(data: Data) -> Iterator[Odd]:
 
     What the others move by in the rows of that value tells a stuck sensor from a steady shop.
     """
-    known = sensors(data)
+    columns = sensors(data)
     # The temperatures of points stand still while one part is measured, and one other sensor
     # beside points may well be in the air, and this one in the part.
     share, fewest = (1.0, 2) if isinstance(data, PointsData) else (STUCK_SHARE, 1)
-    for name, values in known.items():
+    for name, values in columns.items():
         different, count = np.unique(values[np.isfinite(values)], return_counts=True)
         rows = np.flatnonzero(values == different[np.argmax(count)])
-        others = [np.ptp(each[rows]) for other, each in known.items() if other != name]
-        usual = float(np.median(others)) if len(others) >= fewest else 0.0
-        if len(values) >= 10 and len(rows) >= share * len(values) and usual >= OTHERS_MOVE_K:
-            yield Odd(rows, {"others": usual}, name, f"{values[rows[0]]:g}")
+        ranges = [np.ptp(column[rows]) for other, column in columns.items() if other != name]
+        movement = float(np.median(ranges)) if len(ranges) >= fewest else 0.0
+        if len(values) >= 10 and len(rows) >= share * len(values) and movement >= OTHERS_MOVE_K:
+            yield Odd(rows, {"others": movement}, name, f"{values[rows[0]]:g}")

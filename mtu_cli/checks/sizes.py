@@ -44,12 +44,12 @@ def places_alike(data: DocumentData) -> Iterator[Odd]:
 def names_alike(data: PointsData) -> Iterator[Odd]:
     """Parts, features or operations that are one but for case and blanks."""
     for column in ("part", "feature", "operation"):
-        known, first = getattr(data.table, f"{column}s"), dict[str, str]()
-        others = [first.setdefault("".join(name.split()).casefold(), name) for name in known]
-        if pairs := [pair for pair in zip(others, known, strict=True) if pair[0] != pair[1]]:
-            odd = [known.index(name) for _, name in pairs]
+        labels, first = getattr(data.table, f"{column}s"), dict[str, str]()
+        spellings = [first.setdefault("".join(name.split()).casefold(), name) for name in labels]
+        if pairs := [pair for pair in zip(spellings, labels, strict=True) if pair[0] != pair[1]]:
+            odd = [labels.index(name) for _, name in pairs]
             rows = np.flatnonzero(np.isin(getattr(data.table, column), odd))
-            names = [f"{other!r} and {name!r}" for other, name in pairs]
+            names = [f"{spelling!r} and {name!r}" for spelling, name in pairs]
             facts = {"what": "names that differ by case or blanks only", "names": names}
             yield Odd(rows, facts, column)
 
@@ -58,20 +58,20 @@ def names_alike(data: PointsData) -> Iterator[Odd]:
 def columns_alike(data: ReadingsData | PointsData) -> Iterator[Odd]:
     """Covariates that are nearly called as a column of the contract that is not there."""
     table = data.table
-    given: dict[str, NDArray[np.bool_]] = {"time": ~np.isnan(table.time_min)}
+    columns: dict[str, NDArray[np.bool_]] = {"time": ~np.isnan(table.time_min)}
     if isinstance(data, PointsData):
-        given |= {"operation": table.operation >= 0, "repeat": table.repeat >= 0}
-        given |= {f"dir_{axis}": ~np.isnan(table.direction[:, i]) for i, axis in enumerate("xyz")}
-        given |= {"sequence": table.sequence != table.part + 1}
-        given |= {"z_mm": ~np.isnan(table.measured[:, 2])}
+        columns |= {"operation": table.operation >= 0, "repeat": table.repeat >= 0}
+        columns |= {f"dir_{axis}": ~np.isnan(table.direction[:, i]) for i, axis in enumerate("xyz")}
+        columns |= {"sequence": table.sequence != table.part + 1}
+        columns |= {"z_mm": ~np.isnan(table.measured[:, 2])}
     else:
-        given |= {"pass": table.has_pass, "direction": table.direction != 0}
-        given |= {"cycle": table.cycle >= 0}
-    for name, there in given.items():
-        near = None if there.any() else meant_by(name, [*table.covariates], NEARLY)
-        if near:
+        columns |= {"pass": table.has_pass, "direction": table.direction != 0}
+        columns |= {"cycle": table.cycle >= 0}
+    for name, mask in columns.items():
+        column = None if mask.any() else meant_by(name, [*table.covariates], NEARLY)
+        if column:
             what = "a covariate is nearly called as a column that is not there"
-            yield Odd(FIRST, {"what": what, "names": [repr(name)]}, near)
+            yield Odd(FIRST, {"what": what, "names": [repr(name)]}, column)
 
 
 @check("position-beyond-travel", of=("readings", "drift", "points", "part"))
@@ -109,8 +109,8 @@ def _positions(data: Data) -> Iterator[Position]:
                 yield [name] * len(rows), axis, data.table.position_mm[rows], rows, "position_mm"
         return
     if isinstance(data, DocumentData):
-        known, column = data.loaded.part.places(), "{}_mm"
-        names, nominal = [*known], np.array([*known.values()], np.float64)
+        places, column = data.loaded.part.places(), "{}_mm"
+        names, nominal = [*places], np.array([*places.values()], np.float64)
     else:
         at = slice(None) if data.part is None and data.travels else slice(0)
         names = np.take(data.table.features, data.table.feature[at]).tolist()
@@ -124,7 +124,7 @@ def _positions(data: Data) -> Iterator[Position]:
 def tolerances(data: DocumentData) -> Iterator[Odd]:
     """Tolerances and zones that are hardly in um."""
     part = data.loaded.part
-    known = [
+    sizes = [
         (("lengths", i, "tolerance_um"), f"a tolerance of {half:g} um", half)
         for i, entry in enumerate(part.lengths)
         if (zone := entry.tolerance) and (half := (zone.high - zone.low) / 2)
@@ -133,7 +133,7 @@ def tolerances(data: DocumentData) -> Iterator[Odd]:
         for name, entry in part.features.items()
         if (zone := entry.position_um)
     ]
-    for path, what, size in known:
+    for path, what, size in sizes:
         if size < TOLERANCE_UM:
             yield Odd(NONE, {"what": what, "meant": "mm"}, path=path)
 
@@ -145,17 +145,17 @@ def machine_sizes(data: DocumentData) -> Iterator[Odd]:
     """
     machine = data.loaded.machine
     travels = {axis: abs(high - low) for axis, (low, high) in machine.travels.items()}
-    known = [
+    findings = [
         (("axes", axis, "travel_mm"), f"a travel of {travel:g} mm", "metres")
         for axis, travel in travels.items()
         if travel < TRAVEL_MM
     ]
-    most = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
+    limit = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
     for name, constant in machine.constants.items():
         value = float(getattr(constant, "value", constant))
-        if abs(value) > most:
-            known.append((("constants", name, ""), f"a constant of {value:g} mm", "um"))
-    for path, what, meant in known:
+        if abs(value) > limit:
+            findings.append((("constants", name, ""), f"a constant of {value:g} mm", "um"))
+    for path, what, meant in findings:
         yield Odd(NONE, {"what": what, "meant": meant}, path=tuple(filter(None, path)))
     for name, component in machine.components.items():
         low, high = data.travels.get(component.of, (0.0, 0.0))

@@ -110,8 +110,8 @@ class Contribution(Contract):
     @property
     def ways(self) -> list[str]:
         """The keys that say how large it is: of a sound one a single key, or none."""
-        stated = [way for way in WAYS if getattr(self, way) is not None]
-        return [*stated, "low"] if self.high is not None and self.low is None else stated
+        keys = [way for way in WAYS if getattr(self, way) is not None]
+        return [*keys, "low"] if self.high is not None and self.low is None else keys
 
 
 class Input(Contribution):
@@ -209,17 +209,17 @@ def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget
     def check(budget: Budget, faults: Faults) -> None:
         for name, item in budget.inputs.items():
             _check_input(item, ("inputs", name), faults)
-        taken = dict.fromkeys(("pi", *BUDGET_FUNCTIONS), "part of the equation language")
-        for name in faults.given("inputs"):
-            faults.symbol(("inputs", name), name, taken)
-        _check_together(budget, faults)
-        coverage, given = budget.coverage, faults.given()
+        uses = dict.fromkeys(("pi", *BUDGET_FUNCTIONS), "part of the equation language")
+        for name in faults.valued_keys("inputs"):
+            faults.symbol(("inputs", name), name, uses)
+        _check_correlations(budget, faults)
+        coverage, keys = budget.coverage, faults.valued_keys()
         if coverage is not None and coverage.probability is not None and coverage.k is not None:
             faults.add(("coverage",), "exclusive", names="probability and k", expected="one")
-        if {"equation", "equations"} <= set(given):
+        if {"equation", "equations"} <= set(keys):
             names = "equation and equations"
             faults.add(("equations",), "exclusive", names=names, expected="one")
-        elif not {"equation", "equations"} & set(given):
+        elif not {"equation", "equations"} & set(keys):
             expected = "equation: or equations:"
             faults.add((), "missing-key", key="equation", expected=expected)
         outputs = faults.keys("equations")
@@ -250,18 +250,18 @@ def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
     elif item.value is None and item.low is None and item.high is None:
         faults.lacks(path, "value", "a value or readings", ("readings", "low", "high"))
     elif item.value is not None and item.low is not None and item.high is not None:
-        off = abs(item.value - 0.5 * (item.low + item.high))
-        if off > ROUNDING * max(abs(item.low), abs(item.high)):
+        difference = abs(item.value - 0.5 * (item.low + item.high))
+        if difference > ROUNDING * max(abs(item.low), abs(item.high)):
             expected = f"{item.middle:g}, the middle of `low` and `high`, or none"
             faults.add((*path, "value"), "wrong-value", value=item.value, expected=expected)
     for index, part in enumerate(item.contributions):
-        own = (*path, "contributions", index)
-        _check_contribution(part, own, faults)
+        place = (*path, "contributions", index)
+        _check_contribution(part, place, faults)
         if part.middle is not None:
             expected = "half_width, about the input's value"
-            faults.add(own, "misplaced", key="low", where="the input itself", expected=expected)
-        elif not part.ways and not faults.is_faulty(*own):
-            faults.add(own, "missing-key", key="u", expected="u, half_width or U")
+            faults.add(place, "misplaced", key="low", where="the input itself", expected=expected)
+        elif not part.ways and not faults.is_faulty(*place):
+            faults.add(place, "missing-key", key="u", expected="u, half_width or U")
 
 
 def _check_contribution(item: Contribution, path: YamlPath, faults: Faults) -> None:
@@ -277,11 +277,11 @@ def _check_contribution(item: Contribution, path: YamlPath, faults: Faults) -> N
         expected = f"a number below `high`, {item.high:g}"
         faults.add((*path, "low"), "wrong-value", value=item.low, expected=expected)
         return
-    lacking = {key: f"`{other}`" for key, other in PAIRS.items() if getattr(item, other) is None}
+    needs = {key: f"`{other}`" for key, other in PAIRS.items() if getattr(item, other) is None}
     if not ways:
         width = "a width: `u`, `half_width`, `U`, or `low` and `high`"
-        lacking |= {"distribution": width, "dof": width}
-    for key, other in lacking.items():
+        needs |= {"distribution": width, "dof": width}
+    for key, other in needs.items():
         if getattr(item, key) is not None:
             faults.add((*path, key), "incomplete", what=f"`{key}`", other=other)
     if kind not in BOUNDED and ways in (["half_width"], ["low"]):
@@ -295,28 +295,28 @@ def _check_contribution(item: Contribution, path: YamlPath, faults: Faults) -> N
     for key, (owner, ratio) in SHAPES.items():
         value = getattr(item, key)
         # The widest that any half-width leaves room for.
-        most = item.half if item.half is not None else ratio * (item.u or math.inf)
+        limit = item.half if item.half is not None else ratio * (item.u or math.inf)
         if value is None and kind == owner and (key == "top" or dof is None):
             faults.add(path, "missing-key", key=key, expected=f"that of a {owner} distribution")
         elif value is not None and kind != owner:
             faults.add((*path, key), "misplaced", key=key, where=f"`distribution: {owner}`")
-        elif value is not None and value > most:
-            expected = f"at most {most:.6g}, by the half-width or u"
+        elif value is not None and value > limit:
+            expected = f"at most {limit:.6g}, by the half-width or u"
             faults.add((*path, key), "wrong-value", value=value, expected=expected)
 
 
-def _check_together(budget: Budget, faults: Faults) -> None:
+def _check_correlations(budget: Budget, faults: Faults) -> None:
     """Correlations of uncertain inputs, no pair twice; simultaneous inputs, each once."""
-    known, inputs = faults.keys("inputs"), budget.inputs
+    keys, inputs = faults.keys("inputs"), budget.inputs
     pairs: set[frozenset[str]] = set()
     for index, (first, second, r) in present(budget.correlations):
         path: YamlPath = ("correlations", index)
         for at, name in enumerate((first, second)):
-            if name not in known:
-                faults.unknown((*path, at), name, known)
+            if name not in keys:
+                faults.unknown((*path, at), name, keys)
             elif name in inputs and not inputs[name].varies:
-                given = {"reason": "it has no uncertainty", "expected": "an uncertain input"}
-                faults.add((*path, at), "wrong-correlation", value=name, **given)
+                facts = {"reason": "it has no uncertainty", "expected": "an uncertain input"}
+                faults.add((*path, at), "wrong-correlation", value=name, **facts)
         if not -1.0 <= r <= 1.0:
             faults.add((*path, 2), "wrong-value", value=f"{r:g}", expected="-1 to 1")
         pair = frozenset((first, second))
@@ -324,7 +324,7 @@ def _check_together(budget: Budget, faults: Faults) -> None:
             what = "the name" if first == second else "the correlation"
             faults.add(path, "appears-twice", what=what, value=f"{first}, {second}")
         pairs.add(pair)
-    seen: set[str] = set()
+    members: set[str] = set()
     for index, group in present(budget.simultaneous):
         counts = {}
         if any(pair <= set(group) for pair in pairs):
@@ -332,69 +332,69 @@ def _check_together(budget: Budget, faults: Faults) -> None:
             faults.add(("simultaneous", index), "exclusive", names=ways, expected=expected)
         for at, name in enumerate(group):
             path = ("simultaneous", index, at)
-            if name not in known:
-                faults.unknown(path, name, known)
-            elif name in seen:
+            if name not in keys:
+                faults.unknown(path, name, keys)
+            elif name in members:
                 faults.add(path, "appears-twice", what="the input", value=name)
             elif name in inputs and (readings := inputs[name].readings) is None:
                 faults.add(path, "incomplete", what=f"`{name}`", other="`readings`")
             elif name in inputs and readings:
                 counts[name] = len(readings)
-            seen.add(name)
+            members.add(name)
         if len(set(counts.values())) > 1:
-            listed = ", ".join(f"{count} of {name}" for name, count in counts.items())
-            given = {"found": f"readings: {listed}", "expected": "one of each input at a time"}
-            faults.add(("simultaneous", index), "wrong-count", **given)
+            text = ", ".join(f"{count} of {name}" for name, count in counts.items())
+            facts = {"found": f"readings: {text}", "expected": "one of each input at a time"}
+            faults.add(("simultaneous", index), "wrong-count", **facts)
 
 
 def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
     """Name, unit and tree of each measurand whose equation can be read; adds what is wrong."""
-    known, single = faults.keys("inputs"), budget.equation is not None
-    texts, stated = budget.equations or {}, budget.units or {}
+    keys, single = faults.keys("inputs"), budget.equation is not None
+    texts, symbols = budget.equations or {}, budget.units or {}
     if budget.equation is not None:
         quantity = budget.quantity or Quantity()
-        free = next((own for own in ("y", "Y", "result") if own not in known), "y_1")
-        name = quantity.name or free
-        texts, stated = {name: budget.equation}, {name: quantity.unit or ""}
+        default = next((y for y in ("y", "Y", "result") if y not in keys), "y_1")
+        name = quantity.name or default
+        texts, symbols = {name: budget.equation}, {name: quantity.unit or ""}
     units = {name: item.unit or "" for name, item in budget.inputs.items()}
-    outputs = {name: stated.get(name) or "" for name in texts}
-    named = {text: unit_powers(text) for text in (*units.values(), *outputs.values())}
-    powers = {name: named[text] for name, text in units.items()}
+    outputs = {name: symbols.get(name) or "" for name in texts}
+    powers_of = {text: unit_powers(text) for text in (*units.values(), *outputs.values())}
+    powers = {name: powers_of[text] for name, text in units.items()}
     for name, text in texts.items():
         path: YamlPath = ("equation",) if single else ("equations", name)
-        if name in known:
+        if name in keys:
             name_path: YamlPath = ("quantity", "name") if single else path
             faults.add(name_path, "name-taken", value=name, taken="an input")
         with faults.collected(path):
             tree = parse(text, BUDGET_FUNCTIONS)
-            if not known:  # that the inputs are missing is reported; every name would be unknown
+            if not keys:  # that the inputs are missing is reported; every name would be unknown
                 continue
-            check_known(tree, known)
+            check_known(tree, keys)
             yield name, outputs[name], tree
-            within, result = check_consistent(tree, powers, named[outputs[name]], named)
-            faults.extend(path, within)
+            errors, result = check_consistent(tree, powers, powers_of[outputs[name]], powers_of)
+            faults.extend(path, errors)
             unit_path = ("quantity", "unit") if single else ("units", name)
             faults.extend(unit_path, [] if result is None else [result])
 
 
 def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) -> Iterator[Finding]:
     """Inputs without use, uncertainty or scatter; ``g: 9.81`` and ``u: 0`` mean constants."""
-    used = {name for tree in trees.values() for name in names(tree)}
+    symbols = {name for tree in trees.values() for name in names(tree)}
 
     def noted(code: str, path: YamlPath, at: str | None = None, **facts: Any) -> Finding:
         place = {"file": document.source.shown, "line": document.line_of(*path), "path": at}
         return finding(code, **place, **facts)
 
-    exact = []
+    constants = []
     for name, item in budget.inputs.items():
         path: YamlPath = ("inputs", name)
-        if name not in used:
+        if name not in symbols:
             yield noted("unused", path, path_text(path), what="input", name=name)
         elif item.readings and not item.varies:
             where = (*path, "readings")
             yield noted("equal-readings", where, path_text(path), n=len(item.readings))
         elif isinstance(document.at(*path), dict) and not item.varies and not item.ways:
-            exact.append(name)
-    if exact:
+            constants.append(name)
+    if constants:
         expected = "u: 0 where that is meant"
-        yield noted("no-uncertainty", ("inputs", exact[0]), names=exact, expected=expected)
+        yield noted("no-uncertainty", ("inputs", constants[0]), names=constants, expected=expected)

@@ -1,8 +1,8 @@
 """From documents to checked contracts, with every fault of a file at once.
 
 A contract is a pydantic model. What pydantic finds wrong becomes a `Finding` with the line, the
-path, the value and what is expected there; a chapter's own `check` adds, through `Faults`, what
-takes more than one value to see.
+path, the value and what is expected there; the `check` of each kind of file adds, through `Faults`,
+what takes more than one value to see.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ A_NAME = "a text on one line that is not empty, without control characters"
 IDENTIFIER = "letters, digits and _, no digit first"
 """A name that equations can use."""
 HINTED = 50
-"""Unknown names of a document that are compared with all that are known."""
+"""Unknown names of a document that are compared with all names that it may use."""
 EXPECTED = {
     "float": "a number",
     "int": "a whole number",
@@ -85,7 +85,7 @@ def wrong(
 
 def all_wrong(errors: Iterable[PydanticCustomError]) -> PydanticCustomError:
     """One error that becomes the Findings of several."""
-    faults = [fault for each in errors for fault in (each.context or {})["faults"]]
+    faults = [fault for item in errors for fault in (item.context or {})["faults"]]
     return PydanticCustomError("findings", "{faults}", {"faults": faults})
 
 
@@ -164,22 +164,22 @@ class Faults:
     findings: list[Finding] = field(default_factory=list)
     unknown_keys: dict[YamlPath, list[str]] = field(default_factory=dict)
 
-    def add(self, path: YamlPath, code: str, *, value: object = None, **given: Any) -> None:
+    def add(self, path: YamlPath, code: str, *, value: object = None, **facts: Any) -> None:
         """One more finding at `path`: `expected`, `meant`, `column` and the facts of its code.
 
         `value` is shown as it would be written in the file.
         """
-        shown = None if value is None else shown_value(value)
-        self.extend(path, [finding(code, value=shown, **given)])
+        text = None if value is None else shown_value(value)
+        self.extend(path, [finding(code, value=text, **facts)])
 
-    def extend(self, path: YamlPath, found: InputError | Iterable[Finding]) -> None:
+    def extend(self, path: YamlPath, findings: InputError | Iterable[Finding]) -> None:
         """Findings that stand at `path`, such as those of an equation."""
-        reached, value = self.document.reached(path)
+        prefix, value = self.document.reached(path)
         # A short form stands for keys, or for a list, that the file does not have.
-        path = path if isinstance(value, dict) else reached
+        path = path if isinstance(value, dict) else prefix
         place = {"file": self.document.source.shown, "line": self.document.line_of(*path)}
-        listed = found.findings if isinstance(found, InputError) else found
-        self.findings += [own.at(path=path_text(path) or None, **place) for own in listed]
+        items = findings.findings if isinstance(findings, InputError) else findings
+        self.findings += [item.at(path=path_text(path) or None, **place) for item in items]
 
     @contextmanager
     def collected(self, path: YamlPath) -> Iterator[None]:
@@ -190,24 +190,24 @@ class Faults:
             self.extend(path, fault)
 
     def unknown(
-        self, path: YamlPath, name: str, known: Collection[str], what: str = "name"
+        self, path: YamlPath, name: str, names: Collection[str], what: str = "name"
     ) -> None:
-        """That `name` is none of those `known`; where there are none at all, what is wrong with
+        """That `name` is none of the `names`; where there are none at all, what is wrong with
         the list of them is reported already.
         """
-        if known or not self.findings:
-            hint = suggestion(name, known) if len(self.findings) < HINTED else {}
+        if names or not self.findings:
+            hint = suggestion(name, names) if len(self.findings) < HINTED else {}
             self.add(path, "unknown-name", value=name, what=what, **hint)
 
     def symbol(
-        self, path: YamlPath, name: str, taken: Mapping[str, str], expected: str = IDENTIFIER
+        self, path: YamlPath, name: str, uses: Mapping[str, str], expected: str = IDENTIFIER
     ) -> None:
-        """That equations can use `name`, which is none of those `taken` (name: what it is)."""
+        """That equations can use `name`, which has none of the `uses` yet (name: what it is)."""
         if not is_identifier(name):
             kind = "a name that equations can use"
             self.add(path, "wrong-type", value=name, kind=kind, expected=expected)
-        elif name in taken:
-            self.add(path, "name-taken", value=name, taken=taken[name])
+        elif name in uses:
+            self.add(path, "name-taken", value=name, taken=uses[name])
 
     def once(
         self,
@@ -215,37 +215,37 @@ class Faults:
         items: Iterable[tuple[str | int, str]],
         what: str,
         *key: str,
-        **given: Any,
+        **facts: Any,
     ) -> None:
         """That no name at `path`, at the `key` of each item, stands further up too."""
         first: dict[str, str | int] = {}
         for index, name in items:
             if first.setdefault(name, index) != index:
-                self.add((*path, index, *key), "appears-twice", value=name, what=what, **given)
+                self.add((*path, index, *key), "appears-twice", value=name, what=what, **facts)
 
     def lacks(
-        self, path: YamlPath, key: str, expected: str = "", others: Sequence[str] = ()
+        self, path: YamlPath, key: str, expected: str = "", alternatives: Sequence[str] = ()
     ) -> None:
-        """That an entry has a `key`, or one of the `others`, unless one of them is misspelt."""
-        if not self.misspelt(path, (key, *others)):
+        """That an entry has a `key`, or one of the `alternatives`, unless one is misspelt."""
+        if not self.misspelt(path, (key, *alternatives)):
             self.add(path, "missing-key", key=key, expected=expected)
 
     def misspelt(self, path: YamlPath, keys: Sequence[str]) -> bool:
         """Whether an unknown key of an entry, reported already, is meant for one of `keys`."""
-        unknown = self.unknown_keys.get(path, [])[:HINTED]
-        return any(nearest(name, [key]) for name in unknown for key in keys)
+        names = self.unknown_keys.get(path, [])[:HINTED]
+        return any(nearest(name, [key]) for name in names for key in keys)
 
     def is_faulty(self, *path: str | int) -> bool:
         """Whether something is wrong with an entry."""
-        own = path_text(path)
-        return any((each.path or "").startswith(own) for each in self.findings)
+        prefix = path_text(path)
+        return any((item.path or "").startswith(prefix) for item in self.findings)
 
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""
         result = self.document.at(*path)
         return tuple(result) if isinstance(result, dict) else ()
 
-    def given(self, *path: str | int) -> tuple[str, ...]:
+    def valued_keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys that have a value, if a wrong one: ``key: ~`` says as much as no key."""
         return tuple(key for key in self.keys(*path) if self.document.at(*path, key) is not None)
 
@@ -264,63 +264,63 @@ def check_contract(
     Raises InputError with all findings, in the order of their lines.
     """
     faults, data = Faults(document), document.data
-    wanted = f"mtu/{kind}/1"
+    schema = f"mtu/{kind}/1"
     if not isinstance(data, dict):
-        faults.add((), "wrong-type", kind=a_file(kind), value=data, expected=f"'schema: {wanted}'")
+        faults.add((), "wrong-type", kind=a_file(kind), value=data, expected=f"'schema: {schema}'")
     elif "schema" not in data:
-        faults.add((), "missing-key", key="schema", expected=f"'schema: {wanted}'")
-    elif (own := data["schema"]) != wanted:
-        faults.add(("schema",), "wrong-type", kind=a_file(kind), value=own, expected=wanted)
+        faults.add((), "missing-key", key="schema", expected=f"'schema: {schema}'")
+    elif (value := data["schema"]) != schema:
+        faults.add(("schema",), "wrong-type", kind=a_file(kind), value=value, expected=schema)
     if faults.findings:
         raise InputError(faults.findings)
     try:
-        checked = model.model_validate(data)
+        result = model.model_validate(data)
     except ValidationError as fault:
         # Missing keys last: an unknown one may be meant.
         items = fault.errors(include_url=False)
         for item in sorted(items, key=lambda item: item["type"] == "missing"):
             _report(item, faults, model)
-        checked = _sound_part(model, data)
-    check(checked, faults)
+        result = _sound_part(model, data)
+    check(result, faults)
     if faults.findings:
         raise InputError(faults.findings)
-    return checked
+    return result
 
 
 def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
     """One of pydantic's errors as a finding."""
     path = tuple(step for step in item["loc"] if step != "[key]")
     kind, value, context = item["type"], item["input"], item.get("ctx", {})
-    shown = "null" if value is None else value
+    literal = "null" if value is None else value
     at = type_at(model, path)
     if kind == "missing":
         faults.lacks(path[:-1], str(path[-1]))
     elif kind == "extra_forbidden":
-        name, known = str(path[-1]), list(keys_of(type_at(model, path[:-1])))
+        name, keys = str(path[-1]), list(keys_of(type_at(model, path[:-1])))
         faults.unknown_keys.setdefault(path[:-1], []).append(name)
-        faults.unknown(path, name, known, "key")
+        faults.unknown(path, name, keys, "key")
     elif kind == "findings":
         # Of an entry the keys at fault are named, or a value of them.
-        whole = {"value": None if isinstance(value, dict) else shown}
+        facts = {"value": None if isinstance(value, dict) else literal}
         for fault in context["faults"]:
-            faults.add((*path, *fault["at"]), fault["code"], **{**whole, **fault["given"]})
+            faults.add((*path, *fault["at"]), fault["code"], **{**facts, **fault["given"]})
     elif kind == "literal_error":
         is_key = path != item["loc"]
-        allowed = get_args(get_args(type_at(model, path[:-1]))[0] if is_key else at)
-        faults.unknown(path, shown_value(shown), allowed, "key" if is_key else "value")
+        choices = get_args(get_args(type_at(model, path[:-1]))[0] if is_key else at)
+        faults.unknown(path, shown_value(literal), choices, "key" if is_key else "value")
     else:
-        faults.add(path, "wrong-value", value=shown, expected=expectation(item, at))
+        faults.add(path, "wrong-value", value=literal, expected=expectation(item, at))
 
 
 def expectation(item: ErrorDetails, annotation: Any) -> str:
     """What was expected in the place of a faulty value."""
-    kind, given = item["type"], item["input"]
+    kind, value = item["type"], item["input"]
     words = EXPECTED.get(kind) or EXPECTED.get(kind.partition("_")[0], "another value")
     words = words.format(**item.get("ctx", {}))
-    if kind.startswith(("float", "int")) and isinstance(given, str):
+    if kind.startswith(("float", "int")) and isinstance(value, str):
         return f"{words} with a decimal point, without quotes or unit"
-    if kind == "string_type" and is_number(given):
-        return f"{words}: '{shown_value(given)}' in quotes"
+    if kind == "string_type" and is_number(value):
+        return f"{words}: '{shown_value(value)}' in quotes"
     if kind in ("dict_type", "model_type") and (keys := keys_of(annotation)):
         must = [key for key, info in keys.items() if info.is_required()] or list(keys)
         return f"{words}: {{{', '.join(f'{key}: ...' for key in must)}}}"
@@ -349,15 +349,15 @@ def _sound_part(model: type[M], data: Mapping[str, Any]) -> M:
     """The sound part of a document; see `check_contract`."""
     values: dict[str, Any] = {}
     for name, info in model.model_fields.items():
-        given, kind = data.get(info.alias or name), get_origin(info.annotation)
+        entry, kind = data.get(info.alias or name), get_origin(info.annotation)
         value = None
-        if given is not None:
-            value = _lenient(model, name).validate_python(given, strict=True, extra="ignore")
+        if entry is not None:
+            value = _lenient(model, name).validate_python(entry, strict=True, extra="ignore")
         elif not info.is_required():
             value = info.get_default(call_default_factory=True)
         if kind is dict:
             entries = (value or {}).items()
-            value = {key: own for key, own in entries if key is not None and own is not None}
+            value = {key: item for key, item in entries if key is not None and item is not None}
         values[name] = [] if kind is list and value is None else value
     return model.model_construct(**values)
 
@@ -366,10 +366,10 @@ def _sound_part(model: type[M], data: Mapping[str, Any]) -> M:
 def _lenient(model: type[BaseModel], name: str) -> TypeAdapter[Any]:
     """Of a field: what is faulty is None, an entry of its mapping or list by itself."""
     info = model.model_fields[name]
-    own: Any = info.annotation
-    if (kind := get_origin(own)) in (dict, list):
-        own = kind[tuple(Annotated[item, WrapValidator(_or_none)] for item in get_args(own))]
-    return TypeAdapter(Annotated[(own, *info.metadata, WrapValidator(_or_none))])
+    form: Any = info.annotation
+    if (kind := get_origin(form)) in (dict, list):
+        form = kind[tuple(Annotated[item, WrapValidator(_or_none)] for item in get_args(form))]
+    return TypeAdapter(Annotated[(form, *info.metadata, WrapValidator(_or_none))])
 
 
 def _or_none(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:

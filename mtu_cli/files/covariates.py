@@ -55,13 +55,13 @@ def direction_sign(label: str) -> int | None:
 
 
 def column_dimensions(name: str) -> Powers | None:
-    """Those of a position or a column of the contract; None for a user's own column, whatever its
-    name ends with: the parameter of an effect has its unit for each step of it.
+    """Those of a position or a column of the contract; None for other columns of a user, whatever
+    their names end with: an effect's parameter has its unit for each step of such a column.
     """
     return TEMPERATURE if is_temperature(name) else _DIMENSIONS.get(name)
 
 
-def own_columns(names: Iterable[str], taken: Collection[str]) -> dict[str, Powers]:
-    """Of the names of an equation the known ones of columns; `taken` are other things."""
-    known = {name: column_dimensions(name) for name in names if name not in taken}
-    return {name: dimensions for name, dimensions in known.items() if dimensions is not None}
+def own_columns(names: Iterable[str], symbols: Collection[str]) -> dict[str, Powers]:
+    """Units of the columns among the names of an equation; its `symbols` are no columns."""
+    columns = {name: column_dimensions(name) for name in names if name not in symbols}
+    return {name: powers for name, powers in columns.items() if powers is not None}

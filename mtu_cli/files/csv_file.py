@@ -68,7 +68,7 @@ def read_tables(
 ) -> Table:
     """The rows of all (path, role) in one table; what is wrong with cells goes to `faults`.
 
-    Reported, too: a file that is given twice, times that do not go together, and equal rows.
+    Reported, too: a file that is read twice, times that contradict each other, and equal rows.
 
     Raises InputError where no file has a sound header, and ValueError without files.
     """
@@ -77,8 +77,8 @@ def read_tables(
         try:
             tables.append(read_table(path, role, spec, faults, convert))
         except InputError as fault:
-            for each in fault.findings:
-                faults.add(each)
+            for item in fault.findings:
+                faults.add(item)
     if not tables:
         faults.raise_if_any()
         raise ValueError("no files to read")
@@ -90,31 +90,31 @@ def read_tables(
 
 
 def _check_files(table: Table, faults: CellFaults) -> None:
-    """Files that are given twice, and times that do not go together."""
+    """Files that are read twice, and times that contradict each other."""
     first: dict[str, File] = {}
-    dated = [file for file in table.files if "time" in file.header]
+    dated_files = [file for file in table.files if "time" in file.header]
     for file in table.files:
         place: dict[str, Any] = {"file": file.source.shown}
-        other = first.setdefault(file.source.sha256, file)
-        if other is not file:
-            shown = other.source.shown
-            faults.add(finding("copied-rows", other=shown, expected="each file once", **place))
-        elif dated and "time_min" in file.header:
+        original = first.setdefault(file.source.sha256, file)
+        if original is not file:
+            name = original.source.shown
+            faults.add(finding("copied-rows", other=name, expected="each file once", **place))
+        elif dated_files and "time_min" in file.header:
             expected = "one of them in all files"
             faults.add(finding("exclusive", names=EXCLUSIVE, expected=expected, **place))
-        elif dated and len(file.aware | dated[0].aware) > 1:
+        elif dated_files and len(file.aware | dated_files[0].aware) > 1:
             place |= {"column": "time", "other": "the other times"}
             expected = "all times of all files with an offset from UTC, or none"
             faults.add(finding("contradicts", expected=expected, **place))
 
 
 def _check_equal_rows(table: Table, faults: CellFaults) -> None:
-    """Rows equal to an earlier one of their file, where a pass, a repeat or a time is given."""
+    """Rows equal to an earlier one of their file, where a pass, a repeat or a time is stated."""
     keys = [*table.numbers.values(), *(column.codes for column in table.texts.values())]
     keys = [*keys, table.file_index]
-    apart = [table.has(name) for name in ("pass", "repeat", *EXCLUSIVE)]
+    flags = [table.has(name) for name in ("pass", "repeat", *EXCLUSIVE)]
     first: dict[tuple[object, ...], int] = {}
-    for i in np.flatnonzero(perhaps_equal(keys) & np.logical_or.reduce(apart)).tolist():
+    for i in np.flatnonzero(perhaps_equal(keys) & np.logical_or.reduce(flags)).tolist():
         cells = tuple(None if key[i] != key[i] else key[i].item() for key in keys)
         earlier = first.setdefault(cells, i)
         if earlier != i:
@@ -140,13 +140,13 @@ def read_table(
     if rows is None:
         rows, records = _one_by_one(file, faults)
     file.source = replace(file.source, rows=len(rows))
-    if not len(rows) and all(each.file != file.source.shown for each in faults.listed):
+    if not len(rows) and all(item.file != file.source.shown for item in faults.listed):
         expected = "a row of values below the header"
         raise error("empty-file", file=file.source.shown, what="rows", expected=expected)
-    shown = rows
+    row_numbers = rows
     if file.lines is not None:
-        shown = np.array(file.lines, np.int64)[rows - file.header_row - 1]
-    table = Table(files=(file,), rows=shown, file_index=np.zeros(len(rows), np.int64))
+        row_numbers = np.array(file.lines, np.int64)[rows - file.header_row - 1]
+    table = Table(files=(file,), rows=row_numbers, file_index=np.zeros(len(rows), np.int64))
     numbers = {name: np.empty(len(rows)) for name in kinds}
     cells: dict[str, list[Cells]] = {name: [] for name in kinds}
     first = 0
@@ -212,12 +212,12 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
     )
 
 
-def inflated(raw: bytes, shown: str) -> bytes:
+def inflated(raw: bytes, file: str) -> bytes:
     """Unpacked gzip data; raises InputError for damaged data."""
     try:
         return gzip.decompress(raw)
     except (EOFError, OSError, zlib.error) as fault:
-        raise error("not-readable", file=shown, reason=f"damaged gzip data ({fault})") from None
+        raise error("not-readable", file=file, reason=f"damaged gzip data ({fault})") from None
 
 
 def _separator(line: str, place: dict[str, Any]) -> str:
@@ -254,9 +254,9 @@ def _sound_rows(file: File) -> Ints | None:
     if content.find(b'"', body) >= 0 or content.startswith(codecs.BOM_UTF8, body):
         return None
     signs = file.separator.encode() + b"\n"
-    others = bytes({*range(256)} - {*signs})
+    text_bytes = bytes({*range(256)} - {*signs})
     pieces = (content[i : i + PIECE] for i in range(body, len(content), PIECE))
-    marks = b"".join(piece.translate(None, others) for piece in pieces)
+    marks = b"".join(piece.translate(None, text_bytes) for piece in pieces)
     marks += b"" if content.endswith(b"\n") else b"\n"
     counts = np.diff(np.flatnonzero(np.frombuffer(marks, np.uint8) == signs[1]), prepend=-1)
     odd = np.flatnonzero(counts != columns)
@@ -269,23 +269,23 @@ def _sound_rows(file: File) -> Ints | None:
 
 def _one_by_one(file: File, faults: CellFaults) -> tuple[Ints, list[list[str]]]:
     """Editor rows and cells; records with too few or too many cells are faults and left out."""
-    wanted, rows, records = len(file.header), list[int](), list[list[str]]()
+    width, rows, records = len(file.header), list[int](), list[list[str]]()
     csv.field_size_limit(max(csv.field_size_limit(), len(file.content)))
     lines = StringIO(file.content[file.body :].decode(), newline="\n")
     reader = csv.reader(lines, delimiter=file.separator, strict=True)
     place: dict[str, Any] = {"file": file.source.shown, "row": file.header_row + 1}
     try:
         for cells in reader:
-            if len(cells) == wanted:
+            if len(cells) == width:
                 rows.append(place["row"])
                 records.append(cells)
             elif len(cells) > 1 or "".join(cells).strip():
-                expected = f"{wanted}, as in the header"
-                if len(cells) > wanted and cells[-1].strip() and file.separator == ",":
+                expected = f"{width}, as in the header"
+                if len(cells) > width and cells[-1].strip() and file.separator == ",":
                     expected += "; decimal commas need semicolons between the columns"
-                given = {"value": file.separator.join(cells), "expected": expected}
+                facts = {"value": file.separator.join(cells), "expected": expected}
                 faults.add(
-                    finding("row-length", cells=counted(len(cells), "cell"), **given, **place)
+                    finding("row-length", cells=counted(len(cells), "cell"), **facts, **place)
                 )
             place["row"] = file.header_row + 1 + reader.line_num
     except csv.Error as fault:
@@ -332,9 +332,9 @@ def _labelled(values: pd.Series[Any], column: Column) -> tuple[Ints, list[str]]:
 
     codes, labels = pd.factorize(values.astype(object))
     cells = [str(label).strip() for label in labels]
-    if column.known is not None:
+    if column.texts is not None:
         # The sign for micro and the Greek letter look alike.
-        cells = [cell if cell in column.known else plain_unit(cell) for cell in cells]
+        cells = [cell if cell in column.texts else plain_unit(cell) for cell in cells]
     return codes, [*cells, ""]
 
 
@@ -347,15 +347,15 @@ def _add_column(
     cell: Callable[[int, str], str],
     faults: CellFaults,
 ) -> None:
-    """A column of `numbers` (n,) but for some `parts`; a free one holds numbers where every cell
-    is one, else texts.
+    """A column of `numbers` (n,) but for some `parts`; one of the kind `free` holds numbers where
+    every cell is one, else texts.
     """
     (file,) = table.files
     labels = (label for *_, labels in parts for label in labels if label)
-    free = column.kind == "free" and any(number(label, file.decimal) is None for label in labels)
-    if free or column.kind == "text":
+    is_text = column.kind == "free" and any(number(label, file.decimal) is None for label in labels)
+    if is_text or column.kind == "text":
         table.texts[name] = stacked([(codes, labels) for _, codes, labels in parts])
-        if free:
+        if is_text:
             return
     for part, codes, texts in parts:
         numbers[part] = np.array([_value(file, column, text) for text in texts])[codes]
@@ -373,7 +373,7 @@ def _value(file: File, column: Column, label: str) -> float:
     value: float | None = None
     if column.kind == "text":
         value = (
-            0.0 if (label in column.known if column.known is not None else is_name(label)) else None
+            0.0 if (label in column.texts if column.texts is not None else is_name(label)) else None
         )
     elif column.kind == "sign":
         value = direction_sign(label)
@@ -393,31 +393,31 @@ def _fault(name: str, column: Column, decimal: Decimal, label: str) -> dict[str,
     if not label:
         expected = column.says or WANTED.get(column.kind, ("", "a number"))[1]
         return {"code": "empty-cell", "expected": expected}
-    given = {"value": label, "code": "wrong-type"}
-    if column.known is not None:
-        hint = suggestion(label, column.known)
-        return {**given, "code": "unknown-name", "what": name, **hint}
+    facts = {"value": label, "code": "wrong-type"}
+    if column.texts is not None:
+        hint = suggestion(label, column.texts)
+        return {**facts, "code": "unknown-name", "what": name, **hint}
     value = number(label, decimal) if column.kind not in WANTED else None
     if value is None or not math.isfinite(value):
         expected = column.says or expectation(label, decimal)
         kind, expected = WANTED.get(column.kind, ("a number", expected))
         meant = nearest(label, ("forward", "reverse")) if column.kind == "sign" else ()
-        return {**given, "kind": kind, "expected": expected, "meant": meant}
+        return {**facts, "kind": kind, "expected": expected, "meant": meant}
     expected = f"at most {column.largest:g} in size"
     if column.whole and (value % 1 or value < 0):
         expected = "a whole number" + " from 0 on" * (column.kind == "count")
-    given["expected"] = column.says or expected
+    facts["expected"] = column.says or expected
     if column.whole and value % 1:
-        return {**given, "kind": "a whole number"}
-    return {**given, "code": "out-of-range"}
+        return {**facts, "kind": "a whole number"}
+    return {**facts, "code": "out-of-range"}
 
 
 def _excluded(numbers: Floats, column: Column) -> Flags:
     """Where numbers (n,) are none that the column may hold; nan is an empty cell."""
     largest = min(column.largest, sys.float_info.max) if column.numeric else sys.float_info.max
     # Extremes cost less than flags: nan makes both nan.
-    inside = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
-    odd = np.zeros(len(numbers), bool) if inside else ~(np.abs(numbers) <= largest)
+    in_range = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
+    odd = np.zeros(len(numbers), bool) if in_range else ~(np.abs(numbers) <= largest)
     if column.whole:
         odd |= numbers != np.rint(numbers)
     if column.kind == "count":

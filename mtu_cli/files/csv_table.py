@@ -35,15 +35,15 @@ class CellFaults:
         self.uncounted = 0
         self._cells: set[tuple[str | None, int, str | int]] = set()
 
-    def add(self, each: Finding) -> None:
+    def add(self, fault: Finding) -> None:
         """One more; of several of one cell the first counts."""
-        if each.row is not None and each.column is not None:
-            cell = (each.file, each.row, each.column)
+        if fault.row is not None and fault.column is not None:
+            cell = (fault.file, fault.row, fault.column)
             if cell in self._cells:
                 return
             self._cells.add(cell)
         if len(self.listed) < LISTED_FAULTS:
-            self.listed.append(each)
+            self.listed.append(fault)
         else:
             self.uncounted += 1
 
@@ -53,15 +53,15 @@ class CellFaults:
         bad: Flags,
         column: str,
         describe: Callable[[int], dict[str, Any]] = lambda i: {},
-        **given: Any,
+        **facts: Any,
     ) -> None:
-        """One fault for each of the `bad` rows (n,), with what is `given` and what `describe` gives
-        for the row, counted from 0: its code and what belongs to it.
+        """One fault for each of the `bad` rows (n,), with the `facts` and those of `describe` for
+        the row, counted from 0: its code and what belongs to it.
         """
         rows = np.flatnonzero(bad)
         room = max(0, LISTED_FAULTS - len(self.listed))
         for i in rows[:room].tolist():
-            self.add(finding(**{**table.place(i), "column": column, **given, **describe(i)}))
+            self.add(finding(**{**table.place(i), "column": column, **facts, **describe(i)}))
         self.uncounted += max(0, len(rows) - room)
 
     def raise_if_any(self) -> None:
@@ -145,13 +145,13 @@ class Table:
             return np.broadcast_to(np.int64(-1), len(self))
         return np.nan_to_num(self.numbers[name], nan=-1.0).astype(np.int64)
 
-    def labelled(self, name: str, known: Sequence[str] = ()) -> tuple[tuple[str, ...], Ints]:
+    def labelled(self, name: str, order: Sequence[str] = ()) -> tuple[tuple[str, ...], Ints]:
         """Labels and each row's code (n,); -1 where there is none.
 
-        Labels in the order of `known`, then of appearance; those that no row has are left out.
+        Labels in this `order`, then in that of appearance; those that no row has are left out.
         """
         column = self.texts.get(name, Texts(np.full(len(self), -1), ()))
-        rank = {label: i for i, label in enumerate(known)}
+        rank = {label: i for i, label in enumerate(order)}
         labels = sorted(column.labels, key=lambda label: rank.get(label, len(rank)))
         if tuple(labels) == column.labels:
             return column.labels, column.codes
@@ -212,14 +212,14 @@ def joined(tables: Sequence[Table]) -> Table:
     """
     if len(tables) == 1:
         return tables[0]
-    whole = Table(
+    result = Table(
         files=tuple(table.files[0] for table in tables),
         rows=np.concatenate([table.rows for table in tables]),
         file_index=np.repeat(np.arange(len(tables)), [len(table) for table in tables]),
     )
-    for name in whole.header:
+    for name in result.header:
         if all(name not in table.texts for table in tables):
-            whole.numbers[name] = np.concatenate([table.number(name) for table in tables])
+            result.numbers[name] = np.concatenate([table.number(name) for table in tables])
             continue
         parts: list[tuple[Ints, Sequence[str]]] = []
         for table in tables:
@@ -228,17 +228,17 @@ def joined(tables: Sequence[Table]) -> Table:
             else:
                 cells = ["" if v != v else cell_text(v) for v in table.number(name).tolist()]
                 parts.append((np.arange(len(cells)), cells))
-        whole.texts[name] = stacked(parts)
-    return whole
+        result.texts[name] = stacked(parts)
+    return result
 
 
 def stacked(parts: Sequence[tuple[Ints, Sequence[str]]]) -> Texts:
     """Parts of a column, each `cells[codes[i]]`, end to end: no text twice, none that is empty."""
     labels: dict[str, int] = {}
     codes = [np.zeros(0, np.int64)]
-    for own, cells in parts:
+    for code, cells in parts:
         index = [labels.setdefault(cell, len(labels)) if cell else -1 for cell in cells]
-        codes.append(np.array([*index, -1])[own])
+        codes.append(np.array([*index, -1])[code])
     return Texts(np.concatenate(codes), tuple(labels))
 
 
@@ -262,7 +262,7 @@ def cell_text(value: object) -> str:
 
 
 def number(cell: str, decimal: Decimal = ".") -> float | None:
-    """The value of a cell; nan or infinite where it says so or overflows, None where it is none."""
+    """The value of a cell; nan or infinite where it reads so or overflows, None of no number."""
     text = cell.strip()
     if decimal == ",":
         text = "" if "." in text else text.replace(",", ".")

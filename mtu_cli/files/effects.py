@@ -181,22 +181,22 @@ class EffectLibrary:
     sources: tuple[Source, ...]
 
 
-def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> EffectLibrary:
-    """Reads and checks an effects file; `taken` says whose the names are that it must not use.
+def load_effects(path: Path, owners: Mapping[str, str] | None = None) -> EffectLibrary:
+    """Reads and checks an effects file; `owners` says whose the names are that it must not use.
 
     Raises InputError with all faults of the file, each with its line.
     """
     families: list[LoadedFamily] = []
 
     def check(effects: Effects, faults: Faults) -> None:
-        named = []
+        family_names = []
         for index, family in present(effects.effects):
-            if owner := (taken or {}).get(family.family):
+            if owner := (owners or {}).get(family.family):
                 where = ("effects", index, "family")
                 faults.add(where, "name-taken", taken=owner, value=family.family)
             families.append(_loaded(family, ("effects", index), faults))
-            named.append((index, families[-1].name))
-        faults.once(("effects",), named, "the name of a family's candidates")
+            family_names.append((index, families[-1].name))
+        faults.once(("effects",), family_names, "the name of a family's candidates")
 
     document = read_yaml(path, "effects")
     check_contract(document, Effects, "effects", check)
@@ -231,8 +231,8 @@ def number_of(raw: str) -> tuple[str, str] | None:
 
 
 def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
-    """A family whose keys and names in braces go with each other; else their faults are added."""
-    forms = [(own, (*path, "members", index)) for index, own in present(family.members)]
+    """A family whose keys and names in braces agree; else their faults are added."""
+    forms = [(member, (*path, "members", index)) for index, member in present(family.members)]
     if family.parameters is not None and family.equations is not None:
         of_family = {key: getattr(family, key) for key in ("parameters", "equations", "search")}
         forms.insert(0, (MemberTemplate.model_construct(**of_family), path))
@@ -240,25 +240,25 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
         if family.family not in SCATTERS:
             expected = f"a family that is one of: {', '.join(SCATTERS)}"
             faults.add((*path, "kind"), "wrong-value", value=family.kind, expected=expected)
-    elif not forms and "members" not in (keys := faults.given(*path)):
+    elif not forms and "members" not in (keys := faults.valued_keys(*path)):
         for key in ("parameters", "equations"):
             if key not in keys:
                 faults.add(path, "missing-key", key=key)
     if family.kind == "outlier" and family.over is None:
         expected = "over: feature, part or operation"
         faults.add(path, "missing-key", key="over", expected=expected)
-    used = _marks_of(form for form, _ in forms)
-    name, margins = family.name or family.family + ("-{a}" if "a" in used else ""), []
+    placeholders = _marks_of(form for form, _ in forms)
+    name, margins = family.name or family.family + ("-{a}" if "a" in placeholders else ""), []
     for index, margin in present(family.margins):
         # A margin has what is searched where its equations name it.
-        held = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
-        search = {name: item for name, item in family.search.items() if name in held}
+        words = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
+        search = {name: item for name, item in family.search.items() if name in words}
         margins.append((margin.model_copy(update={"search": search}), (*path, "margins", index)))
-    used |= marks(name) | _marks_of(margin for margin, _ in margins)
+    placeholders |= marks(name) | _marks_of(margin for margin, _ in margins)
     for mark, other in (("b", "{a}"), ("n", "{b}")):
-        if mark in used and other[1] not in used:
+        if mark in placeholders and other[1] not in placeholders:
             faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)
-    if "each" in used and used & {*AXIS_MARKS} != {"each"}:
+    if "each" in placeholders and placeholders & {*AXIS_MARKS} != {"each"}:
         faults.add(path, "misplaced", key="{each}", where="a family without {a} and {b}")
     return LoadedFamily(
         family=family,
@@ -269,36 +269,36 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
 
 
 def _marks_of(forms: Iterable[MemberTemplate]) -> set[str]:
-    return marks(*(text for form in forms for own in form.equations.items() for text in own))
+    return marks(*(text for form in forms for pair in form.equations.items() for text in pair))
 
 
 def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faults) -> Template:
     """The template, whose faults are added: of names, of the search, of equations."""
-    before, taken = len(faults.findings), dict.fromkeys(LANGUAGE, "part of the equation language")
+    before, base = len(faults.findings), dict.fromkeys(LANGUAGE, "part of the equation language")
     places = [("parameters", name) for name in form.parameters]
     places += [("search", name) for name in form.search]
     for key, name in places:
-        own = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | taken
-        faults.symbol((*path, key, name), filled(name, {"each": "each"}), own, NAMED)
+        uses = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | base
+        faults.symbol((*path, key, name), filled(name, {"each": "each"}), uses, NAMED)
     searched, search = next(iter(form.search.items()), (None, None))
     if search is not None:
         _check_search(search, family, (*path, "search", str(searched)), faults)
     trees: dict[str, Node] = {}
     for key, text in form.equations.items():
-        here = (*path, "equations", key)
+        location = (*path, "equations", key)
         if not _EQUATION.fullmatch(key):
             expected = "Ex, Ey, Ez, E{a}, E{b}, E{n} or E{each}"
-            faults.add(here, "wrong-value", value=key, expected=expected)
+            faults.add(location, "wrong-value", value=key, expected=expected)
         elif key == "E{each}" and len(form.equations) > 1:
-            faults.add(here, "misplaced", key=key, where="an effect with no other equation")
-        with faults.collected(here):
+            faults.add(location, "misplaced", key=key, where="an effect with no other equation")
+        with faults.collected(location):
             trees[key] = parse(text, name=BRACED)
             _check_equation(trees[key], key, form.parameters, searched, family)
-    levers, used = {}, dict.fromkeys(name for tree in trees.values() for name in names(tree))
+    levers, symbols = {}, dict.fromkeys(name for tree in trees.values() for name in names(tree))
     if len(faults.findings) == before:
         levers = {key: linear_form(x, form.parameters).coefficients for key, x in trees.items()}
-        unused = [((*path, *place), place[1]) for place in places if place[1] not in used]
-        if family.over is not None and CHOSEN not in used:
+        unused = [((*path, *place), place[1]) for place in places if place[1] not in symbols]
+        if family.over is not None and CHOSEN not in symbols:
             unused.append(((*path, "equations"), CHOSEN))
         for where, name in unused:
             faults.add(where, "not-applicable", reason="it is in no equation", value=name)
@@ -306,7 +306,7 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
         units=dict(form.parameters),
         trees=trees,
         levers=levers,
-        columns=tuple(x for x in used if x not in {*form.parameters, searched, CHOSEN}),
+        columns=tuple(x for x in symbols if x not in {*form.parameters, searched, CHOSEN}),
         searched=searched,
         search=search,
         readings=form.readings,
@@ -327,26 +327,26 @@ def _check_equation(
 
     Raises InputError with its faults.
     """
-    known = {*parameters, searched} | ({CHOSEN} if family.over is not None else set())
-    unknown = []
+    symbols = {*parameters, searched} | ({CHOSEN} if family.over is not None else set())
+    faults = []
     for name, column in names(tree).items():
-        if name not in known and not _is_column(name, family):
+        if name not in symbols and not _is_column(name, family):
             facts = {"value": name, "meant": nearest(name, parameters), "expected": COLUMNS}
-            unknown.append(finding("unknown-name", what="name", column=column, **facts))
+            faults.append(finding("unknown-name", what="name", column=column, **facts))
         elif "each" in marks(name) and key != "E{each}":
-            unknown.append(finding("misplaced", key=name, where="E{each}", column=column))
-    if unknown:
-        raise InputError(unknown)
+            faults.append(finding("misplaced", key=name, where="E{each}", column=column))
+    if faults:
+        raise InputError(faults)
     form = linear_form(tree, parameters, parameters)
     # Numbers of the data are written as literals, which have no unit.
     number = {name: 1.0 for name in names(tree) if name == searched or number_of(name)}
     columns = {CHOSEN: NUMBER}
     for name in names(tree).keys() - {*parameters, *number}:
-        if (own := column_dimensions(filled(name, STAND_INS))) is not None:
-            columns[name] = own
+        if (powers := column_dimensions(filled(name, STAND_INS))) is not None:
+            columns[name] = powers
     units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
-    written = filled_tree(tree, number)
-    check_dimension(written, internal(LENGTH), {}, parameters=units, columns=columns)
+    equation = filled_tree(tree, number)
+    check_dimension(equation, internal(LENGTH), {}, parameters=units, columns=columns)
     if form.remainder is not None:
         reason, expected = "a term without a parameter", "parameters in every term"
         raise error("not-applicable", reason=reason, column=1, expected=expected)
@@ -354,14 +354,14 @@ def _check_equation(
 
 def _check_search(search: Search, family: Family, path: YamlPath, faults: Faults) -> None:
     """The ends of a grid are expressions in `BOUNDS`."""
-    used = set[str]()
+    symbols = set[str]()
     for key in ("from_", "to"):
         for text in getattr(search, key):
             with faults.collected((*path, key.rstrip("_"))):
                 tree = parse(text)
                 check_known(tree, BOUNDS)
-                used |= names(tree).keys()
-    if search.of is None and (used or search.grid in ("between", "frequency")):
+                symbols |= names(tree).keys()
+    if search.of is None and (symbols or search.grid in ("between", "frequency")):
         expected = "the position or column that span, low and the grid are of"
         faults.add(path, "missing-key", key="of", expected=expected)
     elif search.of is not None and not _is_column(search.of, family):

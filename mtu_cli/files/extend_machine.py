@@ -42,20 +42,20 @@ class ExtendedMachine:
 
 
 def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> ExtendedMachine:
-    """The machine file with `effects` behind its own.
+    """The machine file with `effects` behind those that it has.
 
     A name that the machine has already gets a number: a second `backlash-x` is `backlash-x-2`,
     a parameter that is named as a component is becomes `drift_2`, also in its equations.
-    Covariates that the equations need beside the known ones are added to `covariates`.
+    Further covariates that the equations need are added to `covariates`.
 
     Raises InputError for effects that no machine file can hold.
     """
     covariates = _needed_covariates(machine, effects)
-    named = _named(machine, effects, covariates)
-    old, shown = machine.document.data, machine.source.shown
+    new_effects = _with_unique_names(machine, effects, covariates)
+    old, file = machine.document.data, machine.source.shown
     entries: list[Any] = [
         {key: x for key, x in effect.items() if key == "parameters" or x not in (None, {})}
-        for effect in named
+        for effect in new_effects
     ]
     additions = {"covariates": covariates, "effects": entries}
     lists = {key: [*(old.get(key) or []), *items] for key, items in additions.items() if items}
@@ -68,22 +68,22 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
     try:
         document = parse_yaml(content.decode("utf-8-sig"), source)
         if document.data != {**old, **lists}:
-            raise error("not-writable", file=shown, reason="YAML does not give its values back")
-        extended = machine_from(replace(document, content=content))
+            raise error("not-writable", file=file, reason="YAML does not give its values back")
+        new_machine = machine_from(replace(document, content=content))
     except InputError as fault:
         raise InputError(
-            replace(own, code="not-writable", facts={"reason": own.text}, file=shown, line=None)
-            for own in fault.findings
+            replace(item, code="not-writable", facts={"reason": item.text}, file=file, line=None)
+            for item in fault.findings
         ) from None
     return ExtendedMachine(
         content=content,
-        machine=extended,
-        parameters=tuple(f"{x['name']}.{name}" for x in named for name in x["parameters"]),
-        warnings=() if lossless else (finding("machine-written-anew", file=shown),),
+        machine=new_machine,
+        parameters=tuple(f"{x['name']}.{name}" for x in new_effects for name in x["parameters"]),
+        warnings=() if lossless else (finding("machine-written-anew", file=file),),
     )
 
 
-# Names of its own for every effect and parameter.
+# A unique name for every effect and parameter.
 
 
 def _needed_covariates(machine: LoadedMachine, effects: Sequence[Entry]) -> list[str]:
@@ -92,51 +92,51 @@ def _needed_covariates(machine: LoadedMachine, effects: Sequence[Entry]) -> list
     Raises InputError for a covariate whose name means something else to the machine.
     """
     entry = machine.machine
-    known = {"pi", *POSITIONS, *entry.constants, *entry.components}
-    needed: dict[str, None] = {}
+    symbols = {"pi", *POSITIONS, *entry.constants, *entry.components}
+    covariates: dict[str, None] = {}
     for effect in effects:
-        if (column := effect.get("covariate")) in known:
+        if (column := effect.get("covariate")) in symbols:
             expected = "another name of the column or of the machine's constant"
             facts = {"taken": f"no column for {effect['name']!r}", "value": column}
             raise error("name-taken", **facts, file=machine.source.shown, expected=expected)
-        own = {*known, *entry.covariates, *effect["parameters"], *effect.get("components", ())}
+        scope = {*symbols, *entry.covariates, *effect["parameters"], *effect.get("components", ())}
         used = [name for text in effect["equations"].values() for name in names(parse(text))]
-        needed |= {name: None for name in used if not (name in own or is_covariate(name))}
-    return list(needed)
+        covariates |= {name: None for name in used if not (name in scope or is_covariate(name))}
+    return list(covariates)
 
 
-def _named(
+def _with_unique_names(
     machine: LoadedMachine, effects: Sequence[Entry], covariates: Collection[str]
 ) -> list[dict[str, Any]]:
-    """The effects with names of their own."""
+    """The effects with names that the machine does not use yet."""
     entry = machine.machine
-    taken = {effect.name for effect in entry.effects}
-    used = {"pi", *MACHINE_FUNCTIONS, *POSITIONS, *COVARIATES, *entry.covariates, *covariates}
-    used |= {*entry.constants, *entry.components}
-    named = []
+    effect_names = {effect.name for effect in entry.effects}
+    symbols = {"pi", *MACHINE_FUNCTIONS, *POSITIONS, *COVARIATES, *entry.covariates, *covariates}
+    symbols |= {*entry.constants, *entry.components}
+    result = []
     for effect in effects:
-        name = free_name(effect["name"], taken, "-")
-        taken.add(name)
+        name = free_name(effect["name"], effect_names, "-")
+        effect_names.add(name)
         keys = [key for key in ("parameters", "components") if key in effect]
-        own, new = dict.fromkeys(each for key in keys for each in effect[key]), dict[str, str]()
-        for old in own:
-            new[old] = free_name(old, used | (own.keys() - {old}) | {*new.values()}, "_")
+        names, new = dict.fromkeys(item for key in keys for item in effect[key]), dict[str, str]()
+        for old in names:
+            new[old] = free_name(old, symbols | (names.keys() - {old}) | {*new.values()}, "_")
         equations = {
             axis: "".join(new.get(word, word) for word in WORD.split(text))
             for axis, text in effect["equations"].items()
         }
-        renamed = {key: {new[old]: x for old, x in effect[key].items()} for key in keys}
-        named.append({**effect, "name": name, **renamed, "equations": equations})
-    return named
+        entries = {key: {new[old]: x for old, x in effect[key].items()} for key in keys}
+        result.append({**effect, "name": name, **entries, "equations": equations})
+    return result
 
 
-def free_name(name: str, taken: Collection[str], sign: str) -> str:
-    """The name, or the first with a number behind it that is not taken."""
-    free, number = name, 1
-    while free in taken:
+def free_name(name: str, names: Collection[str], sign: str) -> str:
+    """The name, or the first with a number behind it that is not among `names`."""
+    result, number = name, 1
+    while result in names:
         number += 1
-        free = f"{name}{sign}{number}"
-    return free
+        result = f"{name}{sign}{number}"
+    return result
 
 
 # Plain data as YAML text, and where it goes.
@@ -171,23 +171,23 @@ def _with_lists(machine: LoadedMachine, lists: Mapping[str, Sequence[Any]]) -> t
     """
     document = machine.document
     data, text = {**document.data, **lists}, document.content.decode("utf-8-sig")
-    found = re.search("\r\n|\r|\n", text)
-    newline = "\n" if found is None else found[0]
+    match = re.search("\r\n|\r|\n", text)
+    newline = "\n" if match is None else match[0]
     root = composed(text, machine.source)
     if isinstance(root, yaml.MappingNode) and not root.flow_style:
         lines, indent = text.splitlines(), " " * root.start_mark.column
         end, cut = _end(root), ""
         new = [indent + line for line in _lines(lists)]
-        kept = [*lines[:end], *new, *lines[end:]]
+        body = [*lines[:end], *new, *lines[end:]]
         for key, value in reversed(root.value):
             if key.value in lists:
                 first, after = key.start_mark.line, _end(value)
-                cut += "\n".join(kept[first:after])
-                del kept[first:after]
-        written = newline.join(kept) + newline
+                cut += "\n".join(body[first:after])
+                del body[first:after]
+        output = newline.join(body) + newline
         try:
-            if parse_yaml(written, machine.source).data == data:
-                return written, re.search(r"(^|\s)#", cut, re.MULTILINE) is None
+            if parse_yaml(output, machine.source).data == data:
+                return output, re.search(r"(^|\s)#", cut, re.MULTILINE) is None
         except InputError:
             pass
     return newline.join(_lines(data)) + newline, False

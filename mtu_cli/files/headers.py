@@ -1,4 +1,4 @@
-"""What a contract says of the columns of a CSV table, and its header held against it."""
+"""What a contract states of the columns of a CSV table, and the check of a header against it."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class Column:
     """A column that a contract names.
 
     A `whole` number may be negative, a `count` is not; a `free` column holds numbers or texts; a
-    `sign` is -1 or +1 and may be written in words. `largest` bounds a number in size. `known` are
-    the texts that its cells may be (None: any name). `says`: what a cell should be, where the kind
+    `sign` is -1 or +1 and may be written in words. `largest` bounds a number in size. `texts` are
+    what its cells may be (None: any name). `says`: what a cell should be, where the kind
     does not say it.
     """
 
@@ -49,7 +49,7 @@ class Column:
     required: bool = False
     may_be_empty: bool = False
     largest: float = LARGEST_READING
-    known: Collection[str] | None = None
+    texts: Collection[str] | None = None
     says: str = ""
 
     @property
@@ -72,14 +72,14 @@ FREE = Column("free", may_be_empty=True, largest=math.inf)
 class TableSpec:
     """The `columns` that a contract names; every other column is a covariate.
 
-    What the table `holds`, and the `option` that takes it. `together` pairs must both be there, or
-    none of them.
+    What the table `holds`, and the `option` that takes it. Of each of `pairs` both columns must be
+    there, or none.
     """
 
     columns: Mapping[str, Column]
     holds: str = "a table"
     option: str = ""
-    together: tuple[tuple[str, str], ...] = ()
+    pairs: tuple[tuple[str, str], ...] = ()
 
     @property
     def required(self) -> list[str]:
@@ -90,9 +90,9 @@ class TableSpec:
         """How the cells of a column are read."""
         return self.columns.get(name) or (SENSOR if is_covariate(name) else FREE)
 
-    def knowing(self, name: str, known: Collection[str] | None) -> TableSpec:
-        """The same contract where the cells of a column are `known`, if they are."""
-        column = replace(self.columns[name], known=known)
+    def with_texts(self, name: str, texts: Collection[str] | None) -> TableSpec:
+        """The same contract where the cells of a column are one of `texts` (None: any)."""
+        column = replace(self.columns[name], texts=texts)
         return replace(self, columns={**self.columns, name: column})
 
 
@@ -110,7 +110,7 @@ READINGS = TableSpec(
     columns={
         "component": Column("text", required=True, says="the name of a component of the machine"),
         "error": Column(required=True),
-        "unit": Column("text", required=True, known=UNITS, says=f"one of: {', '.join(UNITS)}"),
+        "unit": Column("text", required=True, texts=UNITS, says=f"one of: {', '.join(UNITS)}"),
         "position_mm": Column(may_be_empty=True),
         "pass": PASS,
         "direction": Column("sign", may_be_empty=True),
@@ -124,7 +124,7 @@ READINGS = TableSpec(
 POINTS = TableSpec(
     holds="measured points",
     option="--cmm",
-    together=(("nominal_x_mm", "nominal_y_mm"),),
+    pairs=(("nominal_x_mm", "nominal_y_mm"),),
     columns={
         "part": Column("text", required=True, says="the serial number or name of the part"),
         "feature": Column("text", required=True, says="the name of a feature of the part"),
@@ -188,55 +188,55 @@ def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpe
     """
     place = {"file": source.shown, "row": row}
     if not {*spec.required} & {*header}:
-        for other in (READINGS, POINTS):
-            if {*other.required} <= {*header}:
-                expected = f"{spec.holds} ({other.option} takes {other.holds})"
-                raise error("other-table", kind=other.holds, expected=expected, **place)
+        for contract in (READINGS, POINTS):
+            if {*contract.required} <= {*header}:
+                expected = f"{spec.holds} ({contract.option} takes {contract.holds})"
+                raise error("other-table", kind=contract.holds, expected=expected, **place)
     if faults := [*_faults(header, spec)]:
-        raise InputError([each.at(**place) for each in faults])
+        raise InputError([item.at(**place) for item in faults])
 
 
 def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
     for i, name in enumerate(header, 1):
         if not is_name(name):
             expected = A_NAME if name else "a name, or no such column"
-            given: dict[str, Any] = {"value": name, "column": i, "expected": expected}
-            yield finding("wrong-type", kind="a name that a table can show", **given)
+            facts: dict[str, Any] = {"value": name, "column": i, "expected": expected}
+            yield finding("wrong-type", kind="a name that a table can show", **facts)
         elif name in header[: i - 1]:
             expected = f"one of the columns {header.index(name) + 1} and {i}"
             yield finding("appears-twice", what="the column", column=name, expected=expected)
-    wanted = {*spec.required}
-    wanted |= {name for pair in spec.together if {*pair} & {*header} for name in pair}
-    free = [name for name in header if name and name not in spec.columns]
+    required_names = {*spec.required}
+    required_names |= {name for pair in spec.pairs if {*pair} & {*header} for name in pair}
+    extras = [name for name in header if name and name not in spec.columns]
     timed = EXCLUSIVE if {*EXCLUSIVE} & {*header} else ()
-    for name in sorted(spec.columns, key=lambda name: name not in wanted):
+    for name in sorted(spec.columns, key=lambda name: name not in required_names):
         if name in header or name in timed:
             continue
-        near = meant_by(name, free, LIKE if name in wanted else SLIP)
-        free = [other for other in free if other != near]
-        if name in wanted:
-            known = f"a column {name!r} (the columns are {listed(header, 12)})"
+        match = meant_by(name, extras, LIKE if name in required_names else SLIP)
+        extras = [column for column in extras if column != match]
+        if name in required_names:
+            hint = f"a column {name!r} (the columns are {listed(header, 12)})"
             unit = name.rpartition("_")[2]
-            values = f", its values in {unit}" if unit in UNITS and unit not in f"{near}" else ""
-            expected = f"{near!r} renamed to {name!r}{values}" if near else known
+            values = f", its values in {unit}" if unit in UNITS and unit not in f"{match}" else ""
+            expected = f"{match!r} renamed to {name!r}{values}" if match else hint
             yield finding("missing-column", column=name, expected=expected)
-        elif near:
+        elif match:
             expected = f"it renamed to {name!r}, or to a name of its own"
-            yield finding("unknown-name", what="column", value=near, expected=expected)
+            yield finding("unknown-name", what="column", value=match, expected=expected)
     if {*EXCLUSIVE} <= {*header}:
         yield finding("exclusive", names=EXCLUSIVE, expected="one of them")
 
 
-def meant_by(name: str, others: Sequence[str], likeness: float) -> str | None:
-    """The column among `others` that is probably meant as `name` of a contract: by a synonym, by
+def meant_by(name: str, columns: Sequence[str], likeness: float) -> str | None:
+    """The one of `columns` that is probably meant as `name` of a contract: by a synonym, by
     its words in another order or case, or by letters that are alike.
     """
-    words = {_words(each) for each in (name, *SYNONYMS.get(name, name).split(", "))}
-    if same := [other for other in others if _words(other) in words]:
+    words = {_words(text) for text in (name, *SYNONYMS.get(name, name).split(", "))}
+    if same := [column for column in columns if _words(column) in words]:
         return same[0] if len(same) == 1 else None
-    letters = {other[:200].casefold(): other for other in others}
-    near = get_close_matches(name, letters, 1, likeness)
-    return letters[near[0]] if near else None
+    letters = {column[:200].casefold(): column for column in columns}
+    matches = get_close_matches(name, letters, 1, likeness)
+    return letters[matches[0]] if matches else None
 
 
 def _words(name: str) -> frozenset[str]:

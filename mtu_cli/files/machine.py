@@ -33,7 +33,7 @@ NEEDS_COEFFICIENTS = ("covariance", "s_repeat", "pass_covariance", "u_future")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedMachine(Loaded):
     """A checked machine; `forms`, linear in the components, by equation (``Ex``); `effect_forms`
-    such of each effect, linear in its parameters and components, too.
+    those of each effect, linear in its parameters and components, too.
     """
 
     machine: Machine
@@ -75,10 +75,10 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
             return
         forms.update(_linear_forms(machine, machine.equations, {}, ("equations",), faults))
         for index, effect in present(machine.effects):
-            own = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
-            own |= {name: UNITS[item.unit] for name, item in effect.components.items()}
+            units = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
+            units |= {name: UNITS[item.unit] for name, item in effect.components.items()}
             path = ("effects", index, "equations")
-            effect_forms.append(_linear_forms(machine, effect.equations, own, path, faults))
+            effect_forms.append(_linear_forms(machine, effect.equations, units, path, faults))
             _check_effect(effect, index, faults)
 
     machine = check_contract(document, Machine, "machine", check)
@@ -97,23 +97,23 @@ def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
 
     for name, item in loaded.machine.components.items():
         path = ("components", name)
-        idle = [key for key in NEEDS_COEFFICIENTS if getattr(item, key) is not None]
+        figures = [key for key in NEEDS_COEFFICIENTS if getattr(item, key) is not None]
         if name not in loaded.used:
             yield warning("unused", *path, what="component", name=name)
-        if item.coefficients is None and idle:
-            facts = {"what": "figures", "names": idle, "reason": "there are no coefficients"}
+        if item.coefficients is None and figures:
+            facts = {"what": "figures", "names": figures, "reason": "there are no coefficients"}
             yield warning("not-used", *path, **facts)
-        elif item.coefficients is not None and not idle and name in loaded.used:
+        elif item.coefficients is not None and not figures and name in loaded.used:
             yield warning("no-uncertainty", *path, names=[name])
     for index, effect in enumerate(loaded.machine.effects):
-        used = {name for text in effect.equations.values() for name in names(parse(text))}
-        for name in [name for name in effect.parameters if name not in used]:
+        symbols = {name for text in effect.equations.values() for name in names(parse(text))}
+        for name in [name for name in effect.parameters if name not in symbols]:
             yield warning(
                 "unused", "effects", index, "parameters", name, what="parameter", name=name
             )
-        without = [n for n, p in effect.parameters.items() if "u" not in p.model_fields_set]
-        if effect.covariance is None and without:
-            yield warning("no-uncertainty", "effects", index, names=without)
+        parameters = [n for n, p in effect.parameters.items() if "u" not in p.model_fields_set]
+        if effect.covariance is None and parameters:
+            yield warning("no-uncertainty", "effects", index, names=parameters)
 
 
 def _check_names(machine: Machine, faults: Faults) -> None:
@@ -124,20 +124,20 @@ def _check_names(machine: Machine, faults: Faults) -> None:
         (("covariates", i), name, "a covariate") for i, name in present(machine.covariates)
     ]
     for key, what in (("constants", "a constant"), ("components", "a component")):
-        entries += [((key, name), name, what) for name in faults.given(key)]
+        entries += [((key, name), name, what) for name in faults.valued_keys(key)]
     for i, effect in effects:
         entries += [(("effects", i, "parameters", name), name, "") for name in effect.parameters]
         entries += [(("effects", i, "components", name), name, "") for name in effect.components]
-    taken = dict.fromkeys(("pi", *MACHINE_FUNCTIONS), "part of the equation language")
-    taken |= dict.fromkeys(POSITIONS, "a position")
+    uses = dict.fromkeys(("pi", *MACHINE_FUNCTIONS), "part of the equation language")
+    uses |= dict.fromkeys(POSITIONS, "a position")
     for path, name, what in entries:
         if what != "a covariate" and is_covariate(name):
             faults.add(path, "name-taken", value=name, taken="a covariate")
         elif not (what == "a constant" and name in POSITIONS):
             # A position among the constants fixes it.
-            faults.symbol(path, name, taken)
+            faults.symbol(path, name, uses)
         if what:
-            taken[name] = what
+            uses[name] = what
 
 
 def _check_component(item: Component, path: YamlPath, faults: Faults) -> None:
@@ -149,30 +149,30 @@ def _check_component(item: Component, path: YamlPath, faults: Faults) -> None:
     elif item.degree != AUTO:
         size = int(item.degree) + 1
     if item.of is None and (of_table or item.degree != 0):
-        own, value = ("shape", "table") if of_table else ("degree", item.degree)
-        faults.add((*path, own), "incomplete", value=value, what=f"a {kind}", other="`of`")
+        field, value = ("shape", "table") if of_table else ("degree", item.degree)
+        faults.add((*path, field), "incomplete", value=value, what=f"a {kind}", other="`of`")
         return
     for key in OF_TABLES:
         if not of_table and getattr(item, key) is not None:
             faults.add((*path, key), "misplaced", key=key, where="a component of `shape: table`")
     if of_table and count and not size:
-        given = {"what": "the values of a table", "other": "`at_mm`"}
-        faults.add((*path, "coefficients"), "incomplete", **given)
+        facts = {"what": "the values of a table", "other": "`at_mm`"}
+        faults.add((*path, "coefficients"), "incomplete", **facts)
         return
     if count not in (0, size):
-        whole = f"a table of {counted(size, 'position')}"
-        whole = whole if of_table else f"a component of degree {item.degree}"
-        found = f"{counted(count, 'coefficient')} of {whole}"
-        faults.add((*path, "coefficients"), "wrong-count", found=found, expected=f"{size}")
+        description = f"a table of {counted(size, 'position')}"
+        description = description if of_table else f"a component of degree {item.degree}"
+        text = f"{counted(count, 'coefficient')} of {description}"
+        faults.add((*path, "coefficients"), "wrong-count", found=text, expected=f"{size}")
     size = size or 2
     if item.covariance is not None:
         check_covariance(item.covariance, size, (*path, "covariance"), faults)
     if item.pass_covariance is not None:
         check_covariance(item.pass_covariance, min(2, size), (*path, "pass_covariance"), faults)
         if item.pass_dof == 0 and any(map(any, item.pass_covariance)):
-            given = {"what": PASSES, "other": "degrees of freedom"}
+            facts = {"what": PASSES, "other": "degrees of freedom"}
             expected = "more than 0, or no key: known exactly"
-            faults.add((*path, "pass_dof"), "incomplete", value=0, expected=expected, **given)
+            faults.add((*path, "pass_dof"), "incomplete", value=0, expected=expected, **facts)
     for key in ("s_repeat", "pass_covariance", "covariance"):
         if item.u_future is not None and getattr(item, key) is not None:
             faults.add((*path, key), "contradicts", other="u_future, which stands for it")
@@ -213,23 +213,23 @@ def _check_thermal(item: Component, path: YamlPath, faults: Faults) -> None:
     """Positions, degree, sensors and the number of gradients of a component's drift."""
     if (thermal := item.thermal) is None:
         return
-    own, positions = (*path, "positions_mm"), thermal.positions_mm or ()
+    place, positions = (*path, "positions_mm"), thermal.positions_mm or ()
     if positions and item.of is None:
-        faults.add(own, "incomplete", what="positions of a component", other="`of`")
-    faults.once(own, enumerate(f"{position + 0.0:g}" for position in positions), "the position")
+        faults.add(place, "incomplete", what="positions of a component", other="`of`")
+    faults.once(place, enumerate(f"{position + 0.0:g}" for position in positions), "the position")
     count = len(positions) or 1
     if thermal.degree >= count:
-        given = {"what": counted(count, "position"), "expected": f"at most {count - 1}"}
-        faults.add((*path, "degree"), "too-little-data", value=thermal.degree, **given)
+        facts = {"what": counted(count, "position"), "expected": f"at most {count - 1}"}
+        faults.add((*path, "degree"), "too-little-data", value=thermal.degree, **facts)
     kind, expected = "the name of a temperature", "T_<sensor>_degC, the column of its readings"
     for sensor, values in thermal.gradients.items():
         if not is_temperature(sensor):
             where = (*path, "gradients", sensor)
             faults.add(where, "wrong-type", kind=kind, value=sensor, expected=expected)
         if len(values) != count:
-            found = f"{counted(len(values), 'gradient')} at {counted(count, 'position')}"
-            given = {"found": found, "expected": "one a position"}
-            faults.add((*path, "gradients", sensor), "wrong-count", **given)
+            text = f"{counted(len(values), 'gradient')} at {counted(count, 'position')}"
+            facts = {"found": text, "expected": "one a position"}
+            faults.add((*path, "gradients", sensor), "wrong-count", **facts)
     for key in ("time_constants_min", "sensor_u_degC"):
         for sensor in getattr(thermal, key):
             if sensor not in thermal.gradients:
@@ -240,16 +240,16 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
     """What an effect is of, its components and covariance."""
     path: YamlPath = ("effects", index)
     for name, item in effect.components.items():
-        own = (*path, "components", name)
-        _check_component(item, own, faults)
+        place = (*path, "components", name)
+        _check_component(item, place, faults)
         if item.coefficients is None:
-            faults.add(own, "incomplete", what="a component of an effect", other="`coefficients`")
+            faults.add(place, "incomplete", what="a component of an effect", other="`coefficients`")
         if name in effect.parameters:
-            faults.add(own, "name-taken", value=name, taken="a parameter")
+            faults.add(place, "name-taken", value=name, taken="a parameter")
     axis, components = effect.axis, faults.keys("components")
     if axis is not None and axis not in components:
-        several = axis and len(set(axis)) == len(axis) and set(axis) <= set(POSITIONS)
-        if not several:
+        are_axes = axis and len(set(axis)) == len(axis) and set(axis) <= set(POSITIONS)
+        if not are_axes:
             expected = "x, y or z, several of them (xy, for an angle), or the name of a component"
             hint = {"expected": expected, "meant": suggestion(axis, components).get("meant", ())}
             faults.add((*path, "axis"), "wrong-type", kind="an axis", value=axis, **hint)
@@ -261,29 +261,29 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
 def _linear_forms(
     machine: Machine,
     equations: Mapping[EquationName, str],
-    own: Mapping[str, Unit],
+    units: Mapping[str, Unit],
     path: YamlPath,
     faults: Faults,
 ) -> dict[str, LinearForm]:
     """Equations in mm as linear forms, those of them that are sound: readable, of known names,
-    linear in the components and an effect's `own` by their units, each term a length. Names whose
-    own entry is faulty are known.
+    linear in the components and in the names of the effect's `units`, each term a length. Names
+    whose entry is faulty are known.
     """
     components, constants = faults.keys("components"), faults.keys("constants")
     covariates = [name for _, name in present(machine.covariates)]
-    known = (*own, *POSITIONS, *components, *constants, *COVARIATES, *covariates)
-    units = dict.fromkeys(POSITIONS, internal(LENGTH))
-    units |= {name: UNITS[item.unit].powers for name, item in machine.components.items()}
-    units |= {name: internal(unit.dimension) for name, unit in own.items()}
-    linear = {*components, *own}
+    symbols = (*units, *POSITIONS, *components, *constants, *COVARIATES, *covariates)
+    powers = dict.fromkeys(POSITIONS, internal(LENGTH))
+    powers |= {name: UNITS[item.unit].powers for name, item in machine.components.items()}
+    powers |= {name: internal(unit.dimension) for name, unit in units.items()}
+    linear = {*components, *units}
     forms: dict[str, LinearForm] = {}
     for key, text in equations.items():
         with faults.collected((*path, key)):
             node = parse(text)
-            check_known(node, [*known, *filter(is_covariate, names(node))])
-            form = linear_form(node, linear, own)
+            check_known(node, [*symbols, *filter(is_covariate, names(node))])
+            form = linear_form(node, linear, units)
             # A component has no unit per kelvin or step of a column: beside one any may be meant.
             columns = own_columns(names(node), linear.union(constants))
-            check_dimension(node, internal(LENGTH), units, parameters=own, columns=columns)
+            check_dimension(node, internal(LENGTH), powers, parameters=units, columns=columns)
             forms[key] = form
     return forms

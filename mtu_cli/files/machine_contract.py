@@ -32,10 +32,10 @@ STEEPEST = 1e6
 """Of a thermal gradient, per degC in any unit: its square must not overflow."""
 
 
-def _unit_of(known: Collection[str]) -> AfterValidator:
+def _unit_of(units: Collection[str]) -> AfterValidator:
     def check(text: str) -> str:
-        if (unit := plain_unit(text)) not in known:
-            raise wrong(code="unknown-name", what="unit", **suggestion(text, known))
+        if (unit := plain_unit(text)) not in units:
+            raise wrong(code="unknown-name", what="unit", **suggestion(text, units))
         return unit
 
     return AfterValidator(check)
@@ -192,10 +192,10 @@ class Component(Contract):
         # The degree that is not written follows from what is; the contract's 1 else.
         if not isinstance(data, dict) or data.get("degree") not in (None, AUTO):
             return data
-        known = data.get("coefficients")
-        if data.get("shape") == "table" or (data.get("degree") == AUTO and not known):
+        coefficients = data.get("coefficients")
+        if data.get("shape") == "table" or (data.get("degree") == AUTO and not coefficients):
             return data
-        count = len(known) if isinstance(known, list) and known else 2
+        count = len(coefficients) if isinstance(coefficients, list) and coefficients else 2
         return data | {"degree": count - 1 if data.get("of") else 0}
 
     @property

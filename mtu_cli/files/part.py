@@ -185,30 +185,30 @@ def load_part(path: Path, role: str = "part") -> LoadedPart:
 
 
 def _check(part: Part, faults: Faults) -> None:
-    """Known features, none twice; lengths above 0; ids once."""
-    places, known = part.places(), faults.keys("features")
-    named: list[tuple[YamlPath, str]] = []
+    """Features that the file has, none twice; lengths above 0; ids once."""
+    places, keys = part.places(), faults.keys("features")
+    references: list[tuple[YamlPath, str]] = []
     for index, length in present(part.lengths):
         ends: YamlPath = ("lengths", index)
-        named += [((*ends, "from"), length.from_), ((*ends, "to"), length.to)]
+        references += [((*ends, "from"), length.from_), ((*ends, "to"), length.to)]
         if places.get(length.from_, length.from_) == places.get(length.to, length.to):
             expected = f"a feature at another place than {length.from_!r}"
-            given = {"what": "the place", "value": length.to, "expected": expected}
-            faults.add((*ends, "to"), "appears-twice", **given)
+            facts = {"what": "the place", "value": length.to, "expected": expected}
+            faults.add((*ends, "to"), "appears-twice", **facts)
     for kind in ("orthogonality", "circles", "spheres"):
         for index, item in present(getattr(part, kind)):
             for key in ("row", "column", "features"):
                 path: YamlPath = (kind, index, key)
                 names = getattr(item, key, ())
                 faults.once(path, enumerate(names), "the feature")
-                named += [((*path, place), name) for place, name in enumerate(names)]
+                references += [((*path, place), name) for place, name in enumerate(names)]
             if len(getattr(item, "calibrated_mm", None) or ()) > 1 and item.temperature is None:
-                given = {"what": "diameters at several temperatures", "other": "`temperature`"}
-                faults.add((kind, index, "calibrated_mm"), "incomplete", **given)
-    for path, name in named:
-        # A feature whose own entry is faulty is not unknown.
-        if name not in known:
-            faults.unknown(path, name, known, "feature")
+                facts = {"what": "diameters at several temperatures", "other": "`temperature`"}
+                faults.add((kind, index, "calibrated_mm"), "incomplete", **facts)
+    for path, name in references:
+        # A feature whose entry is faulty is not unknown.
+        if name not in keys:
+            faults.unknown(path, name, keys, "feature")
     for kind in ("lengths", "orthogonality", "circles", "spheres"):
         ids = [(index, item.id) for index, item in present(getattr(part, kind))]
         faults.once((kind,), ids, "the id", "id", expected="another `id`")

@@ -57,10 +57,10 @@ def read_points(
     nominal_x_mm, nominal_y_mm. Where both do, they must agree within 1e-6 mm.
 
     Raises InputError with all problems of all files: of headers and of every cell first,
-    then, where those are sound, of what the rows mean together.
+    then, where those are sound, of the rows as a whole.
     """
     faults = CellFaults()
-    table = read_tables(files, POINTS.knowing("feature", features), faults, convert)
+    table = read_tables(files, POINTS.with_texts("feature", features), faults, convert)
     faults.raise_if_any()
     nominal, sequence = _nominal(table, features, faults), _sequence(table, faults)
     faults.raise_if_any()
@@ -86,20 +86,20 @@ def read_points(
 def _side_by_side(table: Table, name: str) -> Floats:
     """The columns of x, y and z (n, 3), each contiguous in memory; not to be written to."""
     names = [name.format(axis) for axis in AXES]
-    if not any(each in table.numbers for each in names):
+    if not any(column in table.numbers for column in names):
         return np.broadcast_to(np.nan, (len(table), len(AXES)))
-    return np.array([table.number(each) for each in names]).T
+    return np.array([table.number(column) for column in names]).T
 
 
 def _sequence(table: Table, faults: CellFaults) -> Ints:
-    """The order of manufacture (n,) as given, one a part and operation, or of first appearance."""
+    """The order of manufacture (n,) as stated, one a part and operation, or of first appearance."""
     parts, part = table.labelled("part")
-    given = [file for file in table.files if "sequence" in file.header]
-    if not given:
+    ordered_files = [file for file in table.files if "sequence" in file.header]
+    if not ordered_files:
         return part + 1
-    expected = f"it in all files, or in none: {given[0].source.shown} has it"
+    expected = f"it in all files, or in none: {ordered_files[0].source.shown} has it"
     for file in table.files:
-        if file not in given:
+        if file not in ordered_files:
             place = {**file.place, "column": "sequence", "expected": expected}
             faults.add(finding("missing-column", **place))
     sequence, operation = table.whole("sequence"), table.labelled("operation")[1]
@@ -124,18 +124,18 @@ def _nominal(table: Table, features: Mapping[str, Place] | None, faults: CellFau
     if features is None:
         bad = np.isnan(nominal[:, 0] + nominal[:, 1])
         expected = "it in a part file (--part), or nominal_x_mm and nominal_y_mm"
-        given: dict[str, Any] = {"what": "the nominal place", "expected": expected}
-        faults.cells(table, bad, "feature", code="missing-input", **given)
+        facts: dict[str, Any] = {"what": "the nominal place", "expected": expected}
+        faults.cells(table, bad, "feature", code="missing-input", **facts)
         return nominal
     places = np.array([features[name] for name in column.labels], np.float64).reshape(-1, 3)
-    stated = places[column.codes]
+    reference = places[column.codes]
     for axis, letter in enumerate(AXES):
 
         def of_row(i: int, axis: int = axis) -> dict[str, str]:
             other = f"the nominal place of {column.labels[column.codes[i]]!r}"
-            expected = f"{stated[i, axis]:.9g}, as in the part file"
+            expected = f"{reference[i, axis]:.9g}, as in the part file"
             return {"other": other, "value": cell_text(nominal[i, axis]), "expected": expected}
 
-        bad = np.abs(nominal[:, axis] - stated[:, axis]) > SAME_MM
+        bad = np.abs(nominal[:, axis] - reference[:, axis]) > SAME_MM
         faults.cells(table, bad, f"nominal_{letter}_mm", of_row, code="contradicts")
-    return np.where(np.isnan(stated), nominal, stated)
+    return np.where(np.isnan(reference), nominal, reference)

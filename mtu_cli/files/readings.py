@@ -78,7 +78,7 @@ def read_readings(
     Raises InputError with all problems of all files: of cells first, then of what they mean.
     """
     faults = CellFaults()
-    table = read_tables(files, READINGS.knowing("component", components), faults, convert)
+    table = read_tables(files, READINGS.with_texts("component", components), faults, convert)
     _check_drift(table, faults, for_fit)
     sound = not faults.listed
     for code, label in enumerate(table.texts["component"].labels):
@@ -126,7 +126,7 @@ def _check_component(
     """One kind of unit in the rows `inside` (n,), and a position or none, as the machine has them;
     without a machine drift readings have to be alike.
     """
-    units, kinds, given = table.texts["unit"], _dimensions(table), table.has("position_mm")
+    units, kinds, has_column = table.texts["unit"], _dimensions(table), table.has("position_mm")
     empty = np.isnan(table.number("position_mm"))
     if component is None:
         inside = inside & table.of_files(lambda file: file.source.role == DRIFT)
@@ -142,15 +142,15 @@ def _check_component(
         unit = units.labels[units.codes[i]]
         return {"unit": dimension_name(kinds[i]), "value": unit}
 
-    wanted = dimension_name(kind)
-    facts = {"of": label, "wanted": wanted, "expected": f"{wanted}: {why}"}
+    dimension = dimension_name(kind)
+    facts = {"of": label, "wanted": dimension, "expected": f"{dimension}: {why}"}
     bad = inside & (kinds != kind) & (kinds != UNKNOWN)
     faults.cells(table, bad, "unit", of_row, code="wrong-unit", **facts)
     unplaced = inside & empty & placed
-    for i in np.unique(table.file_index[unplaced & ~given]).tolist():
+    for i in np.unique(table.file_index[unplaced & ~has_column]).tolist():
         place = {**table.files[i].place, "column": "position_mm", "expected": expected}
         faults.add(finding("missing-column", **place))
-    faults.cells(table, unplaced & given, "position_mm", code="empty-cell", expected=expected)
+    faults.cells(table, unplaced & has_column, "position_mm", code="empty-cell", expected=expected)
 
 
 def _count_positions(
@@ -174,8 +174,8 @@ def _count_positions(
 def _dimensions(table: Table) -> Ints:
     """The exponent of length of each row's unit (n,); UNKNOWN where it has none."""
     units = table.texts["unit"]
-    known = [UNITS[unit].dimension if unit in UNITS else UNKNOWN for unit in units.labels]
-    return np.array([*known, UNKNOWN], np.int64)[units.codes]
+    dimensions = [UNITS[unit].dimension if unit in UNITS else UNKNOWN for unit in units.labels]
+    return np.array([*dimensions, UNKNOWN], np.int64)[units.codes]
 
 
 def _readings(table: Table, components: Components | None) -> Readings:

@@ -68,8 +68,8 @@ class _Reported(BaseModel):
                 len(values) != size or any(len(row) not in width for row in values if width)
             )
             if odd:
-                wanted = " x ".join(map(str, (size, *width)))
-                faults.append(wrong(wanted, "wrong-count", key, found="another size"))
+                shape = " x ".join(map(str, (size, *width)))
+                faults.append(wrong(shape, "wrong-count", key, found="another size"))
             elif (
                 values
                 and ("covariance" in key or "mean_square" in key)
@@ -205,12 +205,12 @@ class ComponentsReport(_Results):
 
     @model_validator(mode="after")
     def _joint(self) -> Self:
-        """Components that were fitted together are there, with as many coefficients."""
+        """Jointly fitted components are components of the report, with as many coefficients."""
         for i, group in enumerate(self.joint_pass_covariance):
             at = ("joint_pass_covariance", i)
-            known = [self.components[name] for name in group.components if name in self.components]
-            widths = [len(item.coefficients) for item in known]
-            if group.widths != widths or len(known) < len(group.components):
+            items = [self.components[name] for name in group.components if name in self.components]
+            widths = [len(item.coefficients) for item in items]
+            if group.widths != widths or len(items) < len(group.components):
                 expected = f"components of the report, whose widths are {widths}"
                 raise wrong(expected, "wrong-value", *at, value=group.components)
         return self
@@ -263,14 +263,14 @@ def report_from(source: Source, document: Any) -> Any:
     kind = next((kind for kind in KINDS if schema == f"mtu/{kind}/1"), None)
     if kind is None:
         expected = "{!r} or {!r}, as `mtu {} -o FILE.json` or `mtu {} -o FILE.json` writes it"
-        expected = expected.format(*(f"mtu/{each}/1" for each in KINDS), *KINDS)
+        expected = expected.format(*(f"mtu/{name}/1" for name in KINDS), *KINDS)
         place = {} if schema is None else {"path": "schema", "value": str(schema)}
         facts = {"kind": "a components report", "expected": expected}
         raise error("wrong-type", file=source.shown, **facts, **place)
     role, contract = KINDS[kind]
-    checked = check_contract(YamlDocument(source=source, data=document), contract, kind)
+    report = check_contract(YamlDocument(source=source, data=document), contract, kind)
     read = {"source": replace(source, role=role), "document": document}
-    return checked.results.model_copy(update=read)
+    return report.results.model_copy(update=read)
 
 
 def read_reports(paths: Iterable[Path]) -> ModelReports:
@@ -317,5 +317,5 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
         raise error("not-readable", reason=why, expected=expected, **place) from None
     # What was fitted to synthetic data is no more than that.
     inputs = data.get("inputs") if isinstance(data, dict) else None
-    made = any(isinstance(x, dict) and x.get("synthetic") is True for x in inputs or ())
-    return replace(source, synthetic=made), data
+    synthetic = any(isinstance(x, dict) and x.get("synthetic") is True for x in inputs or ())
+    return replace(source, synthetic=synthetic), data

@@ -90,13 +90,13 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     Raises InputError for a missing file (with the closest name in its folder), a folder, a
     device, a file that may not be read, is empty or is larger than `max_bytes`.
     """
-    shown, expected = shown_path(path), None
+    file, expected = shown_path(path), None
     if not path.parent.is_dir():
         expected = "a path to an existing folder"
     elif role == "study" and path.suffix not in (".yaml", ".yml"):
         expected = "a study or its folder"
     # What is wrong is the path that was written: of /dev/null its last name alone says nothing.
-    place = {"file": given_path(path) if path.is_absolute() else shown}
+    place = {"file": given_path(path) if path.is_absolute() else file}
     try:
         details = path.stat()
         mode = details.st_mode
@@ -110,34 +110,34 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
             raise error("not-readable", **facts, **place)
         content = path.read_bytes()
     except FileNotFoundError:
-        meant = tuple((Path(shown).parent / near).as_posix() for near in near_name(path))
+        meant = tuple((Path(file).parent / name).as_posix() for name in near_name(path))
         raise error("no-such-file", meant=meant, expected=expected, **place) from None
     except (OSError, ValueError) as failed:
         raise error("not-readable", reason=system_reason(failed), **place) from None
     if not content:
         raise error("empty-file", what="text", **place)
     digest = hashlib.sha256(content).hexdigest()
-    made = content.startswith(SYNTHETIC.encode())
-    return Source(role=role, path=path, shown=shown, sha256=digest, synthetic=made), content
+    synthetic = content.startswith(SYNTHETIC.encode())
+    return Source(role=role, path=path, shown=file, sha256=digest, synthetic=synthetic), content
 
 
 def near_name(path: Path) -> tuple[str, ...]:
     """The file in the folder that is nearly called so, if there is one."""
     try:
-        near = closest(path.name, [entry.name for entry in path.parent.iterdir()])
+        name = closest(path.name, [entry.name for entry in path.parent.iterdir()])
     except (OSError, ValueError):
         return ()
-    return () if near is None else (near,)
+    return () if name is None else (name,)
 
 
-def check_text(content: bytes, shown: str) -> None:
+def check_text(content: bytes, file: str) -> None:
     """Raises InputError where the bytes are no UTF-8 text, with the line of the first fault."""
-    # What they call it: the plain CSV of many spreadsheets is in the code page of the computer.
+    # As spreadsheets call it: the plain CSV of many is in the code page of the computer.
     expected = "text saved as UTF-8"
-    expected += ", in spreadsheets as CSV UTF-8" if ".csv" in shown.lower() else ""
+    expected += ", in spreadsheets as CSV UTF-8" if ".csv" in file.lower() else ""
     start = content[:64].removeprefix(codecs.BOM_UTF8).lstrip().lower()
     if kind := next((kind for mark, kind in MARKS.items() if start.startswith(mark)), None):
-        raise error("not-readable", file=shown, reason=f"it is {kind}", expected=expected)
+        raise error("not-readable", file=file, reason=f"it is {kind}", expected=expected)
     at = content.find(b"\0")
     try:
         if at < 0:
@@ -149,4 +149,4 @@ def check_text(content: bytes, shown: str) -> None:
         at = fault.start
     line = content.count(b"\n", 0, at) + 1
     reason = f"byte {at + 1} is 0x{content[at]:02x}"
-    raise error("not-readable", file=shown, line=line, reason=reason, expected=expected)
+    raise error("not-readable", file=file, line=line, reason=reason, expected=expected)

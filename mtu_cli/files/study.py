@@ -154,26 +154,26 @@ def load_study(
 
     def check(study: Study, faults: Faults) -> None:
         for key in (*SINGLE, *SEVERAL):
-            given = getattr(study, key)
-            items = present(given) if key in SEVERAL else [(0, given)] if given else []
+            entry = getattr(study, key)
+            items = present(entry) if key in SEVERAL else [(0, entry)] if entry else []
             instruments.update((folder / x.file, x) for _, x in items if isinstance(x, Instrument))
             names = [(i, x.file if isinstance(x, Instrument) else x) for i, x in items]
             if names:
                 files[key] = tuple(folder / name for _, name in names)
             for i, name in names:
-                file, made = folder / name, absent or ()
-                needed = absent is not None and not any(same(file, each) for each in made)
-                if needed and not file.exists():
+                file, exceptions = folder / name, absent or ()
+                is_needed = absent is not None and not any(same(file, item) for item in exceptions)
+                if is_needed and not file.exists():
                     facts = {"value": name, "meant": near_name(file), "expected": FROM_HERE}
                     faults.add((key, i), "no-such-file", **facts)
             faults.once((key,), names, "the file")
-        if (own := study.budget) is None:
+        if (budget := study.budget) is None:
             return
         # A temperature says nothing without the expansion, and nobody corrects to 20 degC twice.
-        of_heat = bool(own.T_half_width_K) or own.T_mean_degC != 20.0
-        if of_heat and own.alpha_um_per_m_K is None:
+        of_heat = bool(budget.T_half_width_K) or budget.T_mean_degC != 20.0
+        if of_heat and budget.alpha_um_per_m_K is None:
             faults.lacks(("budget",), "alpha_um_per_m_K", "the expansion coefficient, um/(m K)")
-        if own.T_mean_degC != 20.0 and own.already_at_20 is None:
+        if budget.T_mean_degC != 20.0 and budget.already_at_20 is None:
             expected = "true where the instrument has corrected the readings to 20 degC, else false"
             faults.lacks(("budget",), "already_at_20", expected)
 

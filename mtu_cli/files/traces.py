@@ -28,10 +28,10 @@ TRACES = TableSpec(
     columns={
         "angle_deg": Column(required=True, largest=36_000.0),
         "deviation_um": Column(required=True, largest=1e5),
-        "direction": Column("text", known=tuple(WAYS)),
+        "direction": Column("text", texts=tuple(WAYS)),
         "radius_mm": Column(largest=1e5),
         "feed_mm_min": Column(largest=1e7, may_be_empty=True),
-        "plane": Column("text", known=PLANES),
+        "plane": Column("text", texts=PLANES),
         "pass": PASS,
     },
 )
@@ -94,9 +94,9 @@ def read_traces(
         place = {"path": "--radius", "expected": "--radius MM above 0, or a column radius_mm"}
         raise error("missing-input", what="the nominal radius", **place)
     for name, column in (("radius_mm", radii), ("plane", planes)):
-        if (other := np.flatnonzero(column != column[0])).size:
-            value = ", ".join(f"{column[i]}" for i in (0, other[0]))
-            place = {**table.place(int(other[0])), "column": name, "value": value}
+        if (conflicts := np.flatnonzero(column != column[0])).size:
+            value = ", ".join(f"{column[i]}" for i in (0, conflicts[0]))
+            place = {**table.place(int(conflicts[0])), "column": name, "value": value}
             raise error("contradicts", other="another trace", expected="one in all traces", **place)
     traces, number = [], table.whole("pass")
     # Rows of one file, pass, direction and feed are a trace.
@@ -132,21 +132,21 @@ def read_traces(
 
 def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDArray[Any]:
     """A column (n,), with the value of an option where the file has none: one for all files, or one
-    for each; None where neither says it. Raises InputError where both do, and differ.
+    for each; None where neither states it. Raises InputError where both do, and differ.
     """
     files = len(table.files)
     if values and len(values) not in (1, files):
         expected = f"one for all files, or {files} with commas"
         raise error("wrong-count", path=option, found=f"{len(values)} values", expected=expected)
-    each = np.array([values[i % len(values)] if values else None for i in range(files)], object)
-    own = table.number(name).astype(object)
+    defaults = np.array([values[i % len(values)] if values else None for i in range(files)], object)
+    cells = table.number(name).astype(object)
     if name in table.texts:
         labels, codes = table.labelled(name)
-        own = np.array([*labels, None], object)[codes]
-    given = each[table.file_index]
-    stated = [x is not None and x == x for x in own]
-    other = np.flatnonzero(stated & (given != None) & (given != own))  # noqa: E711  # (n,)
-    if other.size:
-        place = {**table.place(int(other[0])), "column": name, "value": f"{own[other[0]]}"}
-        raise error("contradicts", other=f"{option} {given[other[0]]}", **place)
-    return np.where(table.has(name), own, given)
+        cells = np.array([*labels, None], object)[codes]
+    options = defaults[table.file_index]
+    has_cell = [x is not None and x == x for x in cells]
+    rows = np.flatnonzero(has_cell & (options != None) & (options != cells))  # noqa: E711  # (n,)
+    if rows.size:
+        place = {**table.place(int(rows[0])), "column": name, "value": f"{cells[rows[0]]}"}
+        raise error("contradicts", other=f"{option} {options[rows[0]]}", **place)
+    return np.where(table.has(name), cells, options)

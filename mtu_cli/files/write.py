@@ -133,7 +133,7 @@ def _naming(path: Path) -> Iterator[None]:
 def target_faults(targets: Iterable[Path]) -> list[Finding]:
     """Why files cannot be written, as far as can be seen before they are there."""
     findings: list[Finding] = []
-    seen: set[Path] = set()
+    outputs: set[Path] = set()
     for path in targets:
         place, target = {"file": given_path(path)}, resolved(path)
         if os.path.isdir(path):
@@ -144,9 +144,9 @@ def target_faults(targets: Iterable[Path]) -> list[Finding]:
             folder = target.parent if os.path.isdir(path.parent) else path.parent
             reason = f"the folder {given_path(folder)!r} does not exist"
             findings.append(finding("not-writable", reason=reason, **place))
-        if target in seen and _is_replaceable(target):
+        if target in outputs and _is_replaceable(target):
             findings.append(finding("appears-twice", what="the output", **place))
-        seen.add(target)
+        outputs.add(target)
     return findings
 
 

@@ -67,8 +67,8 @@ class YamlDocument:
 
     def at(self, *path: str | int) -> Any:
         """The value at a path; None where there is none."""
-        reached, value = self.reached(path)
-        return value if reached == path else None
+        prefix, value = self.reached(path)
+        return value if prefix == path else None
 
 
 def path_text(path: YamlPath) -> str:
@@ -115,12 +115,12 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice, merge
     keys, decimal commas in a list, more than one document, or too many levels or values.
     """
-    root, found = composed(text, source), YamlDocument(source=source, data=None)
+    root, document = composed(text, source), YamlDocument(source=source, data=None)
     faults: list[Finding] = []
-    data = _value(root, (), root.start_mark.line + 1, found, faults, frozenset())
+    data = _value(root, (), root.start_mark.line + 1, document, faults, frozenset())
     if faults:
         raise InputError(faults)
-    return replace(found, data=data)
+    return replace(document, data=data)
 
 
 def composed(text: str, source: Source) -> yaml.Node:
@@ -145,59 +145,59 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
         return ""
 
 
-def _not_yaml(fault: yaml.MarkedYAMLError, shown: str) -> InputError:
+def _not_yaml(fault: yaml.MarkedYAMLError, file: str) -> InputError:
     problem, mark = fault.problem or "unknown fault", fault.problem_mark or fault.context_mark
     # A text whose end is missing is at fault where it begins.
     if problem.startswith(("found unexpected end", "could not find")) and fault.context_mark:
         mark = fault.context_mark
     line = None if mark is None else mark.line + 1
     if "nesting depth" in str(fault):
-        return error("too-large", most=MAX_DEPTH, what="levels", file=shown, line=line)
-    return error("not-readable", reason=f"no YAML: {problem}", file=shown, line=line)
+        return error("too-large", most=MAX_DEPTH, what="levels", file=file, line=line)
+    return error("not-readable", reason=f"no YAML: {problem}", file=file, line=line)
 
 
 def _value(
     node: yaml.Node,
     path: YamlPath,
     line: int,
-    found: YamlDocument,
+    document: YamlDocument,
     faults: list[Finding],
-    around: frozenset[int],
+    ancestors: frozenset[int],
 ) -> Any:
-    """The value of a node at a `path` and `line`; lines go to the document `found`, `faults` are
-    those of the whole file, and the nodes `around` it have it in them.
+    """The value of a node at a `path` and `line`; lines go to the `document`, `faults` are those of
+    the whole file, and `ancestors` are the nodes that contain it.
     """
-    shown, lines = found.source.shown, found.lines
+    file, lines = document.source.shown, document.lines
 
     def fault(code: str, at: int, **facts: Any) -> None:
-        faults.append(finding(code, file=shown, line=at, **facts))
+        faults.append(finding(code, file=file, line=at, **facts))
 
     if len(lines) > MAX_NODES:
         # Aliases stand for lines far above: the entry that holds them is at fault.
         at = lines.get(path[:1], line)
-        raise error("too-large", most=MAX_NODES, what="values", file=shown, line=at)
+        raise error("too-large", most=MAX_NODES, what="values", file=file, line=at)
     if len(path) > MAX_DEPTH:
-        raise error("too-large", most=MAX_DEPTH, what="levels", file=shown, line=line)
+        raise error("too-large", most=MAX_DEPTH, what="levels", file=file, line=line)
     if node.tag:
         tag = node.tag.replace("tag:yaml.org,2002:", "!!")
         fault("yaml-feature", line, what=f"the tag {tag!r}")
-    if id(node) in around:
+    if id(node) in ancestors:
         fault("yaml-feature", line, what="an alias inside its own anchor")
         return None
     lines[path] = line
     if isinstance(node, yaml.ScalarNode):
         return node.value if node.style else plain_scalar(node.value)
-    around, first = around | {id(node)}, dict[str, int]()
+    ancestors, first = ancestors | {id(node)}, dict[str, int]()
     if isinstance(node, yaml.SequenceNode):
         items = [
-            _value(item, (*path, i), item.start_mark.line + 1, found, faults, around)
+            _value(item, (*path, i), item.start_mark.line + 1, document, faults, ancestors)
             for i, item in enumerate(node.value)
         ]
         # [50,21, 50,24] is four numbers to YAML and two to some of its users: a list of numbers
         # has blanks behind all of its commas, or behind none.
         marks = [(a.end_mark, b.start_mark) for a, b in itertools.pairwise(node.value)]
         gaps = {b.index - a.index > 1 for a, b in marks if a.line == b.line}
-        if node.flow_style and len(gaps) > 1 and all(type(own) in (int, float) for own in items):
+        if node.flow_style and len(gaps) > 1 and all(type(x) in (int, float) for x in items):
             expected = "decimal points, and a blank behind each comma between two numbers"
             place = {"path": path_text(path), "expected": expected}
             fault("yaml-feature", line, what="a comma within a number", **place)
@@ -212,5 +212,5 @@ def _value(
         if first.setdefault(name, at) != at or name in result:
             where, expected = f"the key {name!r}", f"it once: it is in line {first[name]} too"
             fault("appears-twice", at, what=where, expected=expected)
-        result[name] = _value(item, (*path, name), at, found, faults, around)
+        result[name] = _value(item, (*path, name), at, document, faults, ancestors)
     return result

@@ -115,15 +115,15 @@ class Imported:
     def sentence(self) -> str:
         """How the file was understood, and what was left out."""
         kind = "drift readings" if self.kind == "drift" else self.kind
-        left = ", ".join(f"{count} {what}" for what, count in self.left_out.items())
+        omissions = ", ".join(f"{count} {what}" for what, count in self.left_out.items())
         # First what must not be lost where a message is cut.
-        parts = [f"{len(self.rows)} {kind}", f"left out: {left or 'nothing'}", *self.says]
+        parts = [f"{len(self.rows)} {kind}", f"left out: {omissions or 'nothing'}", *self.says]
         return f"{self.format}: {'; '.join(parts)}"
 
     def csv(self, order: Sequence[str] = ()) -> str:
         """The contract's CSV; numbers to the last digit."""
-        known = dict.fromkeys((*FIRST, *order, *self.columns))
-        names = [name for name in known if name in self.columns]
+        sequence = dict.fromkeys((*FIRST, *order, *self.columns))
+        names = [name for name in sequence if name in self.columns]
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")  # floats in full, None as nothing
         writer.writerow(names)
@@ -160,8 +160,8 @@ def of_content(source: Source, content: bytes) -> RawFile:
     for encoding in CODE_PAGES:
         with suppress(UnicodeDecodeError):
             text = content.decode(encoding)
-            for broken, meant in MOJIBAKE.items():
-                text = text.replace(broken, meant)
+            for broken, sign in MOJIBAKE.items():
+                text = text.replace(broken, sign)
             name = encoding.removesuffix("-sig")
             return RawFile(source=source, content=content, text=text, encoding=name)
     return RawFile(source=source, content=content)
@@ -176,17 +176,17 @@ def unit_in(text: str) -> str | None:
     plain = plain_unit(text)
     bracketed = re.search(r"[\[(]([^\])]*)[\])]", plain)
     names = [bracketed[1].strip()] if bracketed else re.split(r"[\s_,:]+", plain)[1:]
-    known = {name.casefold(): name for name in UNITS} | {"micron": "um", "'": "", '"': "arcsec"}
-    result = [known.get(name.casefold(), "") for name in names]
+    units = {name.casefold(): name for name in UNITS} | {"micron": "um", "'": "", '"': "arcsec"}
+    result = [units.get(name.casefold(), "") for name in names]
     return next((name for name in reversed(result) if name), None)
 
 
-def unit_of(file: RawFile, ask: Ask, found: Imported, stated: str | None) -> str:
+def unit_of(file: RawFile, ask: Ask, result: Imported, stated: str | None) -> str:
     """The unit of the readings: as the file has it, or as the caller says where it has none."""
     if stated:
-        found.says.append(f"readings in {stated}, as the file says")
+        result.says.append(f"readings in {stated}, as the file says")
     elif ask.unit:
-        found.says.append(f"readings without a unit taken in {ask.unit}, {ask.whose_unit}")
+        result.says.append(f"readings without a unit taken in {ask.unit}, {ask.whose_unit}")
     elif ask.kind != "inspect":
         expected = "`unit: um` in the study, import --unit um, or a machine with the component"
         raise file.error("missing-input", what="the unit of the readings", expected=expected)
@@ -194,22 +194,22 @@ def unit_of(file: RawFile, ask: Ask, found: Imported, stated: str | None) -> str
 
 
 def add_readings(
-    file: RawFile, ask: Ask, found: Imported, unit: str,
+    file: RawFile, ask: Ask, result: Imported, unit: str,
     readings: Iterable[tuple[int, float, int, str, float]],
 ) -> None:  # fmt: skip
     """Adds readings of one component: line, target, pass, direction and error of each.
 
-    Raises InputError where the caller has not said which component that is, and for none.
+    Raises InputError where the caller does not name the component, and where there are none.
     """
     if not ask.component and ask.kind != "inspect":
         expected = "NAME=FILE, as --laser dx_x=FILE; with import --component NAME"
         raise file.error("missing-input", what="the component that the file reads",
                          expected=expected)  # fmt: skip
     for line, target, run, way, value in readings:
-        found.add(line, component=ask.component or "?", position_mm=target, **{"pass": run},
+        result.add(line, component=ask.component or "?", position_mm=target, **{"pass": run},
                   direction=way, error=value, unit=unit)  # fmt: skip
-    if not found.rows:
-        raise file.error("empty-file", what="readings", expected=f"a whole {found.format}")
+    if not result.rows:
+        raise file.error("empty-file", what="readings", expected=f"a whole {result.format}")
 
 
 def local(element: ElementTree.Element) -> str:

@@ -9,7 +9,7 @@ from datetime import datetime
 from typing import Any
 
 from mtu_cli.formats.base import Ask, Format, Imported, RawFile, unit_in, unit_of
-from mtu_cli.formats.grid import Columns, Faults, Grid, grid_of, said
+from mtu_cli.formats.grid import Columns, Faults, Grid, grid_of, summary
 from mtu_cli.units import UNITS, plain_unit
 
 TIME = re.compile(r"\s*(time|zeit|date|datum|timestamp|date.?time|elapsed)\b", re.I)
@@ -46,8 +46,8 @@ def read(file: RawFile, ask: Ask) -> Imported:
     result, faults = Imported(format="logger", kind="drift"), Faults(file)
     units = [_unit(name) for name in names]
     if rows and not rows[0].cells[0].strip("-[]() ").replace("s", ""):
-        stated = [_unit(f"x [{cell.strip('[]()')}]") for cell in rows.pop(0).cells]
-        units = [own or unit for own, unit in zip(stated, units, strict=False)]
+        row_units = [_unit(f"x [{cell.strip('[]()')}]") for cell in rows.pop(0).cells]
+        units = [row_unit or unit for row_unit, unit in zip(row_units, units, strict=False)]
         result.says.append("one row of units")
     result.drop("lines above the header", at)
     columns = Columns(faults, names, rows, ask.decimal, grid.separator)
@@ -56,7 +56,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
     faults.raise_if_any()
     lines = [row.line for row in rows]
     _assemble(file, ask, result, names[1:], units[1:], times, values, lines)
-    result.says[:0] = [said(grid, columns.signs)]
+    result.says[:0] = [summary(grid, columns.signs)]
     return result
 
 
@@ -67,7 +67,7 @@ def _unit(name: str) -> str | None:
 
 
 def _assemble(
-    file: RawFile, ask: Ask, found: Imported, names: Sequence[str], units: Sequence[str | None],
+    file: RawFile, ask: Ask, result: Imported, names: Sequence[str], units: Sequence[str | None],
     times: tuple[str, Sequence[Any]], values: Sequence[Sequence[float | None]],
     lines: Sequence[int],
 ) -> None:  # fmt: skip
@@ -79,7 +79,7 @@ def _assemble(
         sensors[i] = f"T_{plain}_degC"
     probes = [i for i, unit in enumerate(units) if unit in UNITS]
     probes = probes or ([i for i in range(len(names)) if i not in sensors][:1] if ask.unit else [])
-    found.facts = {"channels": list(names), "readings": [names[i] for i in probes],
+    result.facts = {"channels": list(names), "readings": [names[i] for i in probes],
                    "temperatures": [*sensors.values()], "rows": len(lines)}  # fmt: skip
     if not probes:
         expected = "a channel in um, mm, arcsec, ... , or --unit"
@@ -87,31 +87,31 @@ def _assemble(
     if ask.component and len(probes) > 1:
         reason = f"{len(probes)} channels of readings and one component"
         raise file.error("undecided", what=reason, expected="a --map profile")
-    other = len(names) - len(sensors) - len(probes)
-    found.drop("channels without a unit of temperature, length or angle", other)
+    count = len(names) - len(sensors) - len(probes)
+    result.drop("channels without a unit of temperature, length or angle", count)
     for i in probes:
-        # Without a name of its own a channel's, less its unit.
+        # Without a stated component the channel's name, less its unit.
         plain = re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", names[i])).strip("_")
-        unit, component = unit_of(file, ask, found, units[i]), ask.component or plain
+        unit, component = unit_of(file, ask, result, units[i]), ask.component or plain
         for n, line in enumerate(lines):
-            found.add(line, component=component, error=values[i][n], unit=unit, cycle="1",
+            result.add(line, component=component, error=values[i][n], unit=unit, cycle="1",
                       **{times[0]: times[1][n]},
                       **{name: values[j][n] for j, name in sensors.items()})  # fmt: skip
-    found.says.append("one cycle: split it by a --map profile with cycles")
+    result.says.append("one cycle: split it by a --map profile with cycles")
 
 
 def _times(columns: Columns) -> tuple[str, list[Any]]:
     """The column's name in the contract, and its cells: minutes, or ISO 8601 times."""
     name, faults = columns.header[0], columns.faults
     matches = [_DATE.fullmatch(text) for text in columns.texts[0]]
-    known = [match for match in matches if match]
-    if not known:
+    dates = [match for match in matches if match]
+    if not dates:
         unit = re.search(r"[\[(_ ](s|sec|min|h)\b", name)
         if unit is None:
             facts = {"what": f"the unit of {name!r}", "expected": "time [s], [min] or [h]"}
             raise faults.file.error("undecided", **facts)
         return "time_min", [x and x * PER_MINUTE[unit[1]] for x in columns.numbers(0)]
-    slashed = [match for match in known if match[2] == "/" and len(match[1]) < 3]
+    slashed = [match for match in dates if match[2] == "/" and len(match[1]) < 3]
     day_first = any(int(match[1]) > 12 for match in slashed)
     if slashed and not day_first and not any(int(match[3]) > 12 for match in slashed):
         what, expected = "day or month first in the times", "a day after the 12th, or ISO 8601"
@@ -145,18 +145,18 @@ def read_tdms(file: RawFile, ask: Ask) -> Imported:
         groups = TdmsFile.read(io.BytesIO(file.content)).groups()
     except Exception as fault:
         raise file.error("not-readable", reason=f"damaged TDMS ({type(fault).__name__})") from None
-    channels = [each for group in groups[:1] for each in group.channels() if len(each)]
+    channels = [item for group in groups[:1] for item in group.channels() if len(item)]
     count = min(map(len, channels), default=0)
     result = Imported(format="tdms", kind="drift")
     result.drop("groups beyond the first", max(0, len(groups) - 1))
-    result.drop("samples beyond the shortest channel", sum(len(each) - count for each in channels))
+    result.drop("samples beyond the shortest channel", sum(len(item) - count for item in channels))
     step = channels[0].properties.get("wf_increment") if channels else None
-    if not step or not all(each.dtype.kind in "iuf" for each in channels):
+    if not step or not all(item.dtype.kind in "iuf" for item in channels):
         raise file.error("missing-input", what="wf_increment of numeric channels")
-    names = [each.name for each in channels]
-    units = [plain_unit(str(each.properties.get("unit_string", ""))) or _unit(each.name)
-             for each in channels]  # fmt: skip
-    values = [[float(x) for x in each[:count]] for each in channels]
+    names = [item.name for item in channels]
+    units = [plain_unit(str(item.properties.get("unit_string", ""))) or _unit(item.name)
+             for item in channels]  # fmt: skip
+    values = [[float(x) for x in item[:count]] for item in channels]
     times = [n * float(step) / 60.0 for n in range(count)]
     _assemble(file, ask, result, names, units, ("time_min", times), values, [1] * count)
     return result

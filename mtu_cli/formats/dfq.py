@@ -18,7 +18,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
     result, faults = Imported(format="dfq", kind="points"), Faults(file)
     # Of each characteristic; 0: of all, and of the part.
     fields: dict[int, dict[str, str]] = {0: {}}
-    values, last, whole = list[list[str]](), dict[int, int](), 0
+    values, last, width = list[list[str]](), dict[int, int](), 0
 
     def count() -> int:
         return len(fields) - 1
@@ -33,9 +33,9 @@ def read(file: RawFile, ask: Ask) -> Imported:
             # Compact: characteristics between 0x0F, fields between 0x14.
             cells = [cell.split("\x14") for cell in text.split("\x0f")] if text.strip() else []
             # Value, attribute and time: a record that was cut off has fewer than the first.
-            whole = whole or min(3, max(map(len, cells), default=0))
-            if cells and (min(map(len, cells)) < whole or len(cells) != (count() or len(cells))):
-                expected = f"{count()} characteristics of {whole} fields or more"
+            width = width or min(3, max(map(len, cells), default=0))
+            if cells and (min(map(len, cells)) < width or len(cells) != (count() or len(cells))):
+                expected = f"{count()} characteristics of {width} fields or more"
                 faults.cell(line, "values", text, expected)
                 continue
             for i, cell in enumerate(cells, 1):
@@ -57,21 +57,21 @@ def read(file: RawFile, ask: Ask) -> Imported:
         facts = {"found": f"{count()} characteristics", "expected": f"{stated}, as K0100 says"}
         faults.add(file.finding("wrong-count", **facts))
     faults.raise_if_any()
-    coordinates, seen = list[Coordinate](), dict[int, int]()
+    coordinates, counts = list[Coordinate](), dict[int, int]()
     for (line, index), (text, attribute) in zip(lines, values, strict=True):
         match = OF_AXIS.fullmatch(of(index, "K2002") or of(index, "K2001"))
         feature = match[1].rstrip(" ._-:") if match else ""
-        seen[index] = seen.get(index, 0) + 1
-        other = of(index, "K2004") == "1" or of(index, "K2142").lower() not in ("", "mm")
+        counts[index] = counts.get(index, 0) + 1
+        is_other = of(index, "K2004") == "1" or of(index, "K2142").lower() not in ("", "mm")
         if index not in fields:
             faults.cell(line, "characteristic", str(index), f"one of {count()}")
         elif attribute in INVALID:
             result.drop("values with attribute 255 or 256, that is invalid")
-        elif other or match is None or not feature:
+        elif is_other or match is None or not feature:
             result.drop("values of characteristics that are no X, Y or Z in mm")
         else:
-            own = (match[2].lower(), text, of(index, "K2101"))
-            coordinates.append(Coordinate(line, str(seen[index]), feature, *own))
+            coordinate = (match[2].lower(), text, of(index, "K2101"))
+            coordinates.append(Coordinate(line, str(counts[index]), feature, *coordinate))
     collect(file, ask, result, coordinates, faults)
     result.facts = {"characteristics": [of(i, "K2002") for i in sorted(fields) if i]}
     result.says = ["the n-th value of a characteristic is of the n-th part, in mm"]

@@ -44,11 +44,11 @@ def read(file: RawFile, ask: Ask) -> Imported:
         if index not in targets:
             faults.cell(line, "TGT_DATA", str(index), "the index of a target")
     runs = len({row[3] for row in rows})
-    if cycles and len(rows) != (due := 2 * int(places) * int(cycles)):
+    if cycles and len(rows) != (size := 2 * int(places) * int(cycles)):
         # A file that is cut off lacks its last readings: reverse ones.
-        found = f"{len(rows)} readings of {len(targets)} positions in {runs} cycles"
-        expected = f"{due}: {places} positions, {cycles} cycles, both directions, as the file says"
-        faults.add(file.finding("wrong-count", found=found, expected=expected))
+        counts = f"{len(rows)} readings of {len(targets)} positions in {runs} cycles"
+        expected = f"{size}: {places} positions, {cycles} cycles, both directions, as the file says"
+        faults.add(file.finding("wrong-count", found=counts, expected=expected))
     faults.raise_if_any()
     result = Imported(format="ecmc-iso230")
     errors = [(line, targets[index], cycle, way, value - targets[index])

@@ -47,11 +47,11 @@ class Grid(NamedTuple):
 
 def grid_of(lines: Sequence[str], first: int = 1, separator: str | None = None) -> Grid:
     """The table in `lines`, the first of which is line `first` of its file."""
-    kept = [(i, line) for i, line in enumerate(lines, first) if line.strip()]
-    filled = [(i, line) for i, line in kept if not line.lstrip().startswith("#")]
-    sign = separator or separator_of([line for _, line in filled[:SAMPLE]])
-    rows = [Row(i, split(line, sign)) for i, line in filled]
-    return Grid(sign, rows, len(kept) - len(filled))
+    nonblank = [(i, line) for i, line in enumerate(lines, first) if line.strip()]
+    data_lines = [(i, line) for i, line in nonblank if not line.lstrip().startswith("#")]
+    sign = separator or separator_of([line for _, line in data_lines[:SAMPLE]])
+    rows = [Row(i, split(line, sign)) for i, line in data_lines]
+    return Grid(sign, rows, len(nonblank) - len(data_lines))
 
 
 def split(line: str, separator: str) -> list[str]:
@@ -70,15 +70,15 @@ def split(line: str, separator: str) -> list[str]:
 
 def separator_of(lines: Sequence[str]) -> str:
     """The separator that gives most lines the same number of cells, two or more."""
-    best, most = " ", 0
+    best, count = " ", 0
     for sign in SEPARATORS:
         counts = Counter(len(split(line, sign)) for line in lines)
         counts.pop(1, None)
         counts.pop(0, None)
         if sign == "," and any(re.search(r"\d[ \t]+[-+]?[\d,]", line) for line in lines[1:]):
             continue
-        if counts and max(counts.values()) > most:
-            best, most = sign, max(counts.values())
+        if counts and max(counts.values()) > count:
+            best, count = sign, max(counts.values())
     return best
 
 
@@ -99,33 +99,35 @@ def evidence(cell: str) -> str:
     sign = "." if dots else ","
     if dots + commas > 1:
         return "," if dots else "."
-    whole, _, part = mantissa.partition(sign)
-    grouped = len(part) == 3 and re.fullmatch(r"[1-9]\d{0,2}", whole) and not exponent
+    integer, _, part = mantissa.partition(sign)
+    grouped = len(part) == 3 and re.fullmatch(r"[1-9]\d{0,2}", integer) and not exponent
     return OPEN if grouped else sign
 
 
 def decimals(
-    file: RawFile, columns: Iterable[Iterable[str]], given: Decimal | None, separator: str = ""
+    file: RawFile, columns: Iterable[Iterable[str]], decimal: Decimal | None, separator: str = ""
 ) -> list[Decimal]:
     """The decimal sign of each column: decided by all its cells, else by all other columns.
 
     Raises InputError where cells of a column contradict each other, or nothing decides.
     """
-    seen = [Counter(map(evidence, column)) for column in columns]
-    if given:
-        return [given] * len(seen)
-    signs = [{sign for sign in (".", ",") if each[sign]} for each in seen]
-    whole: set[str] = set().union(*signs) if signs else set()
-    if separator == "," and not whole:
-        whole = {"."}
+    counts = [Counter(map(evidence, column)) for column in columns]
+    if decimal:
+        return [decimal] * len(counts)
+    signs = [{sign for sign in (".", ",") if count[sign]} for count in counts]
+    all_signs: set[str] = set().union(*signs) if signs else set()
+    if separator == "," and not all_signs:
+        all_signs = {"."}
     result: list[Decimal] = []
-    for number, (own, each) in enumerate(zip(signs, seen, strict=True), 1):
-        if len(own) > 1 or (each[OPEN] and not own and len(whole) != 1):
-            kind = "both signs in one column" if len(own) > 1 else "numbers as 1.234 or 1,234 alone"
+    for number, (marks, count) in enumerate(zip(signs, counts, strict=True), 1):
+        if len(marks) > 1 or (count[OPEN] and not marks and len(all_signs) != 1):
+            kind = (
+                "both signs in one column" if len(marks) > 1 else "numbers as 1.234 or 1,234 alone"
+            )
             expected = "--decimal . or --decimal , (a map profile has `decimal`)"
             what = f"the decimal sign of column {number}: {kind}"
             raise file.error("undecided", what=what, expected=expected)
-        sign = next(iter(own), None) or (next(iter(whole)) if len(whole) == 1 else ".")
+        sign = next(iter(marks), None) or (next(iter(all_signs)) if len(all_signs) == 1 else ".")
         result.append("," if sign == "," else ".")
     return result
 
@@ -139,7 +141,7 @@ def number(cell: str, decimal: Decimal) -> float | None:
     return value if value is not None and abs(value) < 1e15 else None
 
 
-def said(grid: Grid, signs: Iterable[Decimal]) -> str:
+def summary(grid: Grid, signs: Iterable[Decimal]) -> str:
     """Separator and decimal sign in words."""
     words = {".": "decimal points", ",": "decimal commas"}
     result = " and ".join(words[sign] for sign in sorted(set(signs)))
@@ -161,11 +163,11 @@ class Faults(CellFaults):
         place = {"row": row, "column": column, "expected": expected}
         self.add(self.file.finding(code, **place, **facts))
 
-    def widths(self, rows: Iterable[Row], wanted: int, fewest: int | None = None) -> None:
+    def widths(self, rows: Iterable[Row], width: int, fewest: int | None = None) -> None:
         """Raises InputError with every row that has not as many cells as the header."""
         for row in rows:
-            if len(row.cells) < fewest if fewest else len(row.cells) != wanted:
-                facts = {"cells": f"{len(row.cells)} cells", "expected": f"{wanted} cells"}
+            if len(row.cells) < fewest if fewest else len(row.cells) != width:
+                facts = {"cells": f"{len(row.cells)} cells", "expected": f"{width} cells"}
                 self.add(self.file.finding("row-length", row=row.line, **facts))
         self.raise_if_any()
 

@@ -44,14 +44,14 @@ def header_of(content: bytes) -> list[str]:
 
 def is_contract(content: bytes) -> bool:
     """Whether the header names columns of the contract: that reader then says what is wrong."""
-    named = {*header_of(content)}
-    known = {"component", "error", "position_mm", "x_mm", "y_mm", "nominal_x_mm"}
-    return bool(named & known) or len(named & {"part", "feature", "repeat", "unit", "pass"}) > 1
+    header = {*header_of(content)}
+    columns = {"component", "error", "position_mm", "x_mm", "y_mm", "nominal_x_mm"}
+    return bool(header & columns) or len(header & {"part", "feature", "repeat", "unit", "pass"}) > 1
 
 
 def identify(file: RawFile) -> Format | None:
     """The format of a file that is not the contract's CSV, or None."""
-    return next((each for each in registry() if each.sniff(file)), None)
+    return next((entry for entry in registry() if entry.sniff(file)), None)
 
 
 def read(file: RawFile, ask: Ask) -> Imported:
@@ -62,41 +62,41 @@ def read(file: RawFile, ask: Ask) -> Imported:
         from mtu_cli.formats.table_map import read_with
 
         return read_with(file, ask, SPECS)
-    known = identify(file)
-    if known is None:
+    entry = identify(file)
+    if entry is None:
         raise unknown(file)
-    if ask.kind in SPECS and ask.kind != known.gives:
-        kind = f"{known.title} ({known.name}), which gives {known.gives}"
+    if ask.kind in SPECS and ask.kind != entry.gives:
+        kind = f"{entry.title} ({entry.name}), which gives {entry.gives}"
         raise file.error("other-table", kind=kind, expected=str(ask.kind))
     try:
-        return known.read(file, ask)
+        return entry.read(file, ask)
     except (ValueError, IndexError, KeyError, OverflowError, RecursionError) as fault:
         # A reader checks what its format documents; this is the rest of what bytes can be.
-        reason = f"damaged {known.name} ({shorten(str(fault))})"
-        raise file.error("not-readable", reason=reason, expected=known.title) from None
+        reason = f"damaged {entry.name} ({shorten(str(fault))})"
+        raise file.error("not-readable", reason=reason, expected=entry.title) from None
 
 
 def unknown(file: RawFile) -> InputError:
     """What was seen of a file that fits no format, and the nearest ones."""
     lines = [line for line in file.lines if line.strip()]
     if not file.text:
-        seen = "binary data"
+        description = "binary data"
     else:
         separator = separator_of(lines[:50])
         signs = {sign for line in lines[:50] for cell in split(line, separator)
                  if (sign := evidence(cell))} - {"?"}  # fmt: skip
         sign = " and ".join(sorted(signs)) or "not seen"
-        seen = f"{file.encoding}, {NAMES[separator]}, decimal sign {sign}"
-        seen += "".join(f" | {shorten(line.strip(), 40)}" for line in lines[:3])
-    names = [each.name for each in registry()]
+        description = f"{file.encoding}, {NAMES[separator]}, decimal sign {sign}"
+        description += "".join(f" | {shorten(line.strip(), 40)}" for line in lines[:3])
+    names = [entry.name for entry in registry()]
     suffix = file.source.path.suffix[1:]
     likely = [*nearest(suffix, names), "wide", CONTRACT] if suffix else ["wide", CONTRACT]
     expected = f"{listed(likely)}, or a --map profile (mtu help instruments)"
-    return file.error("fits-no-format", seen=seen, expected=expected)
+    return file.error("fits-no-format", seen=description, expected=expected)
 
 
 def converter(
-    ask_of: Callable[[Path, str], Ask], heard: Callable[[RawFile, Imported], None]
+    ask_of: Callable[[Path, str], Ask], report: Callable[[RawFile, Imported], None]
 ) -> Callable[[Source, bytes], Converted | None]:
     """For the reader of the contract's CSV: what an instrument's file is as such a CSV, with the
     line of each row in the file; None of what is a CSV already, or may be meant as one.
@@ -107,8 +107,8 @@ def converter(
         if content.startswith(GZIP):
             return None
         if is_contract(content) and not ask.profile:
-            alone = "error" in names and "component" not in names and ask.kind != "points"
-            if not (alone and ask.component):
+            nameless = "error" in names and "component" not in names and ask.kind != "points"
+            if not (nameless and ask.component):
                 return None
             # A CSV of readings that leaves out the component that the call names.
             columns = {name: name for name in names}
@@ -117,7 +117,7 @@ def converter(
         if not ask.profile and identify(file) is None:
             return None
         result = read(file, ask)
-        heard(file, result)
+        report(file, result)
         return result.csv(list(SPECS[result.kind].columns)).encode(), result.rows
 
     return convert

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 
 from mtu_cli.files.csv_table import Decimal
 from mtu_cli.formats.base import Ask, Format, Imported, RawFile, local
-from mtu_cli.formats.grid import Faults, decimals, grid_of, number, said
+from mtu_cli.formats.grid import Faults, decimals, grid_of, number, summary
 
 FEATURE = ("feature", "feature id", "merkmal", "element", "hole", "bohrung", "characteristic")
 AXIS = ("axis", "achse", "ax", "coordinate")
@@ -36,7 +36,7 @@ class Coordinate(NamedTuple):
 
 
 def collect(
-    file: RawFile, ask: Ask, found: Imported, rows: Sequence[Coordinate], faults: Faults,
+    file: RawFile, ask: Ask, result: Imported, rows: Sequence[Coordinate], faults: Faults,
     separator: str = "", scale: float = 1.0,
 ) -> list[Decimal]:  # fmt: skip
     """Adds the points of features with X and Y, part by part; the others are counted.
@@ -62,12 +62,12 @@ def collect(
     for part, features in points.items():
         for feature, (line, place) in features.items():
             if {"x_mm", "y_mm"} <= place.keys():
-                found.add(line, part=part, feature=feature, **place)
+                result.add(line, part=part, feature=feature, **place)
             else:
-                found.drop("features without X or Y")
-    if not found.rows and ask.kind != "inspect":
+                result.drop("features without X or Y")
+    if not result.rows and ask.kind != "inspect":
         expected = "features with X and Y in mm"
-        raise file.error("empty-file", what=f"points of {found.format}", expected=expected)
+        raise file.error("empty-file", what=f"points of {result.format}", expected=expected)
     return signs
 
 
@@ -92,10 +92,10 @@ def read_calypso(file: RawFile, ask: Ask) -> Imported:
             result.drop("other characteristics")
             continue
         part = cells.get("partnb") or file.source.path.stem
-        own = (cells["featureid"], axis, cells["actual"], cells["nominal"])
-        coordinates.append(Coordinate(row.line, part, *own))
+        coordinate = (cells["featureid"], axis, cells["actual"], cells["nominal"])
+        coordinates.append(Coordinate(row.line, part, *coordinate))
     signs = collect(file, ask, result, coordinates, faults, "\t")
-    result.says = [said(grid, signs), "actual X, Y, Z in mm by the headings"]
+    result.says = [summary(grid, signs), "actual X, Y, Z in mm by the headings"]
     return result
 
 
@@ -103,8 +103,8 @@ def _header(file: RawFile) -> list[int] | None:
     """Indices of feature, axis and nominal in the header; None where it has not all of them."""
     grid = grid_of(file.lines[:20])
     header = _plain(grid.rows[0].cells) if grid.rows else []
-    result = [next((i for i, name in enumerate(header) if name in known), -1)
-             for known in (FEATURE, AXIS, NOMINAL)]  # fmt: skip
+    result = [next((i for i, name in enumerate(header) if name in synonyms), -1)
+             for synonyms in (FEATURE, AXIS, NOMINAL)]  # fmt: skip
     return None if -1 in result or len(header) < 4 else result
 
 
@@ -126,8 +126,8 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
             elif not row.cells[i]:
                 result.drop("empty cells")
             else:
-                own = (feature, axis.casefold(), row.cells[i], nominal)
-                coordinates.append(Coordinate(row.line, part, *own))
+                coordinate = (feature, axis.casefold(), row.cells[i], nominal)
+                coordinates.append(Coordinate(row.line, part, *coordinate))
     signs = collect(file, ask, result, coordinates, faults, grid.separator)
     pairs = [(a, b) for axis in "xyz" for a, b in zip(
         *(result.columns.get(f"{name}{axis}_mm", []) for name in ("", "nominal_")), strict=True)
@@ -135,7 +135,7 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
     if sum(abs(a - b) for a, b in pairs) > 0.5 * sum(abs(b) for _, b in pairs) > 0:
         kind = "deviations, no coordinates (they do not follow the nominal places)"
         raise file.error("other-table", kind=kind, expected="measured coordinates in mm")
-    result.says = [said(grid, signs), f"{len(parts)} parts, coordinates in mm"]
+    result.says = [summary(grid, signs), f"{len(parts)} parts, coordinates in mm"]
     result.facts = {"parts": list(parts.values())}
     return result
 
@@ -168,8 +168,8 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
             facts = {"cells": f"{len(cells)} cells", "expected": " ".join(heading)}
             faults.add(file.finding("row-length", row=line, **facts))
         else:
-            own = dict(zip(heading, cells, strict=False))
-            values = (own["AX"].lower(), own["MEAS"], own.get("NOMINAL", ""))
+            fields = dict(zip(heading, cells, strict=False))
+            values = (fields["AX"].lower(), fields["MEAS"], fields.get("NOMINAL", ""))
             coordinates.append(Coordinate(line, part, feature, *values))
     faults.raise_if_any()
     collect(file, ask, result, coordinates, faults)
@@ -179,7 +179,7 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
 
 def _under(element: Element, ending: str) -> Iterator[Element]:
     """Elements beneath whose name without namespace ends so."""
-    return (each for each in element.iter() if local(each).endswith(ending))
+    return (item for item in element.iter() if local(item).endswith(ending))
 
 
 def _text(element: Element, name: str) -> str:
@@ -205,8 +205,8 @@ def read_qif(file: RawFile, ask: Ask) -> Imported:
                 result.drop("features without a location")
                 continue
             feature = names.get(item) or item or str(n)
-            coordinates += [Coordinate(1, part, feature, *own)
-                            for own in zip("xyz", cells, strict=True)]  # fmt: skip
+            coordinates += [Coordinate(1, part, feature, *coordinate)
+                            for coordinate in zip("xyz", cells, strict=True)]  # fmt: skip
     result.drop("characteristics", len([*_under(root, "CharacteristicActual")]))
     collect(file, replace(ask, decimal="."), result, coordinates, Faults(file), scale=factor)
     result.says = [f"locations times {factor:g} in mm", "nominal places from the part file"]

@@ -30,13 +30,13 @@ Lines = list[tuple[int, str]]
 
 def _kind(file: RawFile) -> str | None:
     """Rtl or rta; None of a file without the sections of a run."""
-    found = re.search(r"File type\s*:\s*(rt[la])\b", file.head, re.IGNORECASE)
+    match = re.search(r"File type\s*:\s*(rt[la])\b", file.head, re.IGNORECASE)
     if not re.search(r"^\s*HEADER\s*::", file.head, re.M) or not (
-        found or "TARGET DATA" in file.head
+        match or "TARGET DATA" in file.head
     ):
         return None
-    named = found[1] if found else file.source.path.suffix[1:]
-    return "rta" if named.lower() == "rta" else "rtl"
+    name = match[1] if match else file.source.path.suffix[1:]
+    return "rta" if name.lower() == "rta" else "rtl"
 
 
 def _entries(lines: Lines) -> dict[str, tuple[int, str]]:
@@ -89,9 +89,9 @@ def read(file: RawFile, ask: Ask) -> Imported:
     # All numbers from ``Targets :`` to the next key, however they are wrapped and signed.
     targets, inside = list[float](), False
     for row, line in sections["TARGET DATA"]:
-        named = _KEY.match(line)
-        inside = named[1].lower().startswith("targets") if named else inside
-        for cell in (named[2] if named else line).split() if inside else ():
+        heading = _KEY.match(line)
+        inside = heading[1].lower().startswith("targets") if heading else inside
+        for cell in (heading[2] if heading else line).split() if inside else ():
             if (value := number(cell, ".")) is None:
                 faults.cell(row, "Targets", cell)
             else:
@@ -120,8 +120,8 @@ def read(file: RawFile, ask: Ask) -> Imported:
     place = "mm" if kind == "rtl" else "degrees or mm"
     result.says = [f"targets in {place}, deviations in {UNITS[kind]}",
                   "one-way runs" if one_way else "odd runs forward, even runs reverse"]  # fmt: skip
-    shown = _entries([line for name in SHOWN for line in sections.get(name, [])])
-    for name, (_, text) in shown.items():
+    entries = _entries([line for name in SHOWN for line in sections.get(name, [])])
+    for name, (_, text) in entries.items():
         if name.startswith("Mat temp") and number(text.split(" ")[0], ".") == NO_SENSOR:
             result.drop("material sensors at -10 degC, that is not connected")
         elif text:
@@ -165,19 +165,19 @@ def features_of(file: RawFile) -> dict[str, Any]:
     """
     result, features = dict[str, Any](), dict[str, Any]()
     for element in file.xml.iter() if file.xml is not None else ():
-        known = {name.rpartition("}")[2].upper(): text for name, text in element.attrib.items()}
-        children = ((local(each).upper(), (each.text or "").strip()) for each in element)
-        known |= {name: text for name, text in children if text}
-        if local(element) == "FEATURE" and known.get("NAME"):
-            text = known.get("VALUE") or (element.text or "").strip()
-            value, unit = number(text, "."), FEATURE_UNITS.get(known.get("DT", ""))
+        fields = {name.rpartition("}")[2].upper(): text for name, text in element.attrib.items()}
+        children = ((local(child).upper(), (child.text or "").strip()) for child in element)
+        fields |= {name: text for name, text in children if text}
+        if local(element) == "FEATURE" and fields.get("NAME"):
+            text = fields.get("VALUE") or (element.text or "").strip()
+            value, unit = number(text, "."), FEATURE_UNITS.get(fields.get("DT", ""))
             if value is None or unit is None:
-                raise file.error("wrong-type", path=known["NAME"], kind="a value with a known DT",
-                                 value=f"{text} {known.get('DT', '')}")  # fmt: skip
-            features[known["NAME"]] = {"value": value, "unit": unit}
-        elif local(element) in ("MACHINE_TESTED", "TEST_SPEC") and known.get("NAME"):
-            result.setdefault(local(element).lower(), known["NAME"])
-        result = {key.lower(): known[key] for key in STATED if key in known} | result
+                raise file.error("wrong-type", path=fields["NAME"], kind="a value with a known DT",
+                                 value=f"{text} {fields.get('DT', '')}")  # fmt: skip
+            features[fields["NAME"]] = {"value": value, "unit": unit}
+        elif local(element) in ("MACHINE_TESTED", "TEST_SPEC") and fields.get("NAME"):
+            result.setdefault(local(element).lower(), fields["NAME"])
+        result = {key.lower(): fields[key] for key in STATED if key in fields} | result
     if not features:
         raise file.error("empty-file", what="FEATURE with NAME, DT and value", expected="a .b5r")
     return {**result, "features": features}
@@ -185,11 +185,11 @@ def features_of(file: RawFile) -> dict[str, Any]:
 
 def read_b5r(file: RawFile, ask: Ask) -> Imported:
     """The features, to be shown: the elements of the raw samples are not documented."""
-    known = features_of(file)
-    features = known.pop("features")
-    shown = {name: f"{each['value']:g} {each['unit']}".strip() for name, each in features.items()}
+    facts = features_of(file)
+    features = facts.pop("features")
+    texts = {name: f"{item['value']:g} {item['unit']}".strip() for name, item in features.items()}
     says = ["A and B are first and second axis of the plane; raw samples are not read"]
-    return Imported(format="b5r", kind="features", rows=[1] * len(features), facts=known | shown,
+    return Imported(format="b5r", kind="features", rows=[1] * len(features), facts=facts | texts,
                     says=says)  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from mtu_cli.files.headers import TIMES, TableSpec
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import suggestion
 from mtu_cli.formats.base import Ask, Imported, RawFile, unit_of
-from mtu_cli.formats.grid import Columns, Row, grid_of, number, said
+from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.wide import way_of
 from mtu_cli.units import UNITS, plain_unit
@@ -60,7 +60,7 @@ class Profile(Contract):
     units: dict[str, str] = optional("Unit of a column that is read as mm, or of error", {})
 
 
-def read_profile(given: Path | Mapping[str, Any]) -> Profile:
+def read_profile(source: Path | Mapping[str, Any]) -> Profile:
     """A checked mapping profile; raises InputError with all its faults."""
 
     def check(profile: Profile, faults: Faults) -> None:
@@ -69,9 +69,9 @@ def read_profile(given: Path | Mapping[str, Any]) -> Profile:
                 faults.add(("units", name), "unknown-name", value=unit, what="unit",
                            **suggestion(unit, UNITS))  # fmt: skip
 
-    if not isinstance(given, Path):
-        return Profile(**given)
-    return check_contract(read_yaml(given, "map"), Profile, "import", check)
+    if not isinstance(source, Path):
+        return Profile(**source)
+    return check_contract(read_yaml(source, "map"), Profile, "import", check)
 
 
 def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Imported:
@@ -91,13 +91,13 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     cells = Columns(faults, header, rows, ask.decimal or profile.decimal, grid.separator)
     table = pd.DataFrame(profile.constants, index=[row.line for row in rows])
     for name in dict.fromkeys([*profile.columns, *profile.subtract.values()]):
-        index, known = place.get(name), specs[kind].columns.get(name)
+        index, column = place.get(name), specs[kind].columns.get(name)
         numeric = name in (*NUMBERS, *profile.scale, *profile.subtract.values())
         if index is None:
             continue
-        if numeric or (known and known.kind == "number" and name not in TIMES):
+        if numeric or (column and column.kind == "number" and name not in TIMES):
             table[name] = cells.numbers(index)
-        elif known:
+        elif column:
             table[name] = cells.texts[index]
         else:
             values = ((number(x, cells.signs[index]), x) for x in cells.texts[index])
@@ -108,13 +108,13 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         # A cycle begins where the set-point returns to its first value.
         table["cycle"] = (first & ~first.shift(fill_value=False)).cumsum().astype(str)
     if unpivot := profile.unpivot:
-        turned = {x: cells.numbers(place[x], may_be_empty=True) for x in unpivot.columns}
+        numbers = {x: cells.numbers(place[x], may_be_empty=True) for x in unpivot.columns}
         faults.raise_if_any()
-        parts = [table.assign(**{unpivot.into: turned[own.pop("")]}, **own)
-                 for own in _turned(unpivot, ask)]  # fmt: skip
-        whole = pd.concat(parts).sort_index(kind="stable")
-        table = whole.dropna(subset=[unpivot.into])
-        result.drop("empty cells", len(whole) - len(table))
+        parts = [table.assign(**{unpivot.into: numbers[labels.pop("")]}, **labels)
+                 for labels in _row_labels(unpivot, ask)]  # fmt: skip
+        stack = pd.concat(parts).sort_index(kind="stable")
+        table = stack.dropna(subset=[unpivot.into])
+        result.drop("empty cells", len(stack) - len(table))
     faults.raise_if_any()
     factors = dict(profile.scale)
     for name, text in profile.units.items():
@@ -125,9 +125,9 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     for name, by in factors.items():
         if name in table and table[name].dtype.kind in "if":
             table[name] = table[name] * by
-    for name, other in profile.subtract.items():
-        if {name, other} <= {*table} and table[name].dtype.kind in "if":
-            table[name] = table[name] - table[other]
+    for name, reference in profile.subtract.items():
+        if {name, reference} <= {*table} and table[name].dtype.kind in "if":
+            table[name] = table[name] - table[reference]
     subtracted = {*profile.subtract.values()} - {*profile.columns}
     table = table.drop(columns=[*subtracted & {*table}])
     if kind != "points" and len(table):
@@ -143,9 +143,9 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     unused = [cell for i, cell in enumerate(header) if i not in place.values()]
     result.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
     result.drop("lines above the header", skip)
-    less = [f"{name} less {other}" for name, other in profile.subtract.items()]
+    less = [f"{name} less {reference}" for name, reference in profile.subtract.items()]
     times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
-    result.says[:0] = [said(grid, cells.signs), *less, *times]
+    result.says[:0] = [summary(grid, cells.signs), *less, *times]
     return result
 
 
@@ -156,10 +156,10 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
         return re.sub(r"\s+", " ", str(text)).casefold()
 
     names, result = [plain(cell) for cell in header.cells], dict[str, int]()
-    others = [*profile.subtract.values(), *([profile.cycles.from_] if profile.cycles else [])]
-    others += profile.unpivot.columns if profile.unpivot else []
-    wanted = {name: name for name in others if name not in profile.constants} | profile.columns
-    for name, heading in wanted.items():
+    operands = [*profile.subtract.values(), *([profile.cycles.from_] if profile.cycles else [])]
+    operands += profile.unpivot.columns if profile.unpivot else []
+    headings = {name: name for name in operands if name not in profile.constants} | profile.columns
+    for name, heading in headings.items():
         if isinstance(heading, int) and 1 <= heading <= len(names):
             result[name] = heading - 1
         elif names.count(plain(heading)) == 1:
@@ -174,7 +174,7 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
     return result
 
 
-def _turned(unpivot: Unpivot, ask: Ask) -> Iterator[dict[str, Any]]:
+def _row_labels(unpivot: Unpivot, ask: Ask) -> Iterator[dict[str, Any]]:
     """What the rows of each column have (its name under ""): a name or number, a direction; passes
     are counted in each direction.
     """
@@ -183,5 +183,5 @@ def _turned(unpivot: Unpivot, ask: Ask) -> Iterator[dict[str, Any]]:
         ways = {"headings": way_of(name), "alternate": ("forward", "reverse")[n % 2]}
         way = ways.get(how or "", how)
         passes[way] += 1
-        own = {"": name, unpivot.names: passes[way] if unpivot.names == "pass" else name}
-        yield own | ({"direction": way} if way else {})
+        labels = {"": name, unpivot.names: passes[way] if unpivot.names == "pass" else name}
+        yield labels | ({"direction": way} if way else {})

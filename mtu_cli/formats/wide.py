@@ -9,7 +9,7 @@ import re
 from collections.abc import Sequence
 
 from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings, unit_in, unit_of
-from mtu_cli.formats.grid import Columns, Faults, Grid, evidence, grid_of, number, said
+from mtu_cli.formats.grid import Columns, Faults, Grid, evidence, grid_of, number, summary
 
 _FORWARD = "+ f fw fwd forward forwards fwrd pos hin vor vorw vorwaerts vorw\u00e4rts \u2191"
 _REVERSE = "- \u2212 b r bw bwd rev reverse back backward backwards neg rueck r\u00fcck her \u2193"
@@ -27,9 +27,9 @@ def numeric_rows(grid: Grid) -> slice | None:
     def numeric(cell: str) -> bool:
         return bool(evidence(cell)) or any(number(cell, sign) is not None for sign in (".", ","))
 
-    found = [i for i, row in enumerate(grid.rows) if len(row.cells) > 1
+    indices = [i for i, row in enumerate(grid.rows) if len(row.cells) > 1
              and numeric(row.cells[0]) and any(map(numeric, row.cells[1:]))]  # fmt: skip
-    return slice(found[0], found[-1] + 1) if len(found) > 1 else None
+    return slice(indices[0], indices[-1] + 1) if len(indices) > 1 else None
 
 
 def way_of(heading: str) -> str | None:
@@ -41,8 +41,8 @@ def way_of(heading: str) -> str | None:
     plain = re.sub(r"[\[(](?!\s*[+-])[^\])]*[\])]", " ", heading.casefold())
     words = re.findall(r"[^\W\d_]+|[+\-\u2212\u2191\u2193]", plain)
     # A single letter counts where no word does: "r1 forward" is the first run.
-    known = [word for word in words if word in WAYS]
-    result = {WAYS[word] for word in known if len(word) > 1} or {WAYS[word] for word in known}
+    marks = [word for word in words if word in WAYS]
+    result = {WAYS[word] for word in marks if len(word) > 1} or {WAYS[word] for word in marks}
     return result.pop() if len(result) == 1 else None
 
 
@@ -56,8 +56,8 @@ def sniff(file: RawFile) -> bool:
         return False
     texts = [row.cells[0] for row in grid.rows[place]]
     comma = any(evidence(text) == "," for text in texts)
-    known = [x for text in texts if (x := number(text, "," if comma else ".")) is not None]
-    return len(set(known)) == len(known) >= 2
+    targets = [x for text in texts if (x := number(text, "," if comma else ".")) is not None]
+    return len(set(targets)) == len(targets) >= 2
 
 
 def read(file: RawFile, ask: Ask) -> Imported:
@@ -71,13 +71,13 @@ def read_laser(file: RawFile, ask: Ask) -> Imported:
     end = next((i for i in range(start + 1, len(file.lines))
                 if re.match(r"[A-Z][\w ]+:\s*$", file.lines[i])), len(file.lines))  # fmt: skip
     result = Imported(format="laser-text")
-    others = sum(map(bool, map(str.strip, file.lines[:start] + file.lines[end:])))
-    result.drop("lines of the other blocks (comments, environment, statistics)", others)
-    # Blank lines keep the numbers of the file's own.
+    count = sum(map(bool, map(str.strip, file.lines[:start] + file.lines[end:])))
+    result.drop("lines of the other blocks (comments, environment, statistics)", count)
+    # Blank lines keep the numbers of the lines of the file.
     return _read(file, ask, [""] * (start + 1) + file.lines[start + 1 : end], result)
 
 
-def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Imported:
+def _read(file: RawFile, ask: Ask, lines: list[str], result: Imported) -> Imported:
     """Raises InputError, too, where values follow their targets with a slope near 1 (or 1000)."""
     import numpy as np
 
@@ -85,49 +85,49 @@ def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Importe
     place = numeric_rows(grid)
     if place is None:
         raise file.error("empty-file", what="table of numbers", expected="targets and runs")
-    above, rows = grid.rows[: place.start], grid.rows[place]
+    header_rows, rows = grid.rows[: place.start], grid.rows[place]
     width = Grid(grid.separator, rows).width
-    headings = [row.cells for row in reversed(above) if len(row.cells) == width]
-    named = (cells for cells in headings if not cells[0].replace(".", "").isdigit())
-    names = next(named, [str(i) for i in range(1, width + 1)])
+    headings = [row.cells for row in reversed(header_rows) if len(row.cells) == width]
+    name_rows = (cells for cells in headings if not cells[0].replace(".", "").isdigit())
+    names = next(name_rows, [str(i) for i in range(1, width + 1)])
     runs = [i for i in range(1, width) if not SUMMARY.search(names[i])]
-    found.drop("calculated columns", width - 1 - len(runs))
-    found.drop("lines above the table", max(0, len(above) - 1))
-    found.drop("lines below the table", len(grid.rows) - place.stop)
+    result.drop("calculated columns", width - 1 - len(runs))
+    result.drop("lines above the table", max(0, len(header_rows) - 1))
+    result.drop("lines below the table", len(grid.rows) - place.stop)
     columns = Columns(faults, names, rows, ask.decimal, grid.separator)
     if not runs:
         raise file.error("missing-input", what="a column of a run", expected="one column a run")
-    ways, how = _ways([[cells[i] for i in runs] for cells in headings], len(runs), ask, found)
+    ways, how = _ways([[cells[i] for i in runs] for cells in headings], len(runs), ask, result)
     stated = {unit for i in runs if (unit := unit_in(names[i]))}
-    over = {unit for row in above for cell in row.cells if (unit := unit_in(cell))} - {"mm"}
-    stated = stated or (over if len(over) == 1 else set())
+    units = {unit for row in header_rows for cell in row.cells if (unit := unit_in(cell))} - {"mm"}
+    stated = stated or (units if len(units) == 1 else set())
     if len(stated) > 1:
         raise file.error("undecided", what=f"the unit: {', '.join(sorted(stated))}")
-    unit = unit_of(file, ask, found, next(iter(stated), None))
+    unit = unit_of(file, ask, result, next(iter(stated), None))
     targets = columns.numbers(0)
     values = [columns.numbers(i, may_be_empty=True) for i in runs]
     faults.raise_if_any()
-    found.drop("empty cells", sum(each.count(None) for each in values))
+    result.drop("empty cells", sum(column.count(None) for column in values))
     passes = [ways[:n].count(way) + 1 for n, way in enumerate(ways)]
-    add_readings(file, ask, found, unit, (
+    add_readings(file, ask, result, unit, (
         (row.line, target, run, way, value)
         for row, target, *cells in zip(rows, targets, *values, strict=True)
         for run, way, value in zip(passes, ways, cells, strict=True) if value is not None
     ))  # fmt: skip
-    x, y = (np.array(found.columns[name], float) for name in ("position_mm", "error"))
+    x, y = (np.array(result.columns[name], float) for name in ("position_mm", "error"))
     if len(np.unique(x)) > 2 and np.ptp(y) and np.corrcoef(x, y)[0, 1] > 0.9999:
         slope = float(np.polyfit(x, y, 1)[0])
         if any(abs(slope / factor - 1) < 0.02 for factor in (1.0, 1e3, 1e-3)):
             kind = "measured positions, no errors (they follow the targets)"
             expected = "errors, or a --map profile with subtract: {error: position_mm}"
             raise file.error("other-table", row=rows[0].line, kind=kind, expected=expected)
-    found.says[:0] = [said(grid, columns.signs), how, f"{len(rows)} targets x {len(runs)} runs"]
-    found.facts = {"targets": sorted(set(targets)), "runs": len(runs), "unit": unit}
-    return found
+    result.says[:0] = [summary(grid, columns.signs), how, f"{len(rows)} targets x {len(runs)} runs"]
+    result.facts = {"targets": sorted(set(targets)), "runs": len(runs), "unit": unit}
+    return result
 
 
 def _ways(
-    headings: Sequence[Sequence[str]], runs: int, ask: Ask, found: Imported
+    headings: Sequence[Sequence[str]], runs: int, ask: Ask, result: Imported
 ) -> tuple[list[str], str]:
     """The direction of each run, and where it was read."""
     if ask.directions in ("forward", "reverse"):
@@ -139,7 +139,7 @@ def _ways(
     alternating = [("forward", "reverse")[n % 2] for n in range(runs)]
     if ask.directions:
         return alternating, "directions alternating, as given"
-    found.doubts.append("directions are not stated: taken as alternating")
+    result.doubts.append("directions are not stated: taken as alternating")
     return alternating, "directions not stated, taken as alternating"
 
 

@@ -22,8 +22,8 @@ from mtu_cli.language.functions import (
     ORDER,
     Slopes,
     apply_scalar,
-    given,
     power_slopes,
+    value_of,
 )
 from mtu_cli.language.tree import Call, Name, Node, Number
 from mtu_cli.language.tree import names as names_in
@@ -65,8 +65,8 @@ def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -
 
     Raises InputError for a name without a value.
     """
-    n, used = len(names), names_in(node)
-    rows = np.array([k for k, name in enumerate(names) if name in used], dtype=np.intp)
+    n, symbols = len(names), names_in(node)
+    rows = np.array([k for k, name in enumerate(names) if name in symbols], dtype=np.intp)
     # All pairs of the names that it has; without any there is its value.
     i, j = np.triu_indices(max(1, len(rows)))
     place = {names[row]: k for k, row in enumerate(rows)}
@@ -126,7 +126,7 @@ class _Expansion:
             case Number(value):
                 return self.constant(value)
             case Name(name, column):
-                series = self.constant(given(name, self.values, column))
+                series = self.constant(value_of(name, self.values, column))
                 if (directions := self.along(name)) is not None:
                     series[[PLACE[1, 0], PLACE[0, 1]]] = directions
                 return series
@@ -191,16 +191,16 @@ class _Expansion:
         if value is None or slopes is None:
             self.fault(what, at, column)
             return np.full_like(inner, math.nan)
-        series, found = self.constant(value), slopes(at)
-        if not math.isfinite(found[0]):
+        series, derivatives = self.constant(value), slopes(at)
+        if not math.isfinite(derivatives[0]):
             return self.without_slopes(series, np.any(inner[1:], axis=0), what, inner, column)
         h = inner.copy()
         h[0] = 0.0
-        rising = h
-        for k, slope in enumerate(found, start=1):
+        power = h
+        for k, slope in enumerate(derivatives, start=1):
             # An infinite derivative touches only the orders that its power of h reaches.
-            series += np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
-            rising = _product(rising, h)
+            series += np.where(power != 0.0, slope / math.factorial(k) * power, 0.0)
+            power = _product(power, h)
         return series
 
     def without_slopes(

@@ -145,12 +145,12 @@ def _value(node: Node, values: Mapping[str, Value]) -> Any:
         case Number(value):
             return value
         case Name(name, column):
-            return given(name, values, column)
+            return value_of(name, values, column)
         case Call(function, arguments):
             return _array(function)(*(_value(item, values) for item in arguments))
 
 
-def given(name: str, values: Mapping[str, Any], column: int) -> Any:
+def value_of(name: str, values: Mapping[str, Any], column: int) -> Any:
     """The value of a name. Raises InputError where it has none."""
     if name not in values:
         raise error("missing-input", what=f"the value of '{name}'", column=column)

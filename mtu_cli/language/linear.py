@@ -47,8 +47,8 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
             result = _split(left, linear)
             for key, part in _split(right, linear).items():
                 signed = _negative(part, column) if sign == "-" else part
-                own = result.get(key)
-                result[key] = signed if own is None else Call("+", (own, signed), column)
+                term = result.get(key)
+                result[key] = signed if term is None else Call("+", (term, signed), column)
             return result
         case Call("*", (left, right), column):
             of_left, of_right = _split(left, linear), _split(right, linear)
@@ -56,16 +56,16 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
                 return {name: _times(left, part, column) for name, part in of_right.items()}
             if set(of_right) == {""}:
                 return {name: _times(part, right, column) for name, part in of_left.items()}
-            both = [next(name for name in own if name) for own in (of_left, of_right)]
-            raise _not_linear(both, linear, "their product", column)
+            pair = [next(name for name in side if name) for side in (of_left, of_right)]
+            raise _not_linear(pair, linear, "their product", column)
         case Call("/", (left, right), column):
             if not any(name in linear for name in names(right)):
                 parts = _split(left, linear).items()
                 return {name: Call("/", (part, right), column) for name, part in parts}
-            inside, how = right, "in a denominator"
+            offender, how = right, "in a denominator"
         case Call(function):
-            inside, how = node, "in a power" if function == "**" else f"inside {function}()"
-    name, column = next((name, at) for name, at in names(inside).items() if name in linear)
+            offender, how = node, "in a power" if function == "**" else f"inside {function}()"
+    name, column = next((name, at) for name, at in names(offender).items() if name in linear)
     raise _not_linear((name,), linear, how, column)
 
 

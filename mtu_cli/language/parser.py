@@ -158,9 +158,9 @@ class _Parser:
             self.take()
             arguments.append(self.expression(0))
         self.close(opening)
-        wanted = self.functions[name].arity
-        if len(arguments) != wanted:
-            raise _arguments(token, len(arguments), str(wanted))
+        arity = self.functions[name].arity
+        if len(arguments) != arity:
+            raise _arguments(token, len(arguments), str(arity))
         return folded(Call(name, tuple(arguments), column))
 
     def close(self, opening: _Token) -> None:

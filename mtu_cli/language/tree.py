@@ -62,18 +62,18 @@ def names(node: Node) -> dict[str, int]:
     return result
 
 
-def check_known(node: Node, known: Collection[str], what: str = "name") -> None:
-    """That an equation has no name but those `known`.
+def check_known(node: Node, symbols: Collection[str], what: str = "name") -> None:
+    """That an equation has no names but these `symbols`.
 
-    Raises InputError with all others, each with its column and the closest known name.
+    Raises InputError with all others, each with its column and the closest symbol.
     """
-    unknown = [
-        finding("unknown-name", what=what, value=name, column=column, **suggestion(name, known))
+    faults = [
+        finding("unknown-name", what=what, value=name, column=column, **suggestion(name, symbols))
         for name, column in names(node).items()
-        if name not in known
+        if name not in symbols
     ]
-    if unknown:
-        raise InputError(unknown)
+    if faults:
+        raise InputError(faults)
 
 
 def terms(node: Node) -> Iterator[Node]:
@@ -112,7 +112,7 @@ def has_literal(node: Node) -> bool:
     return isinstance(node, Number)
 
 
-def shown(node: Node) -> str:
+def short_text(node: Node) -> str:
     """A term as a message shows it."""
     return shorten(to_text(node))
 
@@ -131,16 +131,16 @@ def to_text(node: Node, outer: int = 0) -> str:
         case Call("neg", (operand,)):
             return _wrap(f"-{to_text(operand, 3)}", outer > 2)
         case Call(sign, (left, right)) if sign in PRECEDENCE:
-            own = PRECEDENCE[sign]
+            precedence = PRECEDENCE[sign]
             # The left side of ** and the right side of the others need parentheses at
             # equal precedence: ** groups to the right, the others to the left.
-            left_text = to_text(left, own + (sign == "**"))
-            right_text = to_text(right, own if sign == "**" else own + 1)
+            left_text = to_text(left, precedence + (sign == "**"))
+            right_text = to_text(right, precedence if sign == "**" else precedence + 1)
             if sign != "**" and not isinstance(right, Number):
                 # a - -b*c would parse back, but nobody would read it.
                 right_text = _wrap(right_text, right_text.startswith("-"))
             space = " " if sign in "+-" else ""
-            return _wrap(f"{left_text}{space}{sign}{space}{right_text}", own < outer)
+            return _wrap(f"{left_text}{space}{sign}{space}{right_text}", precedence < outer)
         case Call(function, arguments):
             return f"{function}({', '.join(to_text(item) for item in arguments)})"
 
@@ -150,7 +150,7 @@ def _wrap(text: str, needed: bool) -> str:
 
 
 def filled_tree(node: Node, filling: Mapping[str, float | str]) -> Node:
-    """The tree with its names as `filling` says; sums with a negative number are turned."""
+    """The tree with its names as `filling` says; sums with a negative number become differences."""
     match node:
         case Name(name, column):
             new = filling.get(name, name)
@@ -162,8 +162,8 @@ def filled_tree(node: Node, filling: Mapping[str, float | str]) -> Node:
                     return new_left
                 if new_right.value < 0.0:
                     # x - -5 and x + 5 are the same number, bit by bit.
-                    turned = Number(-new_right.value, new_right.column)
-                    return Call("+" if sign == "-" else "-", (new_left, turned), column)
+                    opposite = Number(-new_right.value, new_right.column)
+                    return Call("+" if sign == "-" else "-", (new_left, opposite), column)
             return Call(sign, (new_left, new_right), column)
         case Call(function, arguments, column):
             return Call(function, tuple(filled_tree(item, filling) for item in arguments), column)

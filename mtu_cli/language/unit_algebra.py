@@ -24,7 +24,7 @@ from mtu_cli.language.tree import (
     has_literal,
     literal_value,
     names,
-    shown,
+    short_text,
     terms,
 )
 from mtu_cli.units import ANY, PLAIN, Powers, Unit, parameter_units_of
@@ -100,21 +100,21 @@ class Algebra:
                 return unit * ANY if _has_literal_factor(rest) else unit
         if one.agrees(other):
             return one | other
-        expected = "terms of one unit" + times(other, one, f": {shown(right)}")
+        expected = "terms of one unit" + times(other, one, f": {short_text(right)}")
         self.add(f"what is {verb}", other, one, expected, column=column)
         return ANY
 
     def _check_number(self, node: Node, what: str) -> None:
-        found = self.of(node)
+        powers = self.of(node)
         # Empirical equations take logarithms of numbers: log(t + 273.15).
-        if has_literal(node) or found.agrees(PLAIN):
+        if has_literal(node) or powers.agrees(PLAIN):
             return
-        expected = "a plain number, or an angle in rad" + times(found, PLAIN, ": the argument")
-        self.add(what, found, PLAIN, expected, column=first_column(node), value=shown(node))
+        expected = "a plain number, or an angle in rad" + times(powers, PLAIN, ": the argument")
+        self.add(what, powers, PLAIN, expected, column=first_column(node), value=short_text(node))
 
-    def add(self, of: str, unit: Powers, wanted: Powers, expected: str, **place: Any) -> None:
-        """A fault: what is of a `unit` that is not the `wanted` one."""
-        facts = {"unit": unit.text(self.names), "wanted": wanted.text(self.names)}
+    def add(self, of: str, unit: Powers, target: Powers, expected: str, **place: Any) -> None:
+        """A fault: what is of a `unit` that is not the `target`."""
+        facts = {"unit": unit.text(self.names), "wanted": target.text(self.names)}
         self.faults.append(finding("wrong-unit", of=of, **facts, expected=expected, **place))
 
 
@@ -125,71 +125,71 @@ def _has_literal_factor(node: Node) -> bool:
     return False
 
 
-def times(found: Powers, wanted: Powers, what: str) -> str:
+def times(powers: Powers, target: Powers, what: str) -> str:
     """By what a quantity is to be multiplied for another unit; nothing if no factor does it."""
-    off = found.size - wanted.size
-    if not found.alike(wanted) or math.isnan(off):
+    off = powers.size - target.size
+    if not powers.alike(target) or math.isnan(off):
         return ""
     return f"{what} times {10.0**off:.6g}"
 
 
 def check_dimension(
     node: Node,
-    wanted: Powers | None,
+    target: Powers | None,
     units: Mapping[str, Powers],
     *,
     parameters: Mapping[str, Unit] | None = None,
     columns: Mapping[str, Powers] | None = None,
 ) -> None:
-    """Checks an equation of a machine, whose terms are all to be `wanted`, in internal units.
+    """Checks an equation of a machine, whose terms all have the unit `target`, in internal units.
 
-    `units` of names are known everywhere, those of the `columns` of the data only beside
+    `units` of names hold in every term, those of the `columns` of the data only in terms with
     `parameters`, whose unit the file states: without them ``0.004*dir_x`` is 0.004 mm and right.
 
     Raises InputError with all that does not agree: terms of another unit, sums of two, functions
     of plain numbers of what is none.
     """
-    stated, beside = parameters or {}, {**units, **(columns or {})}
-    beside |= {name: unit.powers for name, unit in stated.items()}
+    stated, all_units = parameters or {}, {**units, **(columns or {})}
+    all_units |= {name: unit.powers for name, unit in stated.items()}
     faults: list[Finding] = []
     for term in terms(node):
-        own = next((name for name in names(term) if name in stated), None)
-        known = units if own is None else beside
-        algebra = Algebra(units=known, factor=NO_LENGTH)
-        found = algebra.of(term)
-        if wanted is not None and not (found.agrees(wanted) or algebra.faults):
-            expected = _expected(found, wanted, None if own is None else stated[own], own)
+        symbol = next((name for name in names(term) if name in stated), None)
+        table = units if symbol is None else all_units
+        algebra = Algebra(units=table, factor=NO_LENGTH)
+        powers = algebra.of(term)
+        if target is not None and not (powers.agrees(target) or algebra.faults):
+            expected = _expected(powers, target, None if symbol is None else stated[symbol], symbol)
             if expected is not None:
-                column, text = first_column(term), shown(term)
-                algebra.add("this term", found, wanted, expected, column=column, value=text)
+                column, text = first_column(term), short_text(term)
+                algebra.add("this term", powers, target, expected, column=column, value=text)
         faults += algebra.faults
     if faults:
         raise InputError(faults)
 
 
 def _expected(
-    found: Powers, wanted: Powers, unit: Unit | None, parameter: str | None
+    powers: Powers, target: Powers, unit: Unit | None, parameter: str | None
 ) -> str | None:
     """What would make a term right; None where its parameter could be stated in no unit that does,
     as of a temperature squared.
     """
     if unit is not None:
-        if meant := parameter_units_of(unit.powers * wanted / found, unit.name):
+        if meant := parameter_units_of(unit.powers * target / powers, unit.name):
             return f"{parameter} in {' or '.join(meant)}"
-        over = (found / wanted).exponents
-        if unit.per is None and over[0] == 0 and any(power > 1 for power in over):
+        ratio = (powers / target).exponents
+        if unit.per is None and ratio[0] == 0 and any(power > 1 for power in ratio):
             return None
-    if found.exponents[0] < wanted.exponents[0]:
+    if powers.exponents[0] < target.exponents[0]:
         return "its lever arm as a factor (a position or a named constant)"
-    return f"a term that is {wanted.text()}"
+    return f"a term that is {target.text()}"
 
 
 def check_consistent(
-    node: Node, units: Mapping[str, Powers], stated: Powers, names: Mapping[str, Powers]
+    node: Node, units: Mapping[str, Powers], target: Powers, names: Mapping[str, Powers]
 ) -> tuple[list[Finding], Finding | None]:
     """Checks an equation of numbers that are calculated with as they stand, as a budget's are; a
     literal factor may have any unit. Returns the faults within the equation, and if there is none
-    that of its result, which should be `stated`.
+    that of its result, which should be in the unit `target`.
 
     >>> from mtu_cli.language.parser import parse
     >>> from mtu_cli.units import unit_powers
@@ -200,9 +200,9 @@ def check_consistent(
     what is added is um, not mm at column 3; expected terms of one unit: b times 0.001
     """
     algebra = Algebra(units=units, empirical=True, names=names)
-    found = algebra.of(node)
-    if algebra.faults or found.agrees(stated):
+    powers = algebra.of(node)
+    if algebra.faults or powers.agrees(target):
         return algebra.faults, None
-    how = times(found, stated, "the equation") or "an equation that gives this unit"
-    algebra.add("the result", found, stated, how)
+    how = times(powers, target, "the equation") or "an equation that gives this unit"
+    algebra.add("the result", powers, target, how)
     return [], algebra.faults[0]

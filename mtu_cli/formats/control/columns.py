@@ -122,18 +122,18 @@ def _read_heidenhain(text: str, parameters: Parameters) -> ErrorTable:
     if number.tolist() != [*range(len(at))]:
         refuse("the numbers do not run from 0", 3)
     if head[1]:
-        due = numeric(head[1], 1) + numeric(head[2], 1) * number
-        if np.abs(at - due).max() > QUANTUM:
+        position = numeric(head[1], 1) + numeric(head[2], 1) * number
+        if np.abs(at - position).max() > QUANTUM:
             refuse("the positions are not those of DATUM and DISTANCE", 1)
     return ErrorTable.of(at, *errors[::-1])
 
 
 def _error_name(parameters: Parameters, table: ErrorTable) -> str:
-    """The ISO 230-1 name of the error: EXX of the axis X unless it is said."""
+    """The ISO 230-1 name of the error: EXX of the axis X unless stated."""
     axis = parameter(parameters, "axis")
     name = parameters["error"] or ("" if table.angle else f"E{axis}{axis}")
-    known = tuple(f"E{a}{axis}" for a in (ANGLES if table.angle else ("X", "Y", "Z")))
-    return choice({"error": name}, "error", known)
+    names = tuple(f"E{a}{axis}" for a in (ANGLES if table.angle else ("X", "Y", "Z")))
+    return choice({"error": name}, "error", names)
 
 
 def _model_file(table: ErrorTable, head: list[str], tail: list[str]) -> str:
@@ -175,11 +175,11 @@ def _read_etalon(text: str, parameters: Parameters) -> ErrorTable:
             sections.setdefault(name, []).append((i, line))
     if inside:
         refuse("the brace of Gridpoints is not closed")
-    wanted = parameters["error"] or f"E{parameters['axis']}{parameters['axis']}"
-    own = next(iter(sections), "") if len(sections) == 1 else wanted
-    if own not in sections or not ISO_NAME.fullmatch(own):
-        refuse(f"no Gridpoints of {wanted}", expected="--set error=EXX")
-    return _model_table(sections[own], own)
+    error_name = parameters["error"] or f"E{parameters['axis']}{parameters['axis']}"
+    section = next(iter(sections), "") if len(sections) == 1 else error_name
+    if section not in sections or not ISO_NAME.fullmatch(section):
+        refuse(f"no Gridpoints of {error_name}", expected="--set error=EXX")
+    return _model_table(sections[section], section)
 
 
 def _output_unit(parameters: Parameters) -> float:

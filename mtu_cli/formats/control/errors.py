@@ -50,7 +50,7 @@ class ErrorTable:
 
     def at_places(self, places: FloatArray) -> FloatArray:
         """Errors (2, m) at other positions: linear between points, held beyond the ends."""
-        return np.stack([np.interp(places, self.at, each) for each in self.errors])
+        return np.stack([np.interp(places, self.at, row) for row in self.errors])
 
     @property
     def step(self) -> float | None:
@@ -68,9 +68,9 @@ class Controller:
     `sign` says what its values are: `error` (e), `correction` (-e) or `position` (nominal + e);
     `says` the convention in a sentence, written as a comment that begins with `comment`, or, where
     the format has none, into a file beside it. `two`: it has a column for each direction.
-    `zeroed`: "" as they are; "forward": less the forward value at the reference; "each": less each
-    direction's own at the first point. `parameters` with their defaults ("": has to be given where
-    it is needed). `most`: points that the control holds. `angles`: it holds errors that are angles,
+    `zeroed`: "" as they are; "forward": less the forward value at the reference; "each": less the
+    first value of each direction. `parameters` with their defaults ("": has to be given where it is
+    needed). `most`: points that the control holds. `angles`: it holds errors that are angles,
     `rotary`: those of a rotary axis. `listing`: for hand entry.
     """
 
@@ -105,8 +105,8 @@ class Controller:
         place = self.zero_at(table, reference)
         if place is None:
             return table
-        off = table.at_places(np.array([place]))
-        return replace(table, errors=table.errors - (off if self.zeroed == "each" else off[0]))
+        shift = table.at_places(np.array([place]))
+        return replace(table, errors=table.errors - (shift if self.zeroed == "each" else shift[0]))
 
     def text(self, table: ErrorTable, parameters: Parameters, note: str = "") -> str:
         """The file, with its sign convention and a `note` where comments are allowed.
@@ -126,7 +126,7 @@ class Controller:
             faults.append(finding("not-applicable", reason=reason, expected="a larger --step"))
         if faults:
             raise InputError(faults)
-        notes = [f"{self.comment} {each}\n" for each in (self.says, note) if each and self.comment]
+        notes = [f"{self.comment} {line}\n" for line in (self.says, note) if line and self.comment]
         return "".join([*notes, self.write(table, parameters)]).replace("\n", self.newline)
 
     def read_back(self, text: str, parameters: Parameters) -> ErrorTable:
@@ -174,12 +174,12 @@ def number_parameter(parameters: Parameters, name: str) -> float:
     return value
 
 
-def choice(parameters: Parameters, name: str, known: tuple[str, ...]) -> str:
-    """A parameter that is one of those `known`."""
-    value = parameter(parameters, name, " or ".join(known))
-    if value not in known:
-        near = suggestion(value, known)
-        raise error("unknown-name", path=f"--set {name}", what=name, value=value, **near)
+def choice(parameters: Parameters, name: str, choices: tuple[str, ...]) -> str:
+    """A parameter that is one of the `choices`."""
+    value = parameter(parameters, name, " or ".join(choices))
+    if value not in choices:
+        hint = suggestion(value, choices)
+        raise error("unknown-name", path=f"--set {name}", what=name, value=value, **hint)
     return value
 
 

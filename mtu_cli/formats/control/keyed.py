@@ -53,16 +53,16 @@ def _siemens_points(
     name: str, index: str, table: ErrorTable, errors: FloatArray, **more: Any
 ) -> list[str]:
     """Lines of one table, of an ``index`` with {} for the point: values in mm, of a rotary axis in
-    deg; `more` names of its own.
+    deg; `more` names that only this table has.
     """
     values = [real(e) for e in errors]
     if table.rotary:
         values = [real(e, PLACES_DEG) for e in np.degrees(errors)]
-    own = index.replace("{},", "").replace(",{}", "")
+    table_index = index.replace("{},", "").replace(",{}", "")
     ends = map(real, (table.step or 0.0, table.at[0], table.at[-1]))
     more |= dict(zip(ENDS, [*ends, "0"], strict=True))
     lines = [f"${name}[{index.format(k)}]={value}" for k, value in enumerate(values)]
-    return lines + [f"${name}{key}[{own}]={value}" for key, value in more.items()]
+    return lines + [f"${name}{key}[{table_index}]={value}" for key, value in more.items()]
 
 
 def _siemens_file(title: str, table: ErrorTable, lines: list[str]) -> str:
@@ -76,10 +76,10 @@ def _siemens_tables(text: str, kind: str) -> dict[str, tuple[FloatArray, FloatAr
     Raises InputError for other lines, and where MIN, MAX and STEP are not those of the points.
     """
     lines = lines_of(text, ";")
-    for needed in SIEMENS_FRAME:
-        if not any(re.fullmatch(needed, line) for _, line in lines):
+    for pattern in SIEMENS_FRAME:
+        if not any(re.fullmatch(pattern, line) for _, line in lines):
             expected = "a file with %_N_..._INI, CHANDATA(1) and M17"
-            refuse(f"a line like {needed} is missing", expected=expected)
+            refuse(f"a line like {pattern} is missing", expected=expected)
     points, ends = dict[str, dict[int, float]](), dict[tuple[str, str], tuple[str, int]]()
     for i, line in lines:
         match = SIEMENS.fullmatch(line)
@@ -95,8 +95,8 @@ def _siemens_tables(text: str, kind: str) -> dict[str, tuple[FloatArray, FloatAr
         point, _, axis = rest.partition(",")
         if not point.isdecimal():
             refuse(f"[{index}] names no table and point", i)
-        own = f"{first},{axis}" if axis else first
-        points.setdefault(own, {})[int(point)] = numeric(match[4], i)
+        table_index = f"{first},{axis}" if axis else first
+        points.setdefault(table_index, {})[int(point)] = numeric(match[4], i)
     result = {}
     for index, values in points.items():
         for end in ENDS:
@@ -132,10 +132,10 @@ def _write_enc(table: ErrorTable, parameters: Parameters) -> str:
 
 def _read_enc(text: str, parameters: Parameters) -> ErrorTable:
     tables = _siemens_tables(text, "AA_ENC_COMP")
-    own = f"{parameters['encoder']},{parameters['axis']}"
-    if len(tables) > 1 and own not in tables:
+    table_index = f"{parameters['encoder']},{parameters['axis']}"
+    if len(tables) > 1 and table_index not in tables:
         refuse(f"it holds {', '.join(tables)}", expected="--set axis=... and --set encoder=...")
-    return _siemens_table(text, *tables.get(own, next(iter(tables.values())))[:2])
+    return _siemens_table(text, *tables.get(table_index, next(iter(tables.values())))[:2])
 
 
 def _write_cec(table: ErrorTable, parameters: Parameters) -> str:
@@ -151,7 +151,7 @@ def _write_cec(table: ErrorTable, parameters: Parameters) -> str:
 
 
 def _read_cec(text: str, parameters: Parameters) -> ErrorTable:
-    tables = sorted(_siemens_tables(text, "AN_CEC").values(), key=lambda each: -each[2])
+    tables = sorted(_siemens_tables(text, "AN_CEC").values(), key=lambda table: -table[2])
     ways = [way for *_, way in tables]
     at = tables[0][0]
     if ways not in ([0.0], [1.0, -1.0]) or not np.array_equal(at, tables[-1][0]):
@@ -239,13 +239,13 @@ def _write_acs(table: ErrorTable, parameters: Parameters) -> str:
 
 
 def _read_acs(text: str, parameters: Parameters) -> ErrorTable:
-    found = re.search(r"ERRORMAP1D\s+\w+\s*,\s*\w+\s*,([^,\n]+),([^,\n]+),\s*(\w+)", text)
-    if found is None:
+    match = re.search(r"ERRORMAP1D\s+\w+\s*,\s*\w+\s*,([^,\n]+),([^,\n]+),\s*(\w+)", text)
+    if match is None:
         refuse("no ERRORMAP1D axis, zone, base, step, array")
-    base, step, name = numeric(found[1]), numeric(found[2]), found[3]
+    base, step, name = numeric(match[1]), numeric(match[2]), match[3]
     entries = re.findall(rf"{name}\((\d+)\)\s*=\s*(\S+)", text)
-    declared = re.search(rf"REAL\s+{name}\((\d+)\)", text)
-    count = int(declared[1]) if declared else len(entries)
+    declaration = re.search(rf"REAL\s+{name}\((\d+)\)", text)
+    count = int(declaration[1]) if declaration else len(entries)
     values = in_order({int(k): numeric(value) for k, value in entries}, name, count)
     return ErrorTable.of(base + step * np.arange(count), -values)
 
@@ -276,15 +276,15 @@ def _write_pmac(table: ErrorTable, parameters: Parameters) -> str:
 def _read_pmac(text: str, parameters: Parameters) -> ErrorTable:
     counts, covers = number_parameter(parameters, "counts_per_mm"), COVERS.search(text)
     plain = "\n".join(line for _, line in lines_of(text, ";"))
-    found = re.search(r"DEFINE COMP\s+(\d+)\s*,\s*(\d+)\s*\n([-+\d\s]*)", plain)
-    if found is None or int(found[2]) == 0:
+    match = re.search(r"DEFINE COMP\s+(\d+)\s*,\s*(\d+)\s*\n([-+\d\s]*)", plain)
+    if match is None or int(match[2]) == 0:
         refuse("no DEFINE COMP n,counts")
-    n, values = int(found[1]), np.array([int(numeric(word)) for word in found[3].split()])
+    n, values = int(match[1]), np.array([int(numeric(word)) for word in match[3].split()])
     if len(values) != n or n < 2:
         refuse(f"{len(values)} values", expected=f"{n}, and two or more")
     if values[-1]:
         refuse(f"the last value is {values[-1]}", expected="0: the table wraps to home")
-    step = int(found[2]) / n / counts
+    step = int(match[2]) / n / counts
     low = round(numeric(covers[1]) / step) if covers else 0
     if not -n < low <= 0:
         refuse("the points named in its comment are not those of the table")

@@ -33,10 +33,10 @@ def write_skew(angle: float, parameters: Parameters) -> str:
 
 def read_skew(text: str) -> float:
     """The angle less 90 degrees, rad; raises InputError for lengths of no parallelogram."""
-    found = LINE.search(text)
-    if found is None:
+    match = LINE.search(text)
+    if match is None:
         refuse("no SET_SKEW XY=AC,BD,AD")
-    ac, bd, ad = (numeric(x) for x in found.groups()[1:])
+    ac, bd, ad = (numeric(x) for x in match.groups()[1:])
     square = 2 * ac**2 + 2 * bd**2 - 4 * ad**2
     if min(ac, bd, ad, square) <= 0:
         refuse(f"{ac:g}, {bd:g} and {ad:g} are no lengths of a parallelogram")
