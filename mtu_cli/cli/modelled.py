@@ -148,7 +148,7 @@ def _not_read(
         return []
     other = [path for path, digest in given.items() if digest not in fitted]
     names, what = [shown_path(path) for path in other or given], ", ".join(report.components)
-    reason = f"{report.source.shown} gives {what}; it was fitted to other files"
+    reason = f"{report.source.shown} gives {what}" + "; it was fitted to other files" * bool(fitted)
     return [finding("not-used", what="readings", names=names, reason=reason)]
 
 

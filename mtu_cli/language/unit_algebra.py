@@ -2,8 +2,9 @@
 
 One algebra serves machines, effects, budgets and graphs; the rule of every operation stands in the
 table of functions. A name without a known unit (a constant, say) may stand for anything. In a sum a
-literal has the unit of the other side; as a factor it has what the `Algebra` says; in the argument
-of a function, as in ``exp(-t/30 + 1)``, it may have any, so that its dimension is not judged.
+literal has the unit of the other side, but beside a ratio (um/m, %) it is a plain number; as a
+factor it has what the `Algebra` says; in the argument of a function, as in ``exp(-t/30 + 1)``, it
+may have any, so that its dimension is not judged.
 """
 
 from __future__ import annotations
@@ -96,8 +97,17 @@ class Algebra:
     def _alike(self, left: Node, right: Node, column: int, verb: str) -> Powers:
         one, other = self.of(left), self.of(right)
         for side, rest, unit in ((left, right, other), (right, left, one)):
-            if literal_value(side) is not None:  # in 1 + x/500 the 500 may be mm
-                return unit * ANY if _has_literal_factor(rest) else unit
+            if (value := literal_value(side)) is None:
+                continue
+            if _has_literal_factor(rest):  # in 1 + x/500 the 500 may be mm
+                return unit * ANY
+            if value and verb == "added" and unit.alike(PLAIN) and not unit.agrees(PLAIN):
+                # 1 + alpha*dT is no number of um/m.
+                expected = f"a plain number{times(unit, PLAIN, f': {short_text(rest)}')}"
+                self.add(f"what is added to {short_text(side)}", unit, PLAIN, expected,
+                         column=column)  # fmt: skip
+                return ANY
+            return unit
         if one.agrees(other):
             return one | other
         expected = "terms of one unit" + times(other, one, f": {short_text(right)}")

@@ -223,12 +223,16 @@ def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
         result.append(finding("paper-method"))
     parts = kinds[0].tables.parts
     for kind in kinds:
-        if (empty := ~kind.tables.cells.present).any():
+        present, operations = kind.tables.cells.present, [x[0] for x in kind.tables.labels]
+        # Of the parts that an operation made, all are due in its tables.
+        made = {op: present[[x == op for x in operations]].any(axis=0) for op in {*operations}}
+        due = np.array([made[op] for op in operations])
+        if (empty := due & ~present).any():
             table, part = np.argwhere(empty)[0].tolist()
             label = " ".join(filter(None, kind.tables.labels[table]))
             what = "measurements" if kind.kind == "feature" else KINDS[kind.kind]
             facts = {
-                "what": f"{int(empty.sum())} of {empty.size} {what} by part",
+                "what": f"{int(empty.sum())} of {int(due.sum())} {what} by part",
                 "names": [f"first: part {parts[part]!r} at {label}"],
                 "consequence": "the rest is analysed with unequal counts",
             }

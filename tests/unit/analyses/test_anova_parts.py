@@ -12,7 +12,7 @@ from measured_examples import points, study, with_measured
 from scipy.stats import ncx2
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
-from mtu_cli.analyses.anova.tables import radial_quantile
+from mtu_cli.analyses.anova.tables import noncentrality, radial_quantile
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
@@ -160,6 +160,9 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
     assert codes(gaps) == ["missing-values"]
     assert (gaps.warnings[0].facts["part"], gaps.warnings[0].facts["label"]) == ("P2", "b x")
     assert gaps.features.one_way.parts.tolist().count(7) == 2
+    # No part is due at a machine that did not make it.
+    nested = replace(found, operations=("A", "B"), operation=found.part % 2)
+    assert "missing-values" not in codes(analysed(nested))
 
 
 def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -237,6 +240,19 @@ def test_capability_of_a_length(tmp_path: Path) -> None:
     assert item.ppk_interval == pytest.approx((item.ppk - half, item.ppk + half), abs=0.03)
     moving = np.abs(np.diff(values)).mean() / 1.128
     assert (item.cp, item.cpk) == pytest.approx((20 / (3 * moving), 16 / (3 * moving)), rel=1e-4)
+
+
+def test_capability_far_off_its_limits_is_calculated(tmp_path: Path) -> None:
+    """Where t is large its noncentrality goes on as sqrt(chi^2/dof): the series of the distribution
+    would hardly end.
+    """
+    for dof in (2, 9, 299):
+        near, far = (noncentrality(dof, 0.975, t) / t for t in (-999.9, -1000.1))
+        assert near == pytest.approx(far, rel=5e-4)
+        assert noncentrality(dof, 0.025, -4e6) > noncentrality(dof, 0.975, -4e6)
+    (item,) = lengths_of(tmp_path, [150e3 + i for i in range(8)]).capabilities
+    low, high = item.ppk_interval
+    assert low < item.ppk < high < 0
 
 
 def test_capability_of_a_position_and_an_angle(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from circle_examples import Causes, made
 
 from mtu_cli.analyses.circular import CircularResult, diagnose
 from mtu_cli.files.traces import Traces
+from mtu_cli.reports.circular import document, polar
 from mtu_cli.stats.least_squares import FloatArray
 
 NONE = (0.0, 0.0)
@@ -59,6 +60,25 @@ def test_one_direction_does_not_separate_squareness_from_servo_lag() -> None:
     assert math.isnan(result.G_bidirectional)
     (note,) = result.warnings
     assert "one direction only" in note.message
+    # Their sum, eps R/2 + s dT v/2, is the cause of that test.
+    causes = Causes()
+    lag = (causes.lag[0] - causes.lag[1]) * causes.feed / 60
+    both = result.cause("squareness-or-servo")
+    assert both.value == pytest.approx((causes.lean * causes.radius + lag) / 2, abs=1e-6)
+    assert both.exceeds
+    assert "Largest causes: squareness-or-servo" in document(result).verdict
+    two_ways = [each.name for each in diagnose(made(causes)).causes]
+    assert "squareness-or-servo" not in two_ways
+
+
+def test_the_diagram_holds_the_whole_trace() -> None:
+    """A reach of 14 um is no 10."""
+    result = diagnose(made(replace(Causes(), lean=200e-6, lag=(0.0, 0.0))))
+    page = polar(result)
+    (panel,) = page.axes
+    drawn = np.abs([value for line in panel.lines for value in line.get_ydata()])
+    assert drawn.max() > 13
+    assert drawn.max() < panel.get_rmax()
 
 
 def test_without_a_feed_there_is_no_servo_time() -> None:
@@ -68,6 +88,7 @@ def test_without_a_feed_there_is_no_servo_time() -> None:
     servo = result.cause("servo-mismatch")
     assert math.isnan(servo.value)
     assert servo.share > 0
+    assert f"servo-mismatch ({100 * servo.share:.0f} %)" in document(result).verdict
     assert values(result)["squareness"] == pytest.approx(30.0, abs=1e-3)
     assert [x.facts["names"] for x in result.warnings] == [["servo-mismatch"]]
 
