@@ -46,6 +46,8 @@ KINDS = {
     "points": ("cmm",),
 }
 """What is read, by attributes of `Inputs`, and the roles of its files."""
+JUDGED_AS: dict[str, Any] = {"before": "readings", "verify": "readings"}
+"""Of the checks."""
 MEASURED = ("lbb", "laser", "drift", "cmm", "before", "verify")
 """Roles whose files may be an instrument's own."""
 OPTION_OF = {"coverage_factor": "k"}
@@ -259,7 +261,7 @@ class Inputs:
         self.__dict__[kind] = item
         known: Any = item
         self.sources.extend(known.sources if hasattr(known, "sources") else (known.source,))
-        if kind in ("reports", "before", "verify"):
+        if kind == "reports":
             return item
         from mtu_cli import checks
 
@@ -267,11 +269,12 @@ class Inputs:
         machine = self.machine.machine if self.files("machine") and made_here else None
         travels = machine.travels if machine else {}
         data: Data = checks.DocumentData(known, travels)
+        of = JUDGED_AS.get(kind, kind)
         if kind == "points":
             data = checks.PointsData(known, self.part_if_any, travels, self.chosen.datum or "none")
-        elif kind in ("readings", "drift"):
+        elif of in ("readings", "drift"):
             data = checks.ReadingsData(known, machine.components if machine else {}, travels)
-        self.suspicions += checks.warnings_of(kind, data)
+        self.suspicions += checks.warnings_of(of, data)
         return item
 
     @cached_property

@@ -59,6 +59,12 @@ class Profile(Contract):
     cycles: Cycles | None = None
     units: dict[str, str] = optional("Unit of a column that is read as mm, or of error", {})
 
+    @property
+    def made(self) -> list[str]:
+        """The columns of its table, but for those that are only subtracted."""
+        rows = [self.unpivot.into, self.unpivot.names] if self.unpivot else []
+        return [*self.columns, *self.constants, *rows, *(["cycle"] if self.cycles else [])]
+
 
 def read_profile(source: Path | Mapping[str, Any]) -> Profile:
     """A checked mapping profile; raises InputError with all its faults."""
@@ -68,6 +74,11 @@ def read_profile(source: Path | Mapping[str, Any]) -> Profile:
             if plain_unit(unit) not in UNITS:
                 faults.add(("units", name), "unknown-name", value=unit, what="unit",
                            **suggestion(unit, UNITS))  # fmt: skip
+        for key in ("scale", "subtract", "units"):
+            for name in getattr(profile, key):
+                if name not in profile.made and (key, name) != ("units", "error"):
+                    faults.add((key, name), "unknown-name", value=name, what="column",
+                               **suggestion(name, profile.made))  # fmt: skip
 
     if not isinstance(source, Path):
         return Profile(**source)
@@ -110,8 +121,10 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     if unpivot := profile.unpivot:
         numbers = {x: cells.numbers(place[x], may_be_empty=True) for x in unpivot.columns}
         faults.raise_if_any()
+        rows_of = _row_labels(profile, ask, cells, grid.rows[0].line, place)
         parts = [table.assign(**{unpivot.into: numbers[labels.pop("")]}, **labels)
-                 for labels in _row_labels(unpivot, ask)]  # fmt: skip
+                 for labels in rows_of]  # fmt: skip
+        faults.raise_if_any()
         stack = pd.concat(parts).sort_index(kind="stable")
         table = stack.dropna(subset=[unpivot.into])
         result.drop("empty cells", len(stack) - len(table))
@@ -128,7 +141,7 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     for name, reference in profile.subtract.items():
         if {name, reference} <= {*table} and table[name].dtype.kind in "if":
             table[name] = table[name] - table[reference]
-    subtracted = {*profile.subtract.values()} - {*profile.columns}
+    subtracted = {*profile.subtract.values()} - {*profile.made}
     table = table.drop(columns=[*subtracted & {*table}])
     if kind != "points" and len(table):
         if ask.component:
@@ -158,7 +171,7 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
     names, result = [plain(cell) for cell in header.cells], dict[str, int]()
     operands = [*profile.subtract.values(), *([profile.cycles.from_] if profile.cycles else [])]
     operands += profile.unpivot.columns if profile.unpivot else []
-    headings = {name: name for name in operands if name not in profile.constants} | profile.columns
+    headings = {name: name for name in operands if name not in profile.made} | profile.columns
     for name, heading in headings.items():
         if isinstance(heading, int) and 1 <= heading <= len(names):
             result[name] = heading - 1
@@ -174,14 +187,28 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
     return result
 
 
-def _row_labels(unpivot: Unpivot, ask: Ask) -> Iterator[dict[str, Any]]:
-    """What the rows of each column have (its name under ""): a name or number, a direction; passes
-    are counted in each direction.
+def _row_labels(
+    profile: Profile, ask: Ask, cells: Columns, line: int, place: Mapping[str, int]
+) -> Iterator[dict[str, Any]]:
+    """What the rows of each column have (its name under ""): its heading, in a column of numbers as
+    such, or the number of its pass, counted in each direction; a direction.
+
+    Raises InputError where directions are stated in a column, too.
     """
-    how, passes = ask.directions or unpivot.directions, Counter[str | None]()
+    unpivot, passes = profile.unpivot, Counter[str | None]()
+    assert unpivot is not None
+    how, target = ask.directions or unpivot.directions, unpivot.names
+    if how and "direction" in {*profile.columns, *profile.constants}:
+        names = "directions of the unpivoted columns and a column 'direction'"
+        raise cells.faults.file.error("exclusive", names=names, expected="one of them")
     for n, name in enumerate(unpivot.columns):
         ways = {"headings": way_of(name), "alternate": ("forward", "reverse")[n % 2]}
         way = ways.get(how or "", how)
         passes[way] += 1
-        labels = {"": name, unpivot.names: passes[way] if unpivot.names == "pass" else name}
-        yield labels | ({"direction": way} if way else {})
+        label: object = passes[way] if target == "pass" else name
+        if target in NUMBERS:
+            heading = cells.header[place[name]]
+            label = number(heading, cells.signs[place[name]])
+            if label is None:
+                cells.faults.cell(line, heading, heading)
+        yield {"": name, target: label} | ({"direction": way} if way else {})
