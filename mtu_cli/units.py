@@ -34,7 +34,7 @@ class Powers:
         return self * other**-1.0
 
     def __pow__(self, power: float) -> Powers:
-        return Powers(tuple(own * power for own in self.exponents))
+        return Powers(tuple(n * power for n in self.exponents))
 
     def __or__(self, other: Powers) -> Powers:
         """What is known of either."""
@@ -59,7 +59,7 @@ class Powers:
     @property
     def whole(self) -> Powers:
         """Without its broken exponents, which are then not known."""
-        return Powers(tuple(own if own == round(own, 0) else nan for own in self.exponents))
+        return Powers(tuple(n if n == round(n, 0) else nan for n in self.exponents))
 
     def alike(self, other: Powers) -> bool:
         """Whether both are of one dimension, as far as they are known."""
@@ -82,11 +82,11 @@ class Powers:
         sized = not isnan(self.size)
         factor = [f"{10.0**self.size:.6g}"] if sized and abs(self.size) > _SAME else []
         if factor or not self.alike(PLAIN):
-            for name, own in (names or {}).items():
-                if own.known and self.agrees(own):
+            for name, unit in (names or {}).items():
+                if unit.known and self.agrees(unit):
                     return name
         pairs = zip(BASES if sized else _INTERNAL, self.exponents, strict=False)
-        powers = [(base, own) for base, own in pairs if own and not isnan(own)]
+        powers = [(base, n) for base, n in pairs if n and not isnan(n)]
         bases = "*".join(base if n == 1 else f"{base}^{n:g}" for base, n in powers)
         text = " ".join(filter(None, (*factor, bases)))
         return text or "a plain number" if sized else _WORDS.get(text, text)
@@ -179,7 +179,7 @@ def parameter_units_of(powers: Powers, like: str) -> list[str]:
     >>> parameter_units_of(UNITS["um"].powers / internal(minute=1), "um")
     ['um/min', 'um/h']
     """
-    result = [name for name, own in PARAMETER_UNITS.items() if own.powers.agrees(powers)]
+    result = [name for name, unit in PARAMETER_UNITS.items() if unit.powers.agrees(powers)]
     numerator = like.partition("/")[0]
     alike = [name for name in result if name.partition("/")[0] == numerator]
     return alike or [name for name in result if not name.startswith("arcsec")] or result
@@ -230,7 +230,7 @@ def unit_powers(text: str | None) -> Powers:
     plain = plain_unit(text or "")
     if not plain or len(plain) > _LONGEST:
         return ANY
-    plain = _UNDER.sub(lambda found: "/" + "/".join(_BETWEEN.split(found[1].strip())), plain)
+    plain = _UNDER.sub(lambda match: "/" + "/".join(_BETWEEN.split(match[1].strip())), plain)
     powers, position = PLAIN, 0
     while position < len(plain):
         match = _FACTOR.match(plain, position)
@@ -255,5 +255,5 @@ def _symbol(name: str) -> Powers:
 
 
 def _powers(exponents: Sequence[float], size: float) -> Powers:
-    known = tuple(map(float, exponents))
-    return Powers((*known, *[0.0] * (len(BASES) - len(known)), size))
+    values = tuple(map(float, exponents))
+    return Powers((*values, *[0.0] * (len(BASES) - len(values)), size))

@@ -81,8 +81,8 @@ def paragraph(code: str) -> str:
     if kind is not None and kind.suspicious:
         severity += ", meets --fail-if suspicious"
     sentence = "" if kind is None else re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
-    shown = f"    {sentence}\n\n" if sentence else ""
-    return f"# {code} ({severity})\n\n{shown}{paragraphs().get(code, '')}\n"
+    block = f"    {sentence}\n\n" if sentence else ""
+    return f"# {code} ({severity})\n\n{block}{paragraphs().get(code, '')}\n"
 
 
 def show(text: str) -> None:

@@ -37,14 +37,14 @@ def main() -> None:
             setattr(sys, name, stream)
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")
-        code = called(sys.argv[1:])
+        code = exit_code(sys.argv[1:])
     except KeyboardInterrupt:
         # Its threads may wait for each other: nobody waits for them.
         os._exit(EXIT_INTERRUPTED)
     sys.exit(code)
 
 
-def called(arguments: Sequence[str]) -> int:
+def exit_code(arguments: Sequence[str]) -> int:
     """The exit code of one call; every fault of it is one message on standard error."""
     import typer
 
@@ -57,8 +57,8 @@ def called(arguments: Sequence[str]) -> int:
         code = app([*arguments], prog_name="mtu", standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
-    except (BrokenPipeError, SystemExit) as ended:
-        code = getattr(ended, "code", 1)
+    except (BrokenPipeError, SystemExit) as end:
+        code = getattr(end, "code", 1)
         if code != 1:
             return code if isinstance(code, int) else 0
         # The reader has left (``| head``), which typer ends with 1: nothing is wrong.

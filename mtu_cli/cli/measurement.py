@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, number_of
+from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, number_of
 from mtu_cli.findings import error
 from mtu_cli.model.settings import Settings
 
@@ -99,7 +99,7 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses.graph import PARAMETERS, simulate_graph, sweep_graph
     from mtu_cli.reports import graph as report
 
-    grid = varied(inputs.options.vary, PARAMETERS)
+    grid = variations(inputs.options.vary, PARAMETERS)
     graph, of = _graph(inputs), inputs.options.of
     result = sweep_graph(graph, settings, of, grid)
     # What follows the grid leaves its bar full.
@@ -107,15 +107,15 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome.of(report.sweep(base, result, settings.digits), warnings=result.warnings)
 
 
-def varied(texts: Sequence[str], known: Sequence[str]) -> dict[str, tuple[float, ...]]:
+def variations(texts: Sequence[str], parameters: Sequence[str]) -> dict[str, tuple[float, ...]]:
     """The values of every --vary, by name, in the order given.
 
     Raises InputError for all that cannot be read, at once.
 
-    >>> varied(["repeats=1,2", "axis_um=1:2:3"], ["axis_um", "repeats"])
+    >>> variations(["repeats=1,2", "axis_um=1:2:3"], ["axis_um", "repeats"])
     {'repeats': (1.0, 2.0), 'axis_um': (1.0, 1.5, 2.0)}
     """
-    return assigned("--vary", texts, "=", "NAME=VALUES", EXAMPLE, _grid, known)
+    return assignments("--vary", texts, "=", "NAME=VALUES", EXAMPLE, _grid, parameters)
 
 
 def _grid(name: str, text: str) -> tuple[float, ...]:
