@@ -68,7 +68,7 @@ class Outcome:
         """What a document holds; `more` are the other fields of an outcome."""
         return cls(
             results=document.record,
-            tables=lambda detail: document.shown(detail=detail),
+            tables=lambda detail: document.blocks(detail=detail),
             rows=document.rows,
             figure=document.figure,
             **more,

@@ -77,11 +77,11 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     tables = {name: MAKERS[name](inputs, model, settings.seed) for name in paths}
     first = next(iter(tables.values()))
     return Outcome(
-        results=lambda: {name.removeprefix("write_"): x.typed() for name, x in tables.items()},
+        results=lambda: {name.removeprefix("write_"): x.values() for name, x in tables.items()},
         tables=lambda detail: [
             f"{path}: {tables[name].count} synthetic rows" for name, path in paths.items()
         ],
-        rows=lambda: (tuple(first.columns), zip(*first.typed().values(), strict=True)),
+        rows=lambda: (tuple(first.columns), zip(*first.values().values(), strict=True)),
         warnings=warnings,
         files=lambda: {
             path: tables[name].text(_heading(options, settings.seed, name)).encode()

@@ -146,14 +146,14 @@ def _ballbar(
     if inputs.options.write_components:
         expected = "a CSV of traces: the sign of stated features is not known"
         raise error("missing-input", what="a trace", expected=expected)
-    features = {}
+    contents = {}
     for path in paths:
         file = raw_file(path, "traces")
         inputs.sources.append(file.source)
-        values = features[file.source.shown] = features_of(file)
-        test_plane = str(values.get("test_plane") or "")
+        content = contents[file.source.shown] = features_of(file)
+        test_plane = str(content.get("test_plane") or "")
         for plane in planes:
             if test_plane and plane != test_plane.upper():
                 raise file.error("contradicts", path="TEST_PLANE", value=test_plane,
                                  other=f"--plane {plane}")  # fmt: skip
-    return Outcome.of(stated_document(features, settings.digits))
+    return Outcome.of(stated_document(contents, settings.digits))

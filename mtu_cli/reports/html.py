@@ -24,10 +24,10 @@ def report_bytes(
     tables: Iterable[object],
     warnings: Iterable[Finding],
     settings: Mapping[str, Any],
-    **stated: Any,
+    **context: Any,
 ) -> bytes:
     """The file; the same bytes for the same page. `tables` are the renderables of a terminal,
-    `stated` its title, subject (names of machine and study), inputs and date.
+    `context` its title, subject (names of machine and study), inputs and date.
 
     Raises InputError for a PDF where what writes it is not installed.
     """
@@ -54,7 +54,7 @@ def report_bytes(
         # Without the digits of a setting that nobody chose.
         settings={k: f"{x:.6g}" if isinstance(x, float) else x for k, x in settings.items()},
         version=__version__,
-        **stated,
+        **context,
     )
     if suffix != ".pdf":
         return page.encode()
@@ -64,5 +64,5 @@ def report_bytes(
         expected = "the extra mtu-cli[pdf] (pip install 'mtu-cli[pdf]'), or a name ending in .html"
         reason = "this installation writes no PDF"
         raise error("output-form", path="--report", reason=reason, expected=expected) from None
-    written: bytes = HTML(string=page).write_pdf()
-    return written
+    pdf: bytes = HTML(string=page).write_pdf()
+    return pdf

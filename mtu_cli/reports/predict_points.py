@@ -99,8 +99,8 @@ def point(axes: tuple[str, ...], independent: bool = False) -> Fields:
 
 def _outside(item: Any) -> list[str]:
     """Components whose measured range the feature leaves."""
-    left: list[str] = item.table.prediction.beyond.get(item.prediction.ids, [])
-    return left
+    components: list[str] = item.table.prediction.beyond.get(item.prediction.ids, [])
+    return components
 
 
 def _rows(result: PointsResult) -> list[RowOf]:
@@ -137,9 +137,9 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
     )
     if least := least_conforming(ids, result.conformance):
         verdict += f" {least}."
-    shown = results(fields, with_covariance=with_covariance), result
+    source = results(fields, with_covariance=with_covariance), result
     table = Table(title, fields, _rows(result), footer)
-    return Document(title, shown, [table], partial(figure, result), verdict, digits)
+    return Document(title, source, [table], partial(figure, result), verdict, digits)
 
 
 @figures.styled
@@ -163,5 +163,5 @@ def figure(result: PointsResult) -> figures.Figure:
         sheet.draw(page, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
         return page
     U = k * np.sqrt(result.variance) / UM
-    shown = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
-    return figures.listing(f"{title} ± {k:g} u", _names(result), shown, "um")
+    intervals = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
+    return figures.listing(f"{title} ± {k:g} u", _names(result), intervals, "um")

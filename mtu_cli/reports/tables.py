@@ -46,18 +46,18 @@ class Sheet:
         titles = [column.title for column in self.columns]
         if all(title.endswith("\n") for title in titles):
             titles = [title.rstrip("\n") for title in titles]
-        wanted, least = [], []
+        widths, least = [], []
         for i, column in enumerate(self.columns):
             lines = [*titles[i].split("\n"), *(row[i] for row in self.rows)]
-            wanted.append(max(map(cell_len, lines)))
+            widths.append(max(map(cell_len, lines)))
             # A heading breaks between its words only.
             words = max(map(cell_len, titles[i].split()), default=0)
-            least.append(min(wanted[-1], max(FOLDED, words)) if column.text else wanted[-1])
+            least.append(min(widths[-1], max(FOLDED, words)) if column.text else widths[-1])
         for n, group in enumerate(self._groups(least, most)):
             if n > 0:
                 yield Text("")
             gaps = len(group) - 1
-            gap = 2 if sum(wanted[i] for i in group) + 2 * gaps <= most else 1
+            gap = 2 if sum(widths[i] for i in group) + 2 * gaps <= most else 1
             # On a terminal a rule below the headings, and a blank of its own between columns.
             box = SIMPLE_HEAD if console.is_terminal else None
             table = Table(
