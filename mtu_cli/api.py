@@ -163,29 +163,29 @@ def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> I
             value = [Path(each) for each in value] if many else Path(value)
         values[name] = value
     check_bounds(entries, values)
-    read: dict[str, Any] = {}
+    data: dict[str, Any] = {}
     for item in (*items, *(value for value in options.values() if isinstance(value, Result))):
-        _place(item, command, values, read)
+        _place(item, command, values, data)
     inputs = Inputs(Options(command.replace(" ", "-"), values))
     for kind in KINDS:
-        if kind in read:
-            inputs.register(kind, read[kind])
+        if kind in data:
+            inputs.register(kind, data[kind])
     return inputs
 
 
-def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]) -> None:
+def _place(item: Any, command: str, values: dict[str, Any], data: dict[str, Any]) -> None:
     match item:
         case LoadedMachine():
-            values["machine"], read["machine"] = item.source.path, item
+            values["machine"], data["machine"] = item.source.path, item
         case LoadedPart():
-            values["part"], read["part"] = item.source.path, item
+            values["part"], data["part"] = item.source.path, item
         case LoadedStudy():
             values["study"] = item.source.path
         case Readings() | Points():
             for source in item.sources:
                 values[source.role] = [*(values.get(source.role) or ()), source.path]
             drift = isinstance(item, Readings) and item.sources[0].role == DRIFT
-            read["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
+            data["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
         case Result():
             # As if it had been written and read.
             from mtu_cli.files.reports_read import ModelReports, report_from
@@ -193,7 +193,7 @@ def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]
             name = item.command.replace("-", "_")
             source = Source(role="components", path=Path(name), shown=name, sha256="")
             report = report_from(source, item.report())
-            read["reports"] = ModelReports(**{report.source.role: report})
+            data["reports"] = ModelReports(**{report.source.role: report})
         case str() | Path():
             if command == "circular":  # of several files
                 values["file"] = [*(values["file"] or ()), Path(item)]

@@ -109,7 +109,7 @@ class Finding:
 
     def at(self, **place: Any) -> Finding:
         """The same finding with what its place lacks (file, line, row, column, path) filled in."""
-        missing = {name: to for name, to in place.items() if getattr(self, name) in (None, ())}
+        missing = {name: x for name, x in place.items() if getattr(self, name) in (None, ())}
         return replace(self, **missing)
 
     def to_dict(self) -> dict[str, Any]:

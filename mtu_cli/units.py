@@ -144,8 +144,8 @@ ARCSEC = UNITS["arcsec"].to_internal
 def plain_unit(text: str) -> str:
     """A unit in plain letters: u for either sign of micro, as the names of UNITS have it."""
     plain = text.strip()
-    for sign, meant in _SIGNS.items():
-        plain = plain.replace(sign, meant)
+    for sign, letters in _SIGNS.items():
+        plain = plain.replace(sign, letters)
     return plain
 
 
@@ -181,8 +181,8 @@ def parameter_units_of(powers: Powers, like: str) -> list[str]:
     """
     result = [name for name, unit in PARAMETER_UNITS.items() if unit.powers.agrees(powers)]
     numerator = like.partition("/")[0]
-    alike = [name for name in result if name.partition("/")[0] == numerator]
-    return alike or [name for name in result if not name.startswith("arcsec")] or result
+    matches = [name for name in result if name.partition("/")[0] == numerator]
+    return matches or [name for name in result if not name.startswith("arcsec")] or result
 
 
 _PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}

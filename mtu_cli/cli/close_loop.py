@@ -83,8 +83,8 @@ def _tables(
     machine = inputs.machine
     if inputs.files("cmm"):
         result = modelled(inputs)
-        table, more = residual_table(result.model, inputs.points, inputs.at, datum)
-        return (table,), result.estimates.effects, [*result.warnings, *more]
+        table, findings = residual_table(result.model, inputs.points, inputs.at, datum)
+        return (table,), result.estimates.effects, [*result.warnings, *findings]
     readings, fit_report = inputs.readings, inputs.reports.components
     if readings is None:
         raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")

@@ -109,11 +109,11 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
 def _names(inputs: Inputs) -> list[str]:
     """The components to compensate, the one with readings first: the others are added to it."""
     names = list(inputs.options.component)
-    read = [name for name in names if len(_rows(inputs.readings, name))]
-    if read[1:]:
-        reason = f"there are readings of {' and '.join(read)}: those of one are compensated"
+    first = [name for name in names if len(_rows(inputs.readings, name))]
+    if first[1:]:
+        reason = f"there are readings of {' and '.join(first)}: those of one are compensated"
         raise error("not-applicable", reason=reason, expected="one of them")
-    return read + [name for name in names if name not in read]
+    return first + [name for name in names if name not in first]
 
 
 def _name_axis(

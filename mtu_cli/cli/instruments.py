@@ -131,7 +131,7 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
         tables.append(table)
     if faults:
         raise InputError(faults)
-    text = _joined(tables).csv(list(SPECS[kind].columns))
+    text = _join(tables).csv(list(SPECS[kind].columns))
     notes = [each for each in findings if each.severity == "note"]
     return Outcome(
         tables=lambda detail: [each.message for each in notes] if target else [text.rstrip("\n")],
@@ -140,19 +140,19 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     )
 
 
-def _joined(tables: list[Imported]) -> Imported:
+def _join(tables: list[Imported]) -> Imported:
     """Files end to end; the passes of a component that was read before are counted on."""
-    joined, last = Imported(format="", kind=tables[0].kind), dict[str, int]()
+    result, last = Imported(format="", kind=tables[0].kind), dict[str, int]()
     for table in tables:
-        before = dict(last)
+        offsets = dict(last)
         for i, row in enumerate(table.rows):
             cells = {name: column[i] for name, column in table.columns.items()}
             if isinstance(cells.get("pass"), int):
                 name = str(cells.get("component"))
-                cells["pass"] += before.get(name, 0)
+                cells["pass"] += offsets.get(name, 0)
                 last[name] = max(last.get(name, 0), cells["pass"])
-            joined.add(row, **cells)
-    return joined
+            result.add(row, **cells)
+    return result
 
 
 def _unit_of(options: Options, component: str | None) -> str | None:

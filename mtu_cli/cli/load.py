@@ -174,8 +174,8 @@ class Inputs:
     @property
     def names(self) -> list[str]:
         """The names in the files of the call: machine, part, study; at least one."""
-        read = self.__dict__
-        result = [getattr(read[kind], kind).name for kind in ("machine", "part") if kind in read]
+        cache = self.__dict__
+        result = [getattr(cache[kind], kind).name for kind in ("machine", "part") if kind in cache]
         result += [self.study.source.shown] if self.study else []
         return result or [source.shown for source in self.sources]
 

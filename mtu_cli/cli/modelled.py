@@ -93,8 +93,8 @@ def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) 
     from mtu_cli.reports.fit_components import document
 
     results = document(fit_result(machine.machine.name, fit, estimates)).record()
-    written = report_bytes({"schema": "mtu/fit-components/1", "results": results})
-    return estimates_from_report(machine, report_from(machine.source, json.loads(written)))
+    content = report_bytes({"schema": "mtu/fit-components/1", "results": results})
+    return estimates_from_report(machine, report_from(machine.source, json.loads(content)))
 
 
 def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
@@ -102,7 +102,7 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
     from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 
     machine = inputs.machine
-    stated = thermal_from_machine_file(machine)
+    estimates = thermal_from_machine_file(machine)
     report = inputs.reports.thermal
     if report is not None:
         doubts = _report_warnings(report, DOUBTS, report.components)
@@ -110,8 +110,8 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
         return thermal_from_report(machine, report), doubts
     if inputs.files("drift"):
         fit = fitted_drift(inputs, inputs.drift, "auto")
-        return stated | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
-    return stated, []
+        return estimates | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
+    return estimates, []
 
 
 def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:

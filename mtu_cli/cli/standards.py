@@ -130,9 +130,9 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome.reported(inputs, result, files=components)
 
 
-def _words(text: str | None, read: Callable[[str], Any]) -> list[Any]:
+def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:
     """The values of an option with commas."""
-    return [read(each.strip()) for each in text.split(",")] if text else []
+    return [convert(each.strip()) for each in text.split(",")] if text else []
 
 
 def _ballbar(

@@ -95,7 +95,7 @@ def entry(kind: Kind) -> list[Field | Group]:
     )
 
 
-def _only(unit: str, fields: Fields) -> list[Field]:
+def _unit_fields(unit: str, fields: Fields) -> list[Field]:
     """The fields, those with a unit of items of that unit alone."""
 
     def of_unit(item: Any) -> Any:
@@ -108,12 +108,12 @@ def _only(unit: str, fields: Fields) -> list[Field]:
 
 def _in_units(text: str) -> list[Field]:
     """Fields of lengths and of angles, each of its own items."""
-    return [x for unit in ("um", "arcsec") for x in _only(unit, declare(text, UNIT=unit))]
+    return [x for unit in ("um", "arcsec") for x in _unit_fields(unit, declare(text, UNIT=unit))]
 
 
 def _row() -> Fields:
     """The CSV: angles in the columns of arcsec and all else in those of um."""
-    operation, feature, *um = _only("um", entry("feature"))
+    operation, feature, *um = _unit_fields("um", entry("feature"))
     label = feature.value
     name = "feature, length or orthogonality"
     return (
@@ -121,7 +121,7 @@ def _row() -> Fields:
         operation,
         replace(feature, value=lambda item: read(item, label) if item.kind == "feature" else None),
         *um,
-        *(field for field in _only("arcsec", entry("angle")) if field.unit_name),
+        *(field for field in _unit_fields("arcsec", entry("angle")) if field.unit_name),
     )
 
 
@@ -264,11 +264,11 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     ]
     for group in (*result.kinds[1:], result.features):
         title, items = TITLES[group.kind], rows[group.kind]
-        few, footer = items, of_features if group.kind == "feature" else ""
+        selection, footer = items, of_features if group.kind == "feature" else ""
         if len(items) > SHOWN:
-            few = [items[i] for i in group.order[:WORST]]
+            selection = [items[i] for i in group.order[:WORST]]
             title += f": the {WORST} of {len(items)} with the largest errors"
-        tables.append(Table(title, entry(group.kind), items, footer, selection=few))
+        tables.append(Table(title, entry(group.kind), items, footer, selection=selection))
     tests = sum(item.tested for item in result.totals)
     count = sum(item.differ for item in result.totals)
     sentences = [f"F test: parts differ significantly in {count} of {tests} features and axes."]
@@ -335,8 +335,8 @@ def _charts(result: AnovaResult) -> Iterator[Chart]:
     group, k = result.features, result.features.coverage_factor
     clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in group.labels]
     outliers = [x for x, parts in zip(group.labels, group.unusual, strict=True) if parts]
-    most = [*clear, *outliers, *(group.labels[i] for i in group.order)]
-    for key in list(dict.fromkeys(label[:2] for label in most))[:DRAWN]:
+    ranking = [*clear, *outliers, *(group.labels[i] for i in group.order)]
+    for key in list(dict.fromkeys(label[:2] for label in ranking))[:DRAWN]:
         for i in (i for i, label in enumerate(group.labels) if label[:2] == key):
             mean, u = (each / UM for each in group.part_means(i))
             out = {p: name for p, name in enumerate(group.tables.parts) if name in group.unusual[i]}

@@ -108,11 +108,11 @@ def document(result: CircularResult, digits: int = 2) -> Document:
     )
     causes = sorted(result.causes, key=lambda x: -x.share if x.share == x.share else 1.0)
     tables = [
-        Table(f"Causes, {_of(result)}", ROW, result.causes, footer, selection=causes),
+        Table(f"Causes, {_setup(result)}", ROW, result.causes, footer, selection=causes),
         Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
     ]
-    most = max(result.figures, key=lambda x: x.G_lsc)
-    verdict = f"G {significant(most.G_lsc / UM, 3)} um ({most.trace.direction})"
+    worst = max(result.figures, key=lambda x: x.G_lsc)
+    verdict = f"G {significant(worst.G_lsc / UM, 3)} um ({worst.trace.direction})"
     if not math.isnan(result.G_bidirectional):
         verdict += f", of both directions {significant(result.G_bidirectional / UM, 3)} um"
     largest = ", ".join(
@@ -125,7 +125,7 @@ def document(result: CircularResult, digits: int = 2) -> Document:
     return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
 
 
-def _of(result: CircularResult) -> str:
+def _setup(result: CircularResult) -> str:
     plane = f"{result.traces.plane}, " if result.traces.plane else ""
     return f"{plane}radius {result.traces.radius:g} mm"
 
@@ -163,7 +163,7 @@ def components(result: CircularResult) -> dict[str, Any]:
 def polar(result: CircularResult) -> Page:
     """Deviations about each trace's circle over the angle, and the joint fit."""
     page = blank(6.5, 6.5)
-    title(page, f"Circular test, {_of(result)}")
+    title(page, f"Circular test, {_setup(result)}")
     panel: Any = page.add_subplot(projection="polar")
     colours, reach = {"ccw": BLUE, "cw": ORANGE}, 0.0
     for trace, fit in zip(result.traces.traces, result.fitted, strict=True):

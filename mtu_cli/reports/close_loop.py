@@ -276,8 +276,8 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     score_tables = [_before_after(first)] if len(result.tables) == 1 else []
     for unit in units if len(result.tables) > 1 else ():
         items = [item for item in result.tables if item.table.unit == unit]
-        by = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
-        title = f"Rms error of {listed(by)}"
+        data = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
+        title = f"Rms error of {listed(data)}"
         score_tables.append(Table(title, _fields(SCORED_TABLE, items[0], checks=_checks), items))
     tables = [
         Table("", _candidate("candidate", *units), _items("candidates", result), selection=()),

@@ -37,8 +37,8 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     effect depends on (of none: part by part); and the ranking.
     """
     scale = UNITS[item.table.unit].to_internal
-    both = [item.table.errors / scale, (item.table.errors - item.explained) / scale]
-    errors = both[: 1 + bool(item.effects)]
+    stages = [item.table.errors / scale, (item.table.errors - item.explained) / scale]
+    errors = stages[: 1 + bool(item.effects)]
     maps = _maps(item, errors)
     sheet = None if maps is None else Sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
     height = 0.0 if sheet is None else sheet.height

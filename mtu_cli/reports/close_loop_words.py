@@ -61,8 +61,8 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         # The middles of the ranges that fit alike.
         middles = [(low + high) / 2 for low, high in searched.intervals]
         values = middles if len(middles) > 1 else [searched.value]
-        fitting = " or ".join(significant(value, 4) for value in values[:MOST_SEARCHED])
-        words["searched"] = f"{word or unit} {fitting} {unit if word else ''}".strip()
+        choices = " or ".join(significant(value, 4) for value in values[:MOST_SEARCHED])
+        words["searched"] = f"{word or unit} {choices} {unit if word else ''}".strip()
         # The first part after a step.
         order = item.table.covariates.get("sequence", np.zeros((0, 1)))[:, 0]
         parts = np.flatnonzero(order[: len(item.table.parts)] > searched.value)

@@ -27,10 +27,10 @@ MEANS = {
 
 def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
     """Points or moves with their places: mm, of a rotary axis deg; by unit the item itself."""
-    where, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
+    key, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
     shared = {"unit": unit, "size": result.size, "quantum": result.quantum}
     return [
-        {**shared, "item": item, where: at, unit: item}
+        {**shared, "item": item, key: at, unit: item}
         for at, item in zip(places, items, strict=True)
     ]
 

@@ -147,8 +147,8 @@ def component(powers: int) -> Fields:
     for n, head in enumerate(heads[:powers]):
         for fields, text in zip(terms, (TERM, TERM_IN_CSV), strict=True):
             per_m = partial(_size, power=n)
-            more = declare(text, POWER=str(n), HEAD=head, per_m=per_m, **SIZES)
-            fields += [replace(x, within=(_polynomial,)) for x in more if isinstance(x, Field)]
+            columns = declare(text, POWER=str(n), HEAD=head, per_m=per_m, **SIZES)
+            fields += [replace(x, within=(_polynomial,)) for x in columns if isinstance(x, Field)]
     return declare(
         COMPONENT,
         **SIZES,
@@ -231,7 +231,7 @@ def document(result: FitResult, digits: int = 2) -> Document:
     findings, gaps = [], []
     for name, words in TESTS.items():
         outcomes = [(label, tests[name].significant) for label, tests in pairs if name in tests]
-        if names := listed(dict.fromkeys(label for label, sure in outcomes if sure)):
+        if names := listed(dict.fromkeys(label for label, significant in outcomes if significant)):
             findings.append(f"{words} of {names}")
         gaps += [] if outcomes else [words]
     verdict = f"Significant: {'; '.join(findings)}." if findings else "No test is significant."
@@ -288,12 +288,12 @@ def _readings(
     """A line a pass and direction; of a constant the passes side by side."""
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
     for g, (number, sign) in enumerate([key[1:] for key in item.keys_read] or [(1, 0)]):
-        inside = np.flatnonzero(group == g)
-        inside = inside[np.argsort(item.position[inside], kind="stable")]
-        place = item.position[inside] if estimate.of else np.full(len(inside), float(number))
+        rows = np.flatnonzero(group == g)
+        rows = rows[np.argsort(item.position[rows], kind="stable")]
+        place = item.position[rows] if estimate.of else np.full(len(rows), float(number))
         marker, word = MARKS[sign]
         panel.plot(
-            place, item.error[inside] / estimate.unit.to_internal, marker=marker,
+            place, item.error[rows] / estimate.unit.to_internal, marker=marker,
             linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],
             markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3, label=word,
         )  # fmt: skip

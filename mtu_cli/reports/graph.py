@@ -14,7 +14,7 @@ from mtu_cli.model.graph.transitions import Step
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import COMMON, Field, Fields, declare, record
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
-from mtu_cli.reports.monte_carlo_figures import simulated, swept
+from mtu_cli.reports.monte_carlo_figures import simulation, sweep_curves
 from mtu_cli.reports.numbers import fixed, plus_minus, significant
 
 MOST = 12
@@ -161,7 +161,7 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     name = result.graph.graph.name
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
-    places, figure = Table(title, fields, result.coordinates, footer), partial(simulated, result)
+    places, figure = Table(title, fields, result.coordinates, footer), partial(simulation, result)
     verdict = _simulation_text(result, digits)
     return Document(name, (SIMULATION, result), [places], figure, verdict, digits)
 
@@ -256,9 +256,9 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
         values = ", ".join(f"{name} = {significant(value, 4)}" for name, value in pairs)
         footer = f"{formula.form}; {values}"
     table = Table(title, fields, result.grid, footer)
-    also: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
-    figure = partial(swept, result)
-    return Document(title, (PLACES, base), [table], figure, _formula_text(result), digits, also)
+    extra: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
+    figure = partial(sweep_curves, result)
+    return Document(title, (PLACES, base), [table], figure, _formula_text(result), digits, extra)
 
 
 def _formula_text(result: Sweep) -> str:

@@ -89,8 +89,8 @@ def at_target(axis: Axis) -> list[SimpleNamespace]:
     count, mean, s = axis.of_runs
     B, R_way, R = reversal_and_repeatability(mean, s)
     columns = {"mean": mean.mean(axis=0), "B": B, "R": R}
-    for name, both in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
-        columns |= {f"{name}_{way}": values for way, values in zip(WAYS, both, strict=True)}
+    for name, pair in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
+        columns |= {f"{name}_{way}": values for way, values in zip(WAYS, pair, strict=True)}
     place, other = ("deg", "mm") if axis.rotary else ("mm", "deg")
     shared = {"name": axis.name, "size": axis.size, other: None}
     return [
@@ -255,9 +255,9 @@ def diagram(result: Iso230Result) -> Page:
                 axis.targets, means[i], yerr=2 * np.nan_to_num(s[i]), color=colour, marker=marker,
                 ms=5, capsize=3, elinewidth=1.0, label=f"mean {WAYS[i]}, 2 s",
             )  # fmt: skip
-        both = means.mean(axis=0)
-        if np.isfinite(both).any():
-            panel.plot(axis.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
+        mean = means.mean(axis=0)
+        if np.isfinite(mean).any():
+            panel.plot(axis.targets, mean, color=INK, ls="--", lw=1.0, label="mean of both")
         middle = (np.nanmax(means) + np.nanmin(means)) / 2
         limits = {x.name: x.limit / x.size for x in axis.figures.values() if x.limit is not None}
         for i, (name, limit) in enumerate(limits.items(), 1):

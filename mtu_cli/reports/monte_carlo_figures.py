@@ -108,11 +108,11 @@ def budget(result: BudgetResult) -> figures.Figure:
 
 
 @figures.styled
-def simulated(result: GraphSimulation) -> figures.Figure:
+def simulation(result: GraphSimulation) -> figures.Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
     variables = [item for item in result.coordinates if not item.fixed]
-    most = [max(y.u for y in variables if y.output.unit == x.output.unit) for x in variables]
-    selection = [x for x, u in zip(variables, most, strict=True) if x.u >= SEEN * u][:COORDINATES]
+    maxima = [max(y.u for y in variables if y.output.unit == x.output.unit) for x in variables]
+    selection = [x for x, u in zip(variables, maxima, strict=True) if x.u >= SEEN * u][:COORDINATES]
     trials = []
     for item in selection:
         factor, unit = small_unit(item.output.unit)
@@ -126,7 +126,7 @@ def simulated(result: GraphSimulation) -> figures.Figure:
 
 
 @figures.styled
-def swept(result: Sweep) -> figures.Figure:
+def sweep_curves(result: Sweep) -> figures.Figure:
     """u by Monte Carlo with two standard errors against the first of what is varied, a line for
     each value of the rest.
     """

@@ -91,13 +91,13 @@ def point(axes: tuple[str, ...], independent: bool = False) -> Fields:
     return declare(
         POINT,
         of_axes=of_axes,
-        mark=lambda item: DAGGER if _outside(item) else "",
+        mark=lambda item: DAGGER if _components_outside(item) else "",
         diameter=lambda value, u, digits: f"⌀{value:g}",
-        outside=_outside,
+        outside=_components_outside,
     )
 
 
-def _outside(item: Any) -> list[str]:
+def _components_outside(item: Any) -> list[str]:
     """Components whose measured range the feature leaves."""
     components: list[str] = item.table.prediction.beyond.get(item.prediction.ids, [])
     return components
@@ -157,10 +157,10 @@ def figure(result: PointsResult) -> figures.Figure:
         covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
         side = Side("", figures.BLUE, errors, covariance)
         maps = Maps(ids, result.points, axes, (("", (side,)),), k)
-        inside = 100 * (1 - math.exp(-(k**2) / 2))
+        share = 100 * (1 - math.exp(-(k**2) / 2))
         sheet = Sheet(maps)
         page = figures.blank(sheet.width, sheet.height)
-        sheet.draw(page, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
+        sheet.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")
         return page
     U = k * np.sqrt(result.variance) / UM
     intervals = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]

@@ -220,8 +220,8 @@ def figure(fit: ThermalFit) -> figures.Figure:
 
 
 def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
-    every = list(dict.fromkeys(curve.position for curve in item.curves))
-    positions = [every[i] for i in spread(len(every), POSITIONS)]
+    places = list(dict.fromkeys(curve.position for curve in item.curves))
+    positions = [places[i] for i in spread(len(places), POSITIONS)]
     along, start = item.estimate.degree > 0 and len(positions) > 1, 0.0
     shades = figures.shades(len(positions)) if along else [figures.BLUE] * len(positions)
     colours = dict(zip(positions, shades, strict=True))
