@@ -1,4 +1,4 @@
-"""The commands as functions of Python, of files or of what was read from them.
+"""The commands as functions of Python, on files or on objects read from them.
 
 >>> import mtu_cli as mtu
 >>> study = "configs/gilsinn-ling-simulated"
@@ -141,7 +141,7 @@ def _run(command: str, *items: Any, **options: Any) -> Result:
 
 
 def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
-    """The inputs of a call: what was read already takes the place of its file."""
+    """The inputs of a call: an object read before takes the place of its file."""
     declarations = options_of(COMMANDS[command].options)
     values = {
         name: None if option.default is REQUIRED else option.default

@@ -108,7 +108,7 @@ class Finding:
         return hash((self.code, self.file, self.line, self.row, self.column, self.value))
 
     def at(self, **place: Any) -> Finding:
-        """The same finding with what its place lacks (file, line, row, column, path) filled in."""
+        """The same finding with the missing parts of its place (file, line, row, column, path)."""
         missing = {name: x for name, x in place.items() if getattr(self, name) in (None, ())}
         return replace(self, **missing)
 
@@ -141,7 +141,7 @@ class InputError(MtuError):
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        # One line of what is alike but for its row, as where a whole column has another unit.
+        # One line for findings that differ in the row only, as of a column in another unit.
         groups: dict[Finding, list[int | None]] = {}
         for each in self.findings:
             groups.setdefault(replace(each, row=None), []).append(each.row)
@@ -161,7 +161,7 @@ def error(code: str, **place_and_facts: Any) -> InputError:
 
 
 def finding(code: str, **place_and_facts: Any) -> Finding:
-    """A Finding whose facts are given by name beside its place."""
+    """A Finding from its place and its facts, both by name."""
     fields = Finding.__dataclass_fields__
     place = {name: value for name, value in place_and_facts.items() if name in fields}
     facts = {name: value for name, value in place_and_facts.items() if name not in fields}

@@ -22,7 +22,7 @@ class Powers:
     """A unit as `exponents` of m, kg, s, A and K, and last the common logarithm of its size, which
     multiplies as they do. nan is not known, and agrees with anything.
 
-    Of internal units, each base has one alone: their size is not known, nor wanted.
+    Each base has one internal unit alone: the size of internal units is nan.
     """
 
     exponents: tuple[float, ...]
@@ -37,7 +37,7 @@ class Powers:
         return Powers(tuple(n * power for n in self.exponents))
 
     def __or__(self, other: Powers) -> Powers:
-        """What is known of either."""
+        """These exponents, and those of `other` where they are nan."""
         pairs = zip(self.exponents, other.exponents, strict=True)
         return Powers(tuple(b if isnan(a) else a for a, b in pairs))
 
@@ -53,16 +53,16 @@ class Powers:
 
     @property
     def known(self) -> bool:
-        """Whether all is known but its size."""
+        """Whether no exponent is nan, but for the size."""
         return not any(map(isnan, self.exponents[:-1]))
 
     @property
     def whole(self) -> Powers:
-        """Without its broken exponents, which are then not known."""
+        """With nan in place of broken exponents."""
         return Powers(tuple(n if n == round(n, 0) else nan for n in self.exponents))
 
     def alike(self, other: Powers) -> bool:
-        """Whether both are of one dimension, as far as they are known."""
+        """Whether both are of one dimension; nan agrees with all."""
         return not any(self._differences(other)[:-1])
 
     def agrees(self, other: Powers) -> bool:
@@ -221,8 +221,8 @@ _LONGEST = 60
 def unit_powers(text: str | None) -> Powers:
     """A unit as people write it (mm, 1/degC, um/m/K, kg m^2/s2); `ANY` for an unknown one.
 
-    An angle is a number (rad); degC and K are one: differences are meant. Of um/m*K nobody knows
-    what stands under the line: it is unknown, um/(m*K) is not.
+    An angle is a number (rad); degC and K are one: differences are meant. um/m*K is ambiguous
+    and so unknown, um/(m*K) is not.
 
     >>> unit_powers("um/(m K)") == unit_powers("ppm/degC"), unit_powers("um/m*K") == ANY
     (True, True)

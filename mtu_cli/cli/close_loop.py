@@ -107,7 +107,7 @@ def _tables(
 def _written_files(
     inputs: Inputs, earlier: EffectEstimates | None, settings: Settings, result: CloseLoopResult
 ) -> tuple[dict[Path, bytes], list[Finding]]:
-    """The files of --write-machine and --write-components, none where neither is asked for, and
+    """The files of --write-machine and --write-components, none without these options, and
     what to warn of. Raises InputError for effects that no machine file can hold.
     """
     paths = written_files(inputs.options)
@@ -136,7 +136,7 @@ def _written_files(
 
 
 def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
-    """An effect as the machine file has it; a smooth one is a component with a table of its own."""
+    """An effect as the machine file has it; a smooth one is a component with a table."""
     rows, candidate, components = effect.written, effect.candidate, {}
     if (table := effect.table) is not None:
         scale = UNITS[item.table.unit].to_internal
@@ -203,8 +203,8 @@ def _through_component(
 
 
 def joint(additions: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
-    """The covariance over the parameters of effects one after the other, in internal units: of
-    those that were estimated together by their table's.
+    """The joint covariance of the parameters of the effects in order, in internal units: of
+    those estimated jointly that of their table.
     """
 
     def block(

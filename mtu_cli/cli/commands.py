@@ -29,7 +29,7 @@ RANDOM = "seed trials threads"
 OUT = "out csv plot report date detail quiet"
 
 
-# Help has our word for a value alone: no Python type beside arguments and flags.
+# Help shows our word for a value: no Python type with arguments and flags.
 for _kind in (TyperArgument, TyperOption):
     _bare: Any = _kind
     _bare.display_type_rich = lambda self, ctx: self.metavar if self.opts[0][0] == "-" else ""
@@ -56,7 +56,7 @@ def declare(text: str) -> dict[str, Command]:
     return result
 
 
-# The files of simulate say in the order of its options how they were made.
+# The files of simulate list its options in this order.
 COMMANDS = declare(f"""
     fit-components | analyse | machine | suspicious drift | Readings to coefficients, \
         covariance, repeatability, drift, reversal, per component. \

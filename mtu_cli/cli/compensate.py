@@ -44,7 +44,7 @@ ROTARY = "c"
 
 
 def compensate(inputs: Inputs, settings: Settings) -> Outcome:
-    """The table of a control, or with --read what one says."""
+    """The table of a control, or with --read the errors in one."""
     options = inputs.options
     feed = above_zero("--feed", str(options.feed))
     if options.for_ is None:
@@ -157,8 +157,8 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
 def _errors(
     inputs: Inputs, names: Sequence[str], request: Wanted, rotary: str
 ) -> tuple[AxisErrors, str, Stated | None]:
-    """Readings of the first name, else what the machine states, with the others added; the axis,
-    and the first as stated (None of a rotary axis).
+    """Errors by readings of the first name, else of the machine, plus the others; the axis, and
+    the first component as stated (None of a rotary axis).
     """
     machine, readings = inputs.machine, inputs.readings
     component, rows = machine.machine.components.get(names[0]), _rows(readings, names[0])

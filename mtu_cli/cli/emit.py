@@ -86,7 +86,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Result:
-    """What a command found; `warnings` are those of the input and of the result."""
+    """The result of a command; `warnings` are those of the input and of the result."""
 
     inputs: Inputs
     outcome: Outcome
@@ -155,7 +155,7 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
         *warning_lines(inputs.with_paths(warnings)),
         *(f"mtu: gate {name}: {why}" for name, why in reasons.items()),
     ]
-    # Between the making of files and their places: none is there where something cannot be said.
+    # Files get their names last: none is written where the output fails.
     with files_written(files):
         try:
             if report is not None:
@@ -268,7 +268,7 @@ def _files(result: Result) -> dict[Path, bytes]:
 
 
 def _page(result: Result) -> bytes:
-    """The report to hand on; without a picture where what was asked for cannot be drawn."""
+    """The report to hand on; without a picture where the result cannot be drawn."""
     from mtu_cli.reports.html import report_bytes
 
     inputs, options = result.inputs, result.inputs.options
@@ -302,8 +302,8 @@ def written_files(options: Options) -> dict[str, Path]:
 
 
 def check_outputs(inputs: Inputs) -> None:
-    """Refuses files that cannot be made, or would overwrite measured data or what the call, its
-    study or the study of this folder names, read or not, but for what the command is there to
+    """Raises InputError for files that cannot be made, or would overwrite measured data or inputs
+    that the call, its study or that of this folder names, except those that the command is to
     make. All at once, before anything is calculated.
     """
     options, outputs = inputs.options, written_files(inputs.options)
@@ -346,7 +346,7 @@ def check_outputs(inputs: Inputs) -> None:
 
 @contextmanager
 def late_bar(text: str) -> Iterator[Progress]:
-    """What share of a calculation is done, on a terminal's standard error, of what takes more than
+    """The progress of a calculation, on a terminal's standard error, where it takes more than
     DELAY_S. It is written when the calculation reports progress, by no thread of its own.
     """
     due, drawn = time.monotonic() + DELAY_S, False

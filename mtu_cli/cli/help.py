@@ -1,4 +1,4 @@
-"""`mtu help` and `mtu schema`: what the package says of itself."""
+"""`mtu help` and `mtu schema`: topics, findings and contracts."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def paragraphs() -> dict[str, str]:
 
 
 def paragraph(code: str) -> str:
-    """What is known of a finding: severity, sentence, and its paragraph."""
+    """The help of a finding: severity, sentence, and its paragraph."""
     kind = CATALOGUE.get(code)
     severity: str = "warning" if kind is None else kind.severity
     if kind is not None and kind.suspicious:

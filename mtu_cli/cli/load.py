@@ -1,4 +1,4 @@
-"""What a call names on the command line or in its study: read once, checked once, when needed."""
+"""The inputs of a call, of the command line or its study: read once, checked once, when needed."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ OF_ANY_MACHINE = ("anova", "iso230")
 class Inputs:
     """The files of one call, each read and checked once, when a command asks for it. Options
     override the study; the study of this folder or above is not read where -m or a file of
-    another kind is given. `suspicions`: what the checks warn of, of all that was read so far.
+    another kind is given. `suspicions`: warnings of the checks on the files read so far.
     """
 
     options: Options
@@ -128,8 +128,8 @@ class Inputs:
         return converter(self.ask_of, note)
 
     def input_files(self) -> list[tuple[str, Path]]:
-        """Role and path of the files that the call, its study or that of this folder names to be
-        read; of a study that is faulty its own alone.
+        """Role and path of all files that the call, its study or that of this folder names; of a
+        faulty study its path alone.
         """
         result = [(role, path) for role in ROLES for path in self.call_files(role)]
         if study := self.study_file:
@@ -142,15 +142,15 @@ class Inputs:
         return result
 
     def files(self, role: str) -> tuple[Path, ...]:
-        """The files of a role: the option's where it is given, else the study's but for those that
-        the call itself makes.
+        """The files of a role: those of the option, else those of the study except the ones that
+        the call makes.
         """
         outputs, paths = self._outputs(role), self.study.files.get(role, ()) if self.study else ()
         rest = (path for path in paths if not any(same(path, each) for each in outputs))
         return self.call_files(role) or tuple(rest)
 
     def _outputs(self, role: str = "") -> list[Path]:
-        """The files that the call makes, of a role in a study if one is given."""
+        """The files that the call makes, of all roles or of one."""
         makes = MADE.get(self.options.command, {})
         paths = [
             self.options.values.get(name) for name, roles in makes.items() if role in (*roles, "")
@@ -164,7 +164,7 @@ class Inputs:
         return result[0]
 
     def missing(self, options: str, *roles: str) -> InputError:
-        """That files of none of the `roles` are given, and why no study names one."""
+        """The error of missing files of all `roles`, with the reason why no study names one."""
         why = "with -m and no STUDY none is looked for" if self.options.machine else "no study"
         if self.study:
             why = f"{self.study.source.shown} has no {' or '.join(map(repr, roles))}"
@@ -243,7 +243,7 @@ class Inputs:
 
     @cached_property
     def points(self) -> Points:
-        """The measured points; nominals from the part file if there is one, else their own."""
+        """The measured points; nominals from the part file, without one from the points."""
         from mtu_cli.files.points import read_points
 
         self._one("cmm", "--cmm")

@@ -22,7 +22,7 @@ def main() -> None:
         # One thread a BLAS call: results must not depend on how many cores a machine has.
         for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
             os.environ[name] = "1"
-        # Pictures are files, whatever a notebook has set for its own.
+        # Pictures are files, whatever backend a notebook has set.
         os.environ["MPLBACKEND"] = "agg"
         # Imports make much that stays; to look for rubbish among it every 700 objects takes 5 %.
         gc.set_threshold(20_000)
@@ -32,7 +32,7 @@ def main() -> None:
             ctypes.CDLL(None).mallopt(-4, 0)
             ctypes.CDLL(None).mallopt(-1, -1)
         for name in ("stdout", "stderr"):
-            # One that was closed takes what is written; what an encoding lacks is escaped.
+            # A closed stream is replaced; characters that an encoding lacks are escaped.
             stream: Any = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115
             setattr(sys, name, stream)
             if isinstance(stream, io.TextIOWrapper):
@@ -51,7 +51,7 @@ def exit_code(arguments: Sequence[str]) -> int:
     from mtu_cli.cli.commands import app
     from mtu_cli.findings import EXIT_INPUT, MtuError, error, printable
 
-    # Typer's own class of all faults of a call, which it does not export.
+    # Typer's class of all faults of a call, which it does not export.
     faults_of_calls: Any = typer.BadParameter.__base__
     try:
         code = app([*arguments], prog_name="mtu", standalone_mode=False)

@@ -31,7 +31,7 @@ def budget(inputs: Inputs, settings: Settings) -> Outcome:
     inputs.sources.append(loaded.source)
     result = evaluate_budget(loaded, settings, inputs.options.k)
     factors = {output.k for output in result.outputs}
-    # Where each output has its own factor, or has none, there is not one for the report.
+    # The report has one factor only where all outputs have the same.
     k = factors.pop() if len(factors) == 1 else math.nan
     return Outcome.reported(inputs, result, settings=replace(settings, coverage_factor=k))
 
@@ -77,7 +77,7 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
-    """What is drawn, with the shares of the variance of `of` where a place is given."""
+    """The net to draw, with the shares of the variance of the place `of` if given."""
     from mtu_cli.analyses.graph import shares_by_place
     from mtu_cli.reports.graph_drawing import net_of
 

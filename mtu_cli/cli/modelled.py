@@ -39,7 +39,7 @@ DOUBTS = ("no-better", "not-held-out")
 
 
 class Modelled(NamedTuple):
-    """The model of a call, what it was made of, and what to warn of."""
+    """The model of a call, the estimates in it, and warnings."""
 
     model: MachineModel
     estimates: Estimates
@@ -50,7 +50,7 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> Modelled:
     """A components report wins over readings, readings over the machine file. Covariates that the
     command needs `extra`, beside those of the model, may be given with --at.
 
-    Raises InputError for components that nothing is known of.
+    Raises InputError for components without an estimate.
     """
     machine, report, fit = inputs.machine, inputs.reports.components, None
     warnings = searched_warnings(machine)
@@ -137,7 +137,7 @@ def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
 def _not_read(
     inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
 ) -> list[Finding]:
-    """That readings are not read beside the `report` of a fit, unless it was fitted to them."""
+    """The warning that readings are not used with the `report` of a fit to other files."""
     digests = {
         path: read_source(path, role)[0].sha256 for role in roles for path in inputs.files(role)
     }
@@ -155,7 +155,7 @@ def _not_read(
 def _report_warnings(
     report: ComponentsReport | ThermalReport, codes: Collection[str], components: Collection[str]
 ) -> list[Finding]:
-    """Warnings of a report, of some `codes` and components, that hold for what is made of it."""
+    """Warnings of a report, of these `codes` and components, that hold for predictions from it."""
     entries, result = report.document.get("warnings"), []
     for item in entries if isinstance(entries, list) else ():
         code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})

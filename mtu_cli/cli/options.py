@@ -1,4 +1,4 @@
-"""Every option of the commands, once: what `--seed` takes and means is the same everywhere."""
+"""Every option of the commands, once: `--seed` has the same type and meaning everywhere."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Option:
         return Annotated[kind, typer.Option(*self.names(name), **common)]
 
     def number(self, text: str) -> Any:
-        """The value of a number; raises BadParameter for what is none."""
+        """The value of a number; raises BadParameter for other text."""
         try:
             return self.kind(text)
         except ValueError:

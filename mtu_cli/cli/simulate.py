@@ -61,7 +61,7 @@ DEFAULT_POSITIONS = 8
 
 
 def simulate(inputs: Inputs, settings: Settings) -> Outcome:
-    """The files that are asked for, each of its own random numbers."""
+    """The files of the --write options, each from a random stream of its own."""
     options = inputs.options
     paths = written_files(options)
     if not paths:
@@ -71,7 +71,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
         place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
         raise error("wrong-type", kind="a name", **place)
     model = modelled(inputs).model
-    # Of components that stand in no equation nothing is simulated.
+    # Components that are in no equation are not simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings = [each for each in of_machine if each.facts["what"] == "component"]
     tables = {name: MAKERS[name](inputs, model, settings.seed) for name in paths}
@@ -91,7 +91,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _heading(options: Options, seed: int, name: str) -> str:
-    """Comment lines that say the file is synthetic and how it came about."""
+    """Comment lines that mark the file as synthetic, with the options that made it."""
     panels = {DRIFT, CLIMATE} if name == "write_drift" else {READINGS, POINTS}
     if name == "write_cmm" and options.cmm_room:
         panels |= {CLIMATE, PARTS_ROOM}
@@ -136,7 +136,7 @@ def _readings(
     estimates = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
     axes = {each.of for each in estimates if each.of is not None and only in (None, each.name)}
     positions = _positions(inputs, model, axes)
-    # Of components that are not asked for only the draws matter, not where they are read.
+    # Of other components only the draws matter, not where they are read.
     other = next(iter(positions.values()), np.zeros(1))
     return simulate_readings(
         model,
@@ -213,7 +213,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         plan = replace(plan, given=table)
     result = simulate_points(model, ids, points, plan, seed)
     if options.cmm_room:
-        # The sensors read with a noise of each point's own.
+        # The noise of the sensors is drawn for each point.
         readings = as_read(test, sensors, result.covariates, seed, part=1)
         result = replace(result, covariates=result.covariates | readings)
     # Points of calibrated circles lie on the diameter that they have at their temperature.
@@ -257,7 +257,7 @@ MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
 def _drift_test(
     inputs: Inputs, model: MachineModel
 ) -> tuple[tuple[ThermalEstimate, ...], DriftPlan]:
-    """The thermal models, and the drift test that the options ask for."""
+    """The thermal models, and the drift test of the options."""
     options, machine, drifts = inputs.options, inputs.machine.machine, model.drifts()
     if not drifts:
         place = {"file": inputs.machine.source.shown}
@@ -316,7 +316,7 @@ def _drift_test(
 
 
 def _drift_positions(inputs: Inputs, drifts: Sequence[ThermalEstimate]) -> dict[str, FloatArray]:
-    """Where drift is read, mm: as asked for, else where gradients are, else mid-axis."""
+    """Where drift is read, mm: by the option, else where gradients are, else mid-axis."""
     machine = inputs.machine.machine
     positions = _by_component("--drift-positions", inputs.options.drift_positions, drifts)
     result: dict[str, FloatArray] = {}

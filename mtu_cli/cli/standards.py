@@ -86,7 +86,7 @@ def _nonconforming(result: Iso230Result) -> str | None:
 
 
 def circular(inputs: Inputs, settings: Settings) -> Outcome:
-    """A circular test: figures of its traces and their causes, or what a ballbar states."""
+    """A circular test: figures of its traces and their causes, or the features of a ballbar."""
     from mtu_cli.analyses.circular import CircularResult, diagnose
     from mtu_cli.files.traces import PLANES, WAYS, read_traces
     from mtu_cli.reports import circular as report

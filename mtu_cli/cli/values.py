@@ -17,9 +17,9 @@ SPAN = "LOW:HIGH:COUNT"
 
 
 def number_of(option: str, text: str, *, whole: bool = False) -> float:
-    """A finite number, `whole` where asked for.
+    """A finite number, `whole` or not.
 
-    Raises InputError that names the `option` and says how to write a number.
+    Raises InputError that names the `option`.
 
     >>> number_of("--at T_a_degC", " 23.5 ")
     23.5

@@ -88,7 +88,7 @@ def entry(kind: Kind) -> list[Field | Group]:
         UNIT="arcsec" if kind == "angle" else "um",
         # Of one part the scatter of its repeats.
         rounding=lambda x: x.u_mean if x.u_mean > 0 else np.sqrt(x.one_way.ms_within),
-        # Both limits for the part variance were below 0: [0, 0] is no bound on it.
+        # Both limits of the part variance were below 0: [0, 0] is no bound on it.
         below_zero=lambda x: bool(x.one_way.ms_within > 0 and (x.interval == 0).all()),
         U_future=lambda x: x.coverage_factor * x.u_future,
         joined=lambda names, u, digits: " ".join(names),
@@ -107,7 +107,7 @@ def _unit_fields(unit: str, fields: Fields) -> list[Field]:
 
 
 def _in_units(text: str) -> list[Field]:
-    """Fields of lengths and of angles, each of its own items."""
+    """Fields of lengths and of angles, each for items of its unit."""
     return [x for unit in ("um", "arcsec") for x in _unit_fields(unit, declare(text, UNIT=unit))]
 
 
@@ -284,8 +284,8 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
 
 
 class Chart(NamedTuple):
-    """The mean of each part over the sequence of manufacture, with what the CMM's scatter makes of
-    it and the names of outliers; `limits` of the tolerance.
+    """The mean of each part over the sequence of manufacture, with the scatter of the CMM and the
+    names of outliers; `limits` of the tolerance.
     """
 
     title: str
@@ -299,7 +299,7 @@ class Chart(NamedTuple):
 
 @figures.styled
 def figure(result: AnovaResult) -> figures.Figure:
-    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and what has a tolerance."""
+    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and toleranced features."""
     charts = list(_charts(result))
     columns = min(len(charts), 2)
     page = figures.blank(8.5, 1.45 * math.ceil(len(charts) / columns) + 1.0)
@@ -329,7 +329,7 @@ def figure(result: AnovaResult) -> figures.Figure:
 
 
 def _charts(result: AnovaResult) -> Iterator[Chart]:
-    """Features, clear trends, outliers and the largest errors first; then what has a tolerance, the
+    """Features, clear trends, outliers and the largest errors first; then toleranced items, the
     least capable first.
     """
     group, k = result.features, result.features.coverage_factor

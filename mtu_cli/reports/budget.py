@@ -1,4 +1,4 @@
-"""The report of budget: first and second order, Monte Carlo beside them, one row an input."""
+"""The report of budget: first and second order and Monte Carlo, one row an input."""
 
 from __future__ import annotations
 

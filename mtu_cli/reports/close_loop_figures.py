@@ -27,7 +27,7 @@ WIDTH, ALONE, HIGH = 12.0, 5.4, 4.1
 CANDIDATES, EFFECTS, NAME, TITLE = 12, 2, 24, 110
 """Candidates and effects that are drawn; letters of a name and of the title."""
 LEAST = -6.0
-"""The bars of the evidence end here: what is less likely is all the same."""
+"""The bars of the evidence end here: anything less likely looks the same."""
 SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 
@@ -134,7 +134,7 @@ def ranked(item: TableResult) -> list[Judged]:
 
 
 def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
-    """Log Bayes factors of the likeliest candidates, each added to the known model alone."""
+    """Log Bayes factors of the likeliest candidates, each added to the machine's model alone."""
     best = ranked(item)[:CANDIDATES]
     class_names = {name for effect in item.effects for name in effect.class_names}
     labels = [cut(x.name, NAME) + ("*" if x.name in class_names else "") for x in best]

@@ -180,7 +180,7 @@ def document(result: CompareResult, digits: int = 2) -> Document:
 
 @figures.styled
 def figure(result: CompareResult) -> figures.Figure:
-    """Means measured less those predicted, with U, item by item, the verdict beside each: faults
+    """Measured minus predicted means with U, item by item, with the verdict of each: faults
     and the largest E_n first.
     """
     names: list[str] = []

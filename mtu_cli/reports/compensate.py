@@ -1,4 +1,4 @@
-"""The report of compensate: the table, the figures before and after, the moves that prove it."""
+"""The report of compensate: the table, the figures before and after, the verification moves."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MEANS = {
 
 
 def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
-    """Points or moves with their places: mm, of a rotary axis deg; by unit the item itself."""
+    """Points or moves with their places: mm, of a rotary axis deg; the item under its unit."""
     key, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
     shared = {"unit": unit, "size": result.size, "quantum": result.quantum}
     return [
@@ -36,7 +36,7 @@ def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str
 
 
 def _points(result: CompensateResult) -> list[dict[str, Any]]:
-    """Points of the table: errors asked for and held, forward and reverse."""
+    """Points of the table: errors requested and read back, forward and reverse."""
     values = np.vstack([result.asked.errors, result.held.errors]).T
     return _entries(result, result.asked.at.tolist(), values.tolist())
 
@@ -193,7 +193,7 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
 
 @styled
 def draw(result: CompensateResult) -> Figure:
-    """Errors asked for and held, by position."""
+    """Errors requested and read back, by position."""
     figure = blank(7.0, 3.6)
     axes = figure.subplots()
     at, size = result.asked.at, result.size

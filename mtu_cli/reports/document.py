@@ -1,6 +1,6 @@
 """The report of a command, before it is terminal text, JSON, CSV or HTML.
 
-What is undefined is null, and a warning says why; degrees of freedom that are null are infinite.
+Undefined figures are null, with a warning; degrees of freedom that are null are infinite.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
 """Its meaning, for a footer."""
 KIND = {True: "components and points independent", False: "covariance included"}
-"""Of correlation, by whether it was asked to be independent."""
+"""Of correlation, by whether it is independent."""
 
 
 def least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
@@ -202,7 +202,7 @@ def column_meanings(fields: Fields) -> Iterator[tuple[str, str]]:
 
 
 def help_text(command: str) -> str:
-    """Markdown: what each key of the report and each column of --csv means; of all commands that
+    """Markdown: the meaning of each key of the report and column of --csv, of all commands that
     begin with this name.
     """
     lines = []

@@ -170,7 +170,7 @@ class Field:
         return UNITS.get(self.path.rpartition("_")[2], "") if self.unit is None else self.unit
 
     def of(self, item: Any, *values: Value | None) -> list[Any]:
-        """Quantities in the unit of the field; of the item, or the part of it that the groups
+        """Quantities in the unit of the field, of the item or the part of it that the groups
         around the field name.
         """
         for within in self.within:
@@ -294,7 +294,7 @@ def _value(text: str, definitions: Mapping[str, Any]) -> Value:
 
 
 def _cell(text: str, definitions: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """How the figure stands in tables and CSV, as arguments of its field."""
+    """The figure in tables and CSV, as arguments of its field."""
     head, *options = text.split(", ")
     yield "head", "" if head == "-" else re.sub(" ?/( |$)", "\n", head)
     for option in options:
@@ -373,7 +373,7 @@ def _quotient(value: Any, size: Any) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """What JSON can hold: lists for arrays, None for what is not finite."""
+    """The value in types of JSON: lists for arrays, None for what is not finite."""
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     if value is None or isinstance(value, str | bool | int):

@@ -81,7 +81,7 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Matplotlib's own defaults and the house's on top, whatever the user's settings file."""
+    """Matplotlib's defaults and this style on top, whatever the user's settings file."""
     import matplotlib
 
     with matplotlib.rc_context():
@@ -119,7 +119,7 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
     kind = suffix.lower().removeprefix(".")
     out = io.BytesIO()
     with house_style(), warnings.catch_warnings():
-        # Names are the user's: a sign that the font lacks is drawn as a box, without a word.
+        # Names are the user's: a sign that the font lacks is drawn as a box, without a warning.
         warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
         # Laid out once: with an engine savefig would do it again, and twice.
         figure.draw_without_rendering()
@@ -211,7 +211,7 @@ def panels_of(page: Figure | SubFigure, count: int, columns: int) -> list[Axes]:
 
 
 def legend(page: Figure | SubFigure, columns: int = 4) -> None:
-    """What stands in the panels, below them."""
+    """The legend of all panels, below them."""
     key(page, page.axes, loc="outside lower center", ncols=columns)
 
 

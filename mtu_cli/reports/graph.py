@@ -167,7 +167,7 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
 
 
 def _simulation_text(result: GraphSimulation, digits: int) -> str:
-    """The result of a single coordinate; of several, what clause 8 says of them."""
+    """The result of a single coordinate; of several, their validation by clause 8."""
     if len(result.coordinates) == 1:
         (item,) = result.coordinates
         unit = "" if item.output.unit == "1" else f" {item.output.unit}"
@@ -204,7 +204,7 @@ DEVIATION = """
 
 
 def grid_point(names: Iterable[str], result: Sweep | None = None) -> Fields:
-    """The figures of one setting; of a `result` also what its table has of it."""
+    """The figures of one setting; with a `result` those of its table, too."""
     at = "NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()"
     texts = (at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in names)
     unit, deviations = "", []

@@ -67,7 +67,7 @@ def _quote(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Text in which nothing has a meaning of its own."""
+    """Text without signs that have a meaning in the format."""
     return re.sub(r'["#;:<>{}\[\]|`]', "_", text)
 
 

@@ -130,7 +130,7 @@ RESULTS = declare(
 
 
 def _scale(figure: Figure) -> float:
-    """What a figure is rounded to."""
+    """The uncertainty that a figure is rounded to."""
     return figure.u if figure.u > 0 else figure.u_sampling
 
 
@@ -205,7 +205,7 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
 
 
 def _figure_text(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
-    """The main figures that exist, of one direction its own, with their names."""
+    """The main figures that exist, for one direction those of it, with their names."""
     names = ["P", "Pa", "Ps_max", "U_max"] if standard == "vdi3441" else [*MAIN[:5]]
     if standard != "vdi3441" and math.isnan(axis.figures["E"].value):
         way = "forward" if axis.of_runs[0][0].any() else "reverse"

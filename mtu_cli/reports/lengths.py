@@ -85,7 +85,7 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
 
 @figures.styled
 def figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
-    """A row a length, error and U beside it to the places of the table."""
+    """A row a length, with error and U rounded as in the table."""
     k, value = result.coverage_factor, result.error / UM
     u, u_indep = (np.sqrt(v) / UM for v in (result.variance, result.independent_variance))
     none = np.nan, np.nan

@@ -1,4 +1,4 @@
-"""Pictures of Monte Carlo trials beside the first order: angles, budgets, graphs."""
+"""Pictures of Monte Carlo trials and the first order: angles, budgets, graphs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LINES = 14
 
 class Trials(NamedTuple):
     """Trials with the `ends` of their interval, and value, u and degrees of freedom of the first
-    order (u 0: none); what stands above and below.
+    order (u 0: none); title and label of the axis.
     """
 
     samples: FloatArray
@@ -85,7 +85,7 @@ def histograms(text: str, trials: Sequence[Trials]) -> figures.Figure:
 
 @figures.styled
 def budget(result: BudgetResult) -> figures.Figure:
-    """For every output a bar an input, and beside it the histogram of the trials."""
+    """For every output the shares of the inputs as bars, and the histogram of the trials."""
     outputs, run = result.outputs[:OUTPUTS], result.run
     height = max(2.4, 0.26 * (1 + min(SHARES, len(result.given.quantities))) + 1.2)
     page = figures.blank(10.0, 0.9 + len(outputs) * height)
@@ -127,8 +127,8 @@ def simulation(result: GraphSimulation) -> figures.Figure:
 
 @figures.styled
 def sweep_curves(result: Sweep) -> figures.Figure:
-    """u by Monte Carlo with two standard errors against the first of what is varied, a line for
-    each value of the rest.
+    """u by Monte Carlo with two standard errors over the first varied parameter, a line for each
+    value of the others.
     """
     names = [name for name, values in result.varied.items() if len(values) > 1]
     first, *rest = names or list(result.varied)

@@ -36,7 +36,7 @@ def with_u(value: float | None, u: float | None, digits: int = 2) -> tuple[str, 
 
 
 def plus_minus(value: float | None, u: float | None, digits: int = 2) -> str:
-    """ "-0.3 ± 8.1", or the value alone where u is not known."""
+    """ "-0.3 ± 8.1", or the value alone without u."""
     first, second = with_u(value, u, digits)
     return first if MISSING in (first, second) else f"{first} ± {second}"
 

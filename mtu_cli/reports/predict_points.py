@@ -123,7 +123,7 @@ RESULTS = results(ROW, with_covariance=True)
 
 
 def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = False) -> Document:
-    """One row a feature; the covariance between all features and axes where it is asked for."""
+    """One row a feature; with --covariance that between all features and axes."""
     title, (axes, ids) = "Errors of the features", (result.prediction.axes, result.prediction.ids)
     fields, k = point(axes, result.independent), result.coverage_factor
     footer = f"U = {k:g} u; error = actual minus nominal; {KIND[result.independent]}"

@@ -1,4 +1,4 @@
-"""Simulated readings, points and drift readings as CSV files of the contract, or a laser's own."""
+"""Simulated readings, points and drift readings as CSV files of the contract, or of a laser."""
 
 from __future__ import annotations
 

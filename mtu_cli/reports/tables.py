@@ -1,6 +1,6 @@
 """Tables for people: coloured on a terminal, aligned plain text in a pipe, at most 100 columns.
 
-Columns that have no room beside the others stand below them, behind the names of the rows again,
+Columns that do not fit in the width follow below, with the names of the rows again,
 as pandas prints a wide frame.
 """
 
@@ -58,7 +58,7 @@ class Sheet:
                 yield Text("")
             gaps = len(group) - 1
             gap = 2 if sum(widths[i] for i in group) + 2 * gaps <= limit else 1
-            # On a terminal a rule below the headings, and a blank of its own between columns.
+            # On a terminal a rule below the headings, and one more blank between columns.
             box = SIMPLE_HEAD if console.is_terminal else None
             table = Table(
                 box=box, show_edge=False, pad_edge=False, padding=(0, gap - bool(box), 0, 0)
@@ -79,7 +79,7 @@ class Sheet:
             yield Text(note, style="dim", overflow="fold")
 
     def _groups(self, least: Sequence[int], width: int) -> list[list[int]]:
-        """The columns that stand side by side, by their places in the table."""
+        """The groups of columns that fit side by side, by their places in the table."""
         columns = range(len(self.columns))
         front = max(1, next((i for i in columns if not self.columns[i].text), 1))
         names = [i for i in columns if i < front or self.columns[i].names]
