@@ -1,4 +1,4 @@
-"""The commands as functions of Python, of files or of what was read from them.
+"""The commands as functions of Python, on files or on objects read from them.
 
 >>> import mtu_cli as mtu
 >>> study = "configs/gilsinn-ling-simulated"
@@ -76,7 +76,7 @@ def read_readings(
     inputs = _reading(paths, role)
     if machine is not None:
         inputs.options.values["machine"], inputs.__dict__["machine"] = machine.source.path, machine
-    files = [(path, role) for path in inputs.given(role)]
+    files = [(path, role) for path in inputs.call_files(role)]
     for_fit = role != DRIFT and components is not None
     return readings_of(files, components, for_fit=for_fit, convert=inputs.converter())
 
@@ -85,7 +85,9 @@ def read_points(paths: Iterable[FilePath], part: LoadedPart | None = None) -> Po
     """Measured points with the nominal places of `part`, or their own; raises InputError."""
     places = None if part is None else part.part.places()
     inputs = _reading(paths, "cmm")
-    return points_of([(path, "cmm") for path in inputs.given("cmm")], places, inputs.converter())
+    return points_of(
+        [(path, "cmm") for path in inputs.call_files("cmm")], places, inputs.converter()
+    )
 
 
 def _reading(paths: Iterable[FilePath], role: str) -> Inputs:
@@ -134,64 +136,64 @@ def function_of(name: str) -> Callable[..., Result]:
     return result
 
 
-def _run(command: str, *given: Any, **options: Any) -> Result:
-    return result_of(_inputs(command, given, options), analysis_of(command))
+def _run(command: str, *items: Any, **options: Any) -> Result:
+    return result_of(_inputs(command, items, options), analysis_of(command))
 
 
-def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
-    """The inputs of a call: what was read already takes the place of its file."""
-    taken = options_of(COMMANDS[command].options)
+def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
+    """The inputs of a call: an object read before takes the place of its file."""
+    declarations = options_of(COMMANDS[command].options)
     values = {
         name: None if option.default is REQUIRED else option.default
-        for name, option in taken.items()
+        for name, option in declarations.items()
         if name not in OUTPUTS
     }
-    known = {role: OPTIONS[role] for role in ROLES if role in OPTIONS} | taken
+    entries = {role: OPTIONS[role] for role in ROLES if role in OPTIONS} | declarations
     if unknown := options.keys() - values.keys() - {*ROLES}:
         raise TypeError(f"{command} has no option {', '.join(sorted(unknown))}")
     for name, value in options.items():
         if isinstance(value, Result) or value is None:
             continue
-        many = known[name].many
+        many = entries[name].many
         if name == "at" and isinstance(value, Mapping):
             value = [f"{key}={item}" for key, item in value.items()]
         elif many and isinstance(value, (str, Path, float, int)):
             value = [value]
-        if known[name].kind is Path:
+        if entries[name].kind is Path:
             value = [Path(each) for each in value] if many else Path(value)
         values[name] = value
-    check_bounds(known, values)
-    read: dict[str, Any] = {}
-    for item in (*given, *(value for value in options.values() if isinstance(value, Result))):
-        _place(item, command, values, read)
+    check_bounds(entries, values)
+    data: dict[str, Any] = {}
+    for item in (*items, *(value for value in options.values() if isinstance(value, Result))):
+        _place(item, command, values, data)
     inputs = Inputs(Options(command.replace(" ", "-"), values))
     for kind in KINDS:
-        if kind in read:
-            inputs.taken(kind, read[kind])
+        if kind in data:
+            inputs.register(kind, data[kind])
     return inputs
 
 
-def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]) -> None:
+def _place(item: Any, command: str, values: dict[str, Any], data: dict[str, Any]) -> None:
     match item:
         case LoadedMachine():
-            values["machine"], read["machine"] = item.source.path, item
+            values["machine"], data["machine"] = item.source.path, item
         case LoadedPart():
-            values["part"], read["part"] = item.source.path, item
+            values["part"], data["part"] = item.source.path, item
         case LoadedStudy():
             values["study"] = item.source.path
         case Readings() | Points():
             for source in item.sources:
                 values[source.role] = [*(values.get(source.role) or ()), source.path]
             drift = isinstance(item, Readings) and item.sources[0].role == DRIFT
-            read["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
+            data["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
         case Result():
             # As if it had been written and read.
             from mtu_cli.files.reports_read import ModelReports, report_from
 
-            shown = item.command.replace("-", "_")
-            source = Source(role="components", path=Path(shown), shown=shown, sha256="")
+            name = item.command.replace("-", "_")
+            source = Source(role="components", path=Path(name), shown=name, sha256="")
             report = report_from(source, item.report())
-            read["reports"] = ModelReports(**{report.source.role: report})
+            data["reports"] = ModelReports(**{report.source.role: report})
         case str() | Path():
             if command == "circular":  # of several files
                 values["file"] = [*(values["file"] or ()), Path(item)]

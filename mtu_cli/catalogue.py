@@ -1,4 +1,4 @@
-"""Every finding that the house can make: its code, severity and sentence.
+"""Every finding of the package: its code, severity and sentence.
 
 Names in braces are the facts of a finding. File, row, column, value and expectation are put
 around the sentence by `Finding.message`. What a code means, why it matters and what to do stands

@@ -108,8 +108,8 @@ class Finding:
         return hash((self.code, self.file, self.line, self.row, self.column, self.value))
 
     def at(self, **place: Any) -> Finding:
-        """The same finding with what its place lacks (file, line, row, column, path) filled in."""
-        missing = {name: to for name, to in place.items() if getattr(self, name) in (None, ())}
+        """The same finding with the missing parts of its place (file, line, row, column, path)."""
+        missing = {name: x for name, x in place.items() if getattr(self, name) in (None, ())}
         return replace(self, **missing)
 
     def to_dict(self) -> dict[str, Any]:
@@ -132,23 +132,23 @@ class InputError(MtuError):
     """
 
     def __init__(self, findings: Finding | Iterable[Finding], uncounted: int = 0) -> None:
-        listed = [findings] if isinstance(findings, Finding) else list(findings)
+        items = [findings] if isinstance(findings, Finding) else list(findings)
         # Those of one file by line or row, files in the order in which they come.
-        files = {name: i for i, name in enumerate(dict.fromkeys(each.file for each in listed))}
-        listed.sort(key=lambda each: (files[each.file], each.line or 0, each.row or 0))
-        self.findings = tuple(listed)
+        files = {name: i for i, name in enumerate(dict.fromkeys(each.file for each in items))}
+        items.sort(key=lambda each: (files[each.file], each.line or 0, each.row or 0))
+        self.findings = tuple(items)
         self.uncounted = uncounted
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        # One line of what is alike but for its row, as where a whole column has another unit.
-        alike: dict[Finding, list[int | None]] = {}
+        # One line for findings that differ in the row only, as of a column in another unit.
+        groups: dict[Finding, list[int | None]] = {}
         for each in self.findings:
-            alike.setdefault(replace(each, row=None), []).append(each.row)
-        shown = [*alike.items()][:MOST_SHOWN]
-        left = len(self.findings) + self.uncounted - sum(len(rows) for _, rows in shown)
-        lines = [each._sentence([n for n in rows if n is not None]) for each, rows in shown]
-        return "\n".join([*lines, *([f"... and {left} more"] if left else [])])
+            groups.setdefault(replace(each, row=None), []).append(each.row)
+        first = [*groups.items()][:MOST_SHOWN]
+        rest = len(self.findings) + self.uncounted - sum(len(rows) for _, rows in first)
+        lines = [each._sentence([n for n in rows if n is not None]) for each, rows in first]
+        return "\n".join([*lines, *([f"... and {rest} more"] if rest else [])])
 
 
 def error(code: str, **place_and_facts: Any) -> InputError:
@@ -161,11 +161,11 @@ def error(code: str, **place_and_facts: Any) -> InputError:
 
 
 def finding(code: str, **place_and_facts: Any) -> Finding:
-    """A Finding whose facts are given by name beside its place."""
+    """A Finding from its place and its facts, both by name."""
     fields = Finding.__dataclass_fields__
-    own = {name: value for name, value in place_and_facts.items() if name in fields}
+    place = {name: value for name, value in place_and_facts.items() if name in fields}
     facts = {name: value for name, value in place_and_facts.items() if name not in fields}
-    return Finding(code=code, **{**own, "facts": {**facts, **own.get("facts", {})}})
+    return Finding(code=code, **{**place, "facts": {**facts, **place.get("facts", {})}})
 
 
 def runs(numbers: Sequence[int]) -> str:
@@ -174,10 +174,10 @@ def runs(numbers: Sequence[int]) -> str:
     >>> runs([3, 4, 5, 9])
     '3 to 5, 9'
     """
-    known = sorted(set(numbers))
-    starts = [i for i, n in enumerate(known) if i == 0 or n != known[i - 1] + 1]
-    spans = [known[a:b] for a, b in pairwise([*starts, len(known)])]
-    texts = [f"{own[0]} to {own[-1]}" if len(own) > 1 else f"{own[0]}" for own in spans]
+    values = sorted(set(numbers))
+    starts = [i for i, n in enumerate(values) if i == 0 or n != values[i - 1] + 1]
+    spans = [values[a:b] for a, b in pairwise([*starts, len(values)])]
+    texts = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in spans]
     more = f" and {sum(map(len, spans[SHOWN_RUNS:]))} more" if len(spans) > SHOWN_RUNS else ""
     return ", ".join(texts[:SHOWN_RUNS]) + more
 
@@ -188,9 +188,9 @@ def listed(names: Iterable[object], most: int = SHOWN_NAMES) -> str:
     >>> listed("abcdefgh", 3)
     'a, b, c and 5 more'
     """
-    known = list(dict.fromkeys(map(str, names)))
-    more = f" and {len(known) - most} more" if len(known) > most else ""
-    return ", ".join(known[:most]) + more
+    texts = list(dict.fromkeys(map(str, names)))
+    more = f" and {len(texts) - most} more" if len(texts) > most else ""
+    return ", ".join(texts[:most]) + more
 
 
 def counted(number: int, noun: str, several: str = "") -> str:
@@ -204,16 +204,16 @@ def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
     >>> nearest("dx_y", ["dx_x", "dy_y", "ez_x"])
     ('dx_x', 'dy_y')
     """
-    known = {str(each).casefold(): str(each) for each in names}
-    own = name.casefold()[:LONGEST_NAME]
+    words = {str(each).casefold(): str(each) for each in names}
+    key = name.casefold()[:LONGEST_NAME]
     # Letters in another order ('azx' for 'axz') are likelier than other letters.
-    result = [each for each in known if sorted(each) == sorted(own)]
-    if not result and (close := difflib.get_close_matches(own, known, n=4, cutoff=0.65)):
-        ratios = [difflib.SequenceMatcher(None, each, own).ratio() for each in close]
+    result = [each for each in words if sorted(each) == sorted(key)]
+    if not result and (close := difflib.get_close_matches(key, words, n=4, cutoff=0.65)):
+        ratios = [difflib.SequenceMatcher(None, each, key).ratio() for each in close]
         result = [each for each, ratio in zip(close, ratios, strict=True) if ratio == ratios[0]]
-    if not result and own:
-        result = [each for each in known if each.startswith(own)]
-    return tuple(known[each] for each in known if each in result) if len(result) <= 3 else ()
+    if not result and key:
+        result = [each for each in words if each.startswith(key)]
+    return tuple(words[each] for each in words if each in result) if len(result) <= 3 else ()
 
 
 def closest(name: str, names: Iterable[str]) -> str | None:
@@ -226,12 +226,12 @@ def closest(name: str, names: Iterable[str]) -> str | None:
 
 
 def suggestion(name: str, names: Iterable[str]) -> dict[str, Any]:
-    """What a Finding of an unknown name says beside it: `meant`, else the known ones `expected`."""
-    known = list(names)
-    if near := nearest(name, known):
+    """Facts of a Finding of an unknown name: `meant`, the nearest names, else `expected`, all."""
+    choices = list(names)
+    if near := nearest(name, choices):
         return {"meant": near}
-    shown = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
-    return {"expected": f"one of: {shown}" if known else "no such name: none is known here"}
+    text = ", ".join(choices[:12]) + (", ..." if len(choices) > 12 else "")
+    return {"expected": f"one of: {text}" if choices else "no such name: none is known here"}
 
 
 def shorten(text: str, width: int = LONGEST_VALUE) -> str:

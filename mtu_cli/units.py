@@ -22,7 +22,7 @@ class Powers:
     """A unit as `exponents` of m, kg, s, A and K, and last the common logarithm of its size, which
     multiplies as they do. nan is not known, and agrees with anything.
 
-    Of internal units, each base has one alone: their size is not known, nor wanted.
+    Each base has one internal unit alone: the size of internal units is nan.
     """
 
     exponents: tuple[float, ...]
@@ -34,10 +34,10 @@ class Powers:
         return self * other**-1.0
 
     def __pow__(self, power: float) -> Powers:
-        return Powers(tuple(own * power for own in self.exponents))
+        return Powers(tuple(n * power for n in self.exponents))
 
     def __or__(self, other: Powers) -> Powers:
-        """What is known of either."""
+        """These exponents, and those of `other` where they are nan."""
         pairs = zip(self.exponents, other.exponents, strict=True)
         return Powers(tuple(b if isnan(a) else a for a, b in pairs))
 
@@ -53,16 +53,16 @@ class Powers:
 
     @property
     def known(self) -> bool:
-        """Whether all is known but its size."""
+        """Whether no exponent is nan, but for the size."""
         return not any(map(isnan, self.exponents[:-1]))
 
     @property
     def whole(self) -> Powers:
-        """Without its broken exponents, which are then not known."""
-        return Powers(tuple(own if own == round(own, 0) else nan for own in self.exponents))
+        """With nan in place of broken exponents."""
+        return Powers(tuple(n if n == round(n, 0) else nan for n in self.exponents))
 
     def alike(self, other: Powers) -> bool:
-        """Whether both are of one dimension, as far as they are known."""
+        """Whether both are of one dimension; nan agrees with all."""
         return not any(self._differences(other)[:-1])
 
     def agrees(self, other: Powers) -> bool:
@@ -82,11 +82,11 @@ class Powers:
         sized = not isnan(self.size)
         factor = [f"{10.0**self.size:.6g}"] if sized and abs(self.size) > _SAME else []
         if factor or not self.alike(PLAIN):
-            for name, own in (names or {}).items():
-                if own.known and self.agrees(own):
+            for name, unit in (names or {}).items():
+                if unit.known and self.agrees(unit):
                     return name
         pairs = zip(BASES if sized else _INTERNAL, self.exponents, strict=False)
-        powers = [(base, own) for base, own in pairs if own and not isnan(own)]
+        powers = [(base, n) for base, n in pairs if n and not isnan(n)]
         bases = "*".join(base if n == 1 else f"{base}^{n:g}" for base, n in powers)
         text = " ".join(filter(None, (*factor, bases)))
         return text or "a plain number" if sized else _WORDS.get(text, text)
@@ -144,8 +144,8 @@ ARCSEC = UNITS["arcsec"].to_internal
 def plain_unit(text: str) -> str:
     """A unit in plain letters: u for either sign of micro, as the names of UNITS have it."""
     plain = text.strip()
-    for sign, meant in _SIGNS.items():
-        plain = plain.replace(sign, meant)
+    for sign, letters in _SIGNS.items():
+        plain = plain.replace(sign, letters)
     return plain
 
 
@@ -179,10 +179,10 @@ def parameter_units_of(powers: Powers, like: str) -> list[str]:
     >>> parameter_units_of(UNITS["um"].powers / internal(minute=1), "um")
     ['um/min', 'um/h']
     """
-    result = [name for name, own in PARAMETER_UNITS.items() if own.powers.agrees(powers)]
+    result = [name for name, unit in PARAMETER_UNITS.items() if unit.powers.agrees(powers)]
     numerator = like.partition("/")[0]
-    alike = [name for name in result if name.partition("/")[0] == numerator]
-    return alike or [name for name in result if not name.startswith("arcsec")] or result
+    matches = [name for name in result if name.partition("/")[0] == numerator]
+    return matches or [name for name in result if not name.startswith("arcsec")] or result
 
 
 _PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
@@ -221,8 +221,8 @@ _LONGEST = 60
 def unit_powers(text: str | None) -> Powers:
     """A unit as people write it (mm, 1/degC, um/m/K, kg m^2/s2); `ANY` for an unknown one.
 
-    An angle is a number (rad); degC and K are one: differences are meant. Of um/m*K nobody knows
-    what stands under the line: it is unknown, um/(m*K) is not.
+    An angle is a number (rad); degC and K are one: differences are meant. um/m*K is ambiguous
+    and so unknown, um/(m*K) is not.
 
     >>> unit_powers("um/(m K)") == unit_powers("ppm/degC"), unit_powers("um/m*K") == ANY
     (True, True)
@@ -230,7 +230,7 @@ def unit_powers(text: str | None) -> Powers:
     plain = plain_unit(text or "")
     if not plain or len(plain) > _LONGEST:
         return ANY
-    plain = _UNDER.sub(lambda found: "/" + "/".join(_BETWEEN.split(found[1].strip())), plain)
+    plain = _UNDER.sub(lambda match: "/" + "/".join(_BETWEEN.split(match[1].strip())), plain)
     powers, position = PLAIN, 0
     while position < len(plain):
         match = _FACTOR.match(plain, position)
@@ -255,5 +255,5 @@ def _symbol(name: str) -> Powers:
 
 
 def _powers(exponents: Sequence[float], size: float) -> Powers:
-    known = tuple(map(float, exponents))
-    return Powers((*known, *[0.0] * (len(BASES) - len(known)), size))
+    values = tuple(map(float, exponents))
+    return Powers((*values, *[0.0] * (len(BASES) - len(values)), size))

@@ -6,6 +6,6 @@ from typing import Any
 
 
 def silence(stream: Any) -> None:
-    """Nothing more can be said on a stream, not even when the interpreter flushes it at its end."""
+    """Discards further output of a stream, that of the interpreter's last flush, too."""
     if stream in (sys.__stdout__, sys.__stderr__):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

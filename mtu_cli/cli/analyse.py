@@ -34,20 +34,20 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     k = settings.coverage_factor
     result = fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
     warnings = [*machine_warnings(machine, estimates), *fit_warnings(fit)]
-    gates = {"drift": lambda _: _drifting(result)}
+    gates = {"drift": lambda _: _drift_reason(result)}
     return Outcome.reported(inputs, result, warnings, gates=gates)
 
 
-def _drifting(result: FitResult) -> str | None:
+def _drift_reason(result: FitResult) -> str | None:
     """Passes that drift in one direction, or differ by more than repeatability."""
-    found = [
+    components = [
         f"{name} ({text})"
         for test, text in (("drift", "pass to pass"), ("trend", "trend"))
         for name, component in result.components.items()
         for instrument in component.instruments
         if test in instrument.tests and instrument.tests[test].significant
     ]
-    return f"drift in {', '.join(dict.fromkeys(found))}" if found else None
+    return f"drift in {', '.join(dict.fromkeys(components))}" if components else None
 
 
 def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
@@ -65,29 +65,29 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.model.features import grid_of
     from mtu_cli.reports import predict_points as report
 
-    found, grid = modelled(inputs), inputs.options.grid
+    modelling, grid = modelled(inputs), inputs.options.grid
     if grid is None:
-        result = analysis.predict_points(found.model, inputs.part, settings, inputs.at)
+        result = analysis.predict_points(modelling.model, inputs.part, settings, inputs.at)
     else:
-        ids, places = grid_of(inputs.machine, found.model, grid)
-        result = analysis.predict_places(found.model, ids, places, settings, inputs.at)
+        ids, places = grid_of(inputs.machine, modelling.model, grid)
+        result = analysis.predict_places(modelling.model, ids, places, settings, inputs.at)
     matrix = bool(inputs.options.covariance)
     document = report.document(result, settings.digits, with_covariance=matrix)
-    known = dict(zip(result.prediction.ids, result.conformance, strict=True))
-    gates = _nonconforming(known, "position_um at a feature")
-    return Outcome.of(document, warnings=[*found.warnings, *result.warnings], gates=gates)
+    conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
+    gates = _conformance_gate(conformances, "position_um at a feature")
+    return Outcome.of(document, warnings=[*modelling.warnings, *result.warnings], gates=gates)
 
 
 def lengths(inputs: Inputs, settings: Settings) -> Outcome:
     """Feature-to-feature lengths."""
     from mtu_cli.analyses.lengths import predict_lengths
 
-    found = modelled(inputs)
-    result = predict_lengths(found.model, inputs.part, settings, inputs.at)
-    warnings = [*found.warnings, *inputs.part.warnings, *one_direction(inputs, found.model)]
-    known: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
-    known["the whole part"] = result.joint_conformance
-    gates = _nonconforming(known, "tolerance_um at a length")
+    modelling = modelled(inputs)
+    result = predict_lengths(modelling.model, inputs.part, settings, inputs.at)
+    warnings = [*modelling.warnings, *inputs.part.warnings, *one_direction(inputs, modelling.model)]
+    conformances: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
+    conformances["the whole part"] = result.joint_conformance
+    gates = _conformance_gate(conformances, "tolerance_um at a length")
     return Outcome.reported(inputs, result, warnings, gates=gates)
 
 
@@ -95,28 +95,28 @@ def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
     """Right angles between rows and columns of features."""
     from mtu_cli.analyses.orthogonality import predict_orthogonality
 
-    found = modelled(inputs)
-    result = predict_orthogonality(found.model, inputs.part, settings, inputs.at)
-    warnings = [*found.warnings, *one_direction(inputs, found.model)]
-    known = {each.id: each.conformance for each in result.angles}
-    gates = _nonconforming(known, "tolerance_arcsec at an angle")
+    modelling = modelled(inputs)
+    result = predict_orthogonality(modelling.model, inputs.part, settings, inputs.at)
+    warnings = [*modelling.warnings, *one_direction(inputs, modelling.model)]
+    conformances = {each.id: each.conformance for each in result.angles}
+    gates = _conformance_gate(conformances, "tolerance_arcsec at an angle")
     return Outcome.reported(inputs, result, warnings, gates=gates)
 
 
-def _nonconforming(known: dict[str, Any], key: str) -> dict[str, Gate]:
-    """The gate of a prediction, of the conformance `known` by name, which a `key` states."""
+def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]:
+    """The gate of a prediction by its `conformances` by name, which need a `key` of the part."""
 
     def nonconforming(limit: float) -> str | None:
-        checked = {name: 1 - each.probability for name, each in known.items() if each is not None}
-        if not checked:
+        risks = {x: 1 - c.probability for x, c in conformances.items() if c is not None}
+        if not risks:
             raise error("gate-undefined", gate="nonconforming", expected=f"{key} of the part")
-        above = [
+        failures = [
             f"{name} {100 * p:.{2 if p < 0.995 else 4}g} %"
-            for name, p in checked.items()
+            for name, p in risks.items()
             if p > limit
         ]
         what = f"probability of a nonconforming part above {100 * limit:g} %"
-        return f"{what}: {', '.join(above)}" if above else None
+        return f"{what}: {', '.join(failures)}" if failures else None
 
     return {"nonconforming": nonconforming}
 
@@ -126,7 +126,7 @@ def anova(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses.anova import METHODS, analyse_variance
 
     method = known_name("--method", "method", inputs.options.method, METHODS)
-    datum = inputs.chosen.datum or "none"
+    datum = inputs.choices.datum or "none"
     result = analyse_variance(inputs.points, inputs.part_if_any, method, settings, datum)
 
     def unusual(_: float) -> str | None:
@@ -142,26 +142,26 @@ def compare(inputs: Inputs, settings: Settings) -> Outcome:
     """Predicted against measured parts."""
     from mtu_cli.analyses.compare import compare as analysis
 
-    found = modelled(inputs)
-    datum = inputs.chosen.datum or "none"
-    result = analysis(found.model, inputs.part, inputs.points, settings, datum, inputs.at)
-    gates = {gate: partial(_failing, result, gate) for gate in ("biased", "under-predicted")}
-    return Outcome.reported(inputs, result, found.warnings, gates=gates)
+    modelling = modelled(inputs)
+    datum = inputs.choices.datum or "none"
+    result = analysis(modelling.model, inputs.part, inputs.points, settings, datum, inputs.at)
+    gates = {gate: partial(_verdict_reason, result, gate) for gate in ("biased", "under-predicted")}
+    return Outcome.reported(inputs, result, modelling.warnings, gates=gates)
 
 
-def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
+def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | None:
     """The items that meet a gate; of few parts a mean that is off meets both."""
     from mtu_cli.analyses.compare import FEWEST_PARTS
 
-    met: list[str] = []
+    failures: list[str] = []
     judged = False
     for kind in filter(None, (result.features, result.lengths)):
         answers = kind.biased if gate == "biased" else kind.under_predicted
         few = kind.one_way.parts < FEWEST_PARTS
-        for label, *either, alone in zip(kind.labels, answers, kind.biased, few, strict=True):
-            own = either[: 1 + bool(alone)]
-            judged |= any(answer is not None for answer in own)
-            met += [" ".join(filter(None, label))] if any(own) else []
+        for label, *flags, small in zip(kind.labels, answers, kind.biased, few, strict=True):
+            verdicts = flags[: 1 + bool(small)]
+            judged |= any(answer is not None for answer in verdicts)
+            failures += [" ".join(filter(None, label))] if any(verdicts) else []
     if not judged:
         expected = (
             "two or more parts, in which features or lengths of the part were measured, "
@@ -169,8 +169,8 @@ def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
         )
         raise error("gate-undefined", gate=gate, expected=expected)
     pooled = [item for item in result.features.summaries if item.pooled_fault == gate]
-    met += [f"{item.operation} features pooled".strip() for item in pooled]
-    return listed(met) if met else None
+    failures += [f"{item.operation} features pooled".strip() for item in pooled]
+    return listed(failures) if failures else None
 
 
 def correct(inputs: Inputs, settings: Settings) -> Outcome:
@@ -181,8 +181,8 @@ def correct(inputs: Inputs, settings: Settings) -> Outcome:
     reference = inputs.machine.machine.reference_temperature_degC
     part = inputs.part_if_any
     rounds: Iterable[Any] = (*part.part.circles, *part.part.spheres) if part else ()
-    # What no equation needs a calibrated diameter may.
-    found = modelled(inputs, [item.temperature for item in rounds if item.temperature])
-    result = analysis(found.model, part, inputs.points, settings, inputs.at)
-    warmth = unused_warmth(found.model, inputs.points, reference)
-    return Outcome.reported(inputs, result, [*found.warnings, *warmth])
+    # A calibrated diameter may need a temperature that no equation uses.
+    modelling = modelled(inputs, [item.temperature for item in rounds if item.temperature])
+    result = analysis(modelling.model, part, inputs.points, settings, inputs.at)
+    warmth = unused_warmth(modelling.model, inputs.points, reference)
+    return Outcome.reported(inputs, result, [*modelling.warnings, *warmth])

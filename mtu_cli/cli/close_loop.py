@@ -1,4 +1,4 @@
-"""`mtu close-loop`: what is judged, what the machine is written with, and what is warned of."""
+"""`mtu close-loop`: what is tested, the files with the effects, and what is warned of."""
 
 from __future__ import annotations
 
@@ -45,28 +45,28 @@ ALPHA, MAX_EFFECTS = 0.05, 4
 
 
 def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
-    """Asks measured data what the model lacks, and adds it to the machine."""
-    chosen = inputs.chosen
+    """The effects in measured data that the model lacks, added to the machine."""
+    choices = inputs.choices
     library = effect_library(inputs.files("effects"))
-    tables, earlier, warnings = _tables(inputs, chosen.datum or "none")
+    tables, earlier, warnings = _tables(inputs, choices.datum or "none")
     inputs.sources.extend(library.sources)
     result = loop.close_loop(
         tables,
         library,
-        alpha=chosen.alpha or ALPHA,
-        max_effects=MAX_EFFECTS if chosen.max_effects is None else chosen.max_effects,
+        alpha=choices.alpha or ALPHA,
+        max_effects=MAX_EFFECTS if choices.max_effects is None else choices.max_effects,
         exclude=dict.fromkeys(inputs.options.exclude or ()),
         seed=settings.seed,
         progress=settings.progress,
     )
-    files, of_files = _written(inputs, earlier, settings, result)
-    found = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
+    files, of_files = _written_files(inputs, earlier, settings, result)
+    reason = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
     return Outcome.of(
         report.document(result, settings.digits),
         warnings=[*warnings, *result.warnings, *of_files],
         gates={
-            "found": lambda _: found if result.verdict != "none" else None,
-            "unexplained": lambda _: found if result.verdict == "unexplained" else None,
+            "found": lambda _: reason if result.verdict != "none" else None,
+            "unexplained": lambda _: reason if result.verdict == "unexplained" else None,
         },
         files=lambda: files,
     )
@@ -75,23 +75,23 @@ def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
 def _tables(
     inputs: Inputs, datum: Any
 ) -> tuple[tuple[ResidualTable, ...], EffectEstimates | None, list[Finding]]:
-    """Measured minus predicted, what a components report says of effects, and what to warn of.
+    """Measured minus predicted, the effects of a components report, and what to warn of.
 
     Where points are measured, readings are what the components are fitted to; else they are
-    what is judged, against a components report or the machine file.
+    what is tested, against a components report or the machine file.
     """
     machine = inputs.machine
     if inputs.files("cmm"):
         result = modelled(inputs)
-        table, more = residual_table(result.model, inputs.points, inputs.at, datum)
-        return (table,), result.estimates.effects, [*result.warnings, *more]
-    readings, known = inputs.readings, inputs.reports.components
+        table, findings = residual_table(result.model, inputs.points, inputs.at, datum)
+        return (table,), result.estimates.effects, [*result.warnings, *findings]
+    readings, fit_report = inputs.readings, inputs.reports.components
     if readings is None:
         raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")
     before, warnings = estimates_from_fit(machine, None), searched_warnings(machine)
-    if known is not None:
-        before = estimates_from_report(machine, known)
-        warnings += effect_warnings(machine, before.effects, known.source.shown)
+    if fit_report is not None:
+        before = estimates_from_report(machine, fit_report)
+        warnings += effect_warnings(machine, before.effects, fit_report.source.shown)
     unused = [f"--at {name}" for name in inputs.at] + ["--datum"] * (datum != "none")
     why = ": readings are judged, no points of parts (--cmm) are given"
     warnings += [finding("option-not-used", path=name, why=why) for name in unused]
@@ -104,39 +104,39 @@ def _tables(
 # What is written.
 
 
-def _written(
+def _written_files(
     inputs: Inputs, earlier: EffectEstimates | None, settings: Settings, result: CloseLoopResult
 ) -> tuple[dict[Path, bytes], list[Finding]]:
-    """The files of --write-machine and --write-components, none where neither is asked for, and
+    """The files of --write-machine and --write-components, none without these options, and
     what to warn of. Raises InputError for effects that no machine file can hold.
     """
-    asked = written_files(inputs.options)
-    if not {"write_machine", "write_components"} & asked.keys():
+    paths = written_files(inputs.options)
+    if not {"write_machine", "write_components"} & paths.keys():
         return {}, []
     pairs = [(effect, item) for item in result.tables for effect in item.effects]
-    kept = [(effect, item) for effect, item in pairs if not effect.not_written]
-    extended = extended_machine(inputs.machine, [_entry(inputs, *pair) for pair in kept])
+    additions = [(effect, item) for effect, item in pairs if not effect.not_written]
+    extended = extended_machine(inputs.machine, [_entry(inputs, *pair) for pair in additions])
     files = {}
-    if path := asked.get("write_machine"):
+    if path := paths.get("write_machine"):
         files[path] = extended.content
-    if path := asked.get("write_components"):
-        files[path] = _components(inputs, earlier, settings, extended, joint(kept))
+    if path := paths.get("write_components"):
+        files[path] = _components(inputs, earlier, settings, extended, joint(additions))
     warnings = [
         finding("effect-not-written", effect=effect.name, reason=effect.not_written)
         for effect, _ in pairs
         if effect.not_written
     ]
-    if names := [effect.name for effect, _ in kept if len(effect.class_names) > 1]:
+    if names := [effect.name for effect, _ in additions if len(effect.class_names) > 1]:
         warnings.append(finding("written-class", names=names))
-    if names := [effect.name for effect, item in kept if item.verdict == "unexplained"]:
+    if names := [effect.name for effect, item in additions if item.verdict == "unexplained"]:
         warnings.append(finding("written-unexplained", names=names))
-    if not kept:
+    if not additions:
         warnings.append(finding("nothing-added"))
     return files, [*warnings, *extended.warnings]
 
 
 def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
-    """An effect as the machine file has it; a smooth one is a component with a table of its own."""
+    """An effect as the machine file has it; a smooth one is a component with a table."""
     rows, candidate, components = effect.written, effect.candidate, {}
     if (table := effect.table) is not None:
         scale = UNITS[item.table.unit].to_internal
@@ -154,18 +154,18 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
     f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
     C = effect.covariance[np.ix_(rows, rows)] / np.outer(f, f)
     columns = [x for x in effect.used if x not in {*components, *(p.name for p in parameters)}]
-    judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
-    sources = [source for source in inputs.sources if source.role in judged]
-    found = {
+    roles = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
+    sources = [source for source in inputs.sources if source.role in roles]
+    provenance = {
         "by": f"mtu close-loop {__version__}",
         "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
         "p_familywise": float(effect.p_familywise),
     }
     if item.table.component is not None:
-        # What readings of it are no scatter any more.
-        found["component"] = item.table.component
+        # The component in whose readings it was found.
+        provenance["component"] = item.table.component
     if len(effect.class_names) > 1:
-        found["class"] = list(effect.class_names)
+        provenance["class"] = list(effect.class_names)
     return {
         "name": effect.name,
         "family": candidate.family,
@@ -180,7 +180,7 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
         "covariance": ((C + C.T) / 2).tolist() or None,
         "equations": _through_component(inputs, item.table.component, effect.equations),
         "seen": item.table.ranges(columns),
-        "found": found,
+        "found": provenance,
     }
 
 
@@ -202,23 +202,23 @@ def _through_component(
     }
 
 
-def joint(kept: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
-    """The covariance over the parameters of effects one after the other, in internal units: of
-    those that were estimated together by their table's.
+def joint(additions: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
+    """The joint covariance of the parameters of the effects in order, in internal units: of
+    those estimated jointly that of their table.
     """
 
     def block(
-        one: FoundEffect, item: TableResult, other: FoundEffect, its: TableResult
+        one: FoundEffect, item: TableResult, other: FoundEffect, peer: TableResult
     ) -> FloatArray:
         if one is other:
             return one.covariance[np.ix_(one.written, one.written)]
-        if item is its and one.table is None and other.table is None:
+        if item is peer and one.table is None and other.table is None:
             return item.covariance[np.ix_(one.rows, other.rows)]
         return np.zeros((len(one.written), len(other.written)))
 
-    if not kept:
+    if not additions:
         return np.zeros((0, 0))
-    whole = np.block([[block(*pair, *other) for other in kept] for pair in kept])
+    whole = np.block([[block(*pair, *other) for other in additions] for pair in additions])
     return np.asarray((whole + whole.T) / 2)
 
 
@@ -229,21 +229,21 @@ def _components(
     extended: ExtendedMachine,
     covariance: FloatArray,
 ) -> bytes:
-    """The fit-components report of the call's components, with the effects of the machine: of
-    readings what these leave of them is fitted.
+    """The fit-components report of the call's components, with the effects of the machine:
+    components are fitted to readings less these effects.
     """
-    known, machine = inputs.reports.components, extended.machine
+    fit_report, machine = inputs.reports.components, extended.machine
     warnings: Sequence[Finding] = ()
-    if known is not None:
-        results = dict(known.document["results"])
+    if fit_report is not None:
+        results = dict(fit_report.document["results"])
     else:
         readings = inputs.readings
         none = MachineFit(components={}, joint=())
         fit = none if readings is None else fit_machine(machine, readings)
         says = {name: x.says for name, x in machine.machine.components.items() if x.says}
         estimates = estimates_from_fit(machine, fit)
-        fitted = fit_result(machine.machine.name, fit, estimates, says=says)
-        results, warnings = fit_components.document(fitted).record(), fitted.warnings
+        result = fit_result(machine.machine.name, fit, estimates, says=says)
+        results, warnings = fit_components.document(result).record(), result.warnings
     effects = all_together(machine, earlier, extended.parameters, covariance)
     results.pop("effects", None)
     if effects is not None:
@@ -254,5 +254,5 @@ def _components(
             "values": plain(effects.values / f),
             "covariance": plain(effects.covariance / np.outer(f, f)),
         }
-    given: dict[str, Any] = {"inputs": inputs.sources, "settings": settings, "warnings": warnings}
-    return report_bytes(envelope("fit-components", results=results, **given))
+    context: dict[str, Any] = {"inputs": inputs.sources, "settings": settings, "warnings": warnings}
+    return report_bytes(envelope("fit-components", results=results, **context))

@@ -29,7 +29,7 @@ RANDOM = "seed trials threads"
 OUT = "out csv plot report date detail quiet"
 
 
-# Help has our word for a value alone: no Python type beside arguments and flags.
+# Help shows our word for a value: no Python type with arguments and flags.
 for _kind in (TyperArgument, TyperOption):
     _bare: Any = _kind
     _bare.display_type_rich = lambda self, ctx: self.metavar if self.opts[0][0] == "-" else ""
@@ -51,12 +51,12 @@ def declare(text: str) -> dict[str, Command]:
     """Commands by name, of lines ``name | chapter | panel | gates | help | options``; -: none."""
     result = {}
     for name, chapter, panel, gates, says, options in entries(text):
-        own = None if gates == "-" else tuple(gates.split()[1:])
-        result[name] = Command(f"cli.{chapter}", options, says, PANELS.get(panel), own)
+        gate_names = None if gates == "-" else tuple(gates.split()[1:])
+        result[name] = Command(f"cli.{chapter}", options, says, PANELS.get(panel), gate_names)
     return result
 
 
-# The files of simulate say in the order of its options how they were made.
+# The files of simulate list its options in this order.
 COMMANDS = declare(f"""
     fit-components | analyse | machine | suspicious drift | Readings to coefficients, \
         covariance, repeatability, drift, reversal, per component. \
@@ -148,7 +148,7 @@ def analysis_of(name: str) -> Callable[..., Any]:
     return result
 
 
-def _called(name: str) -> Callable[..., None]:
+def _call_of(name: str) -> Callable[..., None]:
     """What a call of the command does, with all its options as parameters."""
     command = COMMANDS[name]
 
@@ -163,14 +163,14 @@ def _called(name: str) -> Callable[..., None]:
             check_bounds(options_of(command.options), values)
             execute(options, analysis_of(name))
 
-    typed = signature(command.options, command.gates)
-    call.__signature__ = typed  # type: ignore[attr-defined]  # read by typer
-    call.__annotations__ = {key: item.annotation for key, item in typed.parameters.items()}
+    sig = signature(command.options, command.gates)
+    call.__signature__ = sig  # type: ignore[attr-defined]  # read by typer
+    call.__annotations__ = {key: item.annotation for key, item in sig.parameters.items()}
     return call
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(version: bool) -> None:
+    if version:
         print(f"mtu {__version__}")
         raise typer.Exit
 
@@ -201,4 +201,4 @@ app.add_typer(graph, name="graph", rich_help_panel=PANELS["about"])
 for _name, _command in COMMANDS.items():
     _group, _, _last = _name.rpartition(" ")
     _place: Any = {"help": _command.text, "rich_help_panel": _command.panel}
-    (graph if _group else app).command(_last, **_place)(_called(_name))
+    (graph if _group else app).command(_last, **_place)(_call_of(_name))

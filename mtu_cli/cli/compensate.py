@@ -24,7 +24,7 @@ from mtu_cli.analyses.iso230 import places_read
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
-from mtu_cli.cli.values import above_zero, assigned, known_name
+from mtu_cli.cli.values import above_zero, assignments, known_name
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import check_text, read_source
 from mtu_cli.findings import InputError, error
@@ -44,7 +44,7 @@ ROTARY = "c"
 
 
 def compensate(inputs: Inputs, settings: Settings) -> Outcome:
-    """The table of a control, or with --read what one says."""
+    """The table of a control, or with --read the errors in one."""
     options = inputs.options
     feed = above_zero("--feed", str(options.feed))
     if options.for_ is None:
@@ -52,78 +52,78 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     known_name("--for", "controller", options.for_, NAMES)
     control = CONTROLLERS.get(options.for_)
     defaults = DEFAULTS if control is None else control.parameters
-    given = assigned(
+    overrides = assignments(
         "--set", options.set, "=", "NAME=VALUE", "axis=X", lambda _, x: x, defaults, "parameter"
     )
-    parameters = {**defaults, **given}
+    parameters = {**defaults, **overrides}
     if control is None:
         return _skew(inputs, parameters)
     if options.read:
         table = _read(inputs, options.read, control, parameters)
-        known = CompensateResult(
+        result = CompensateResult(
             component=options.read.name, controller=control, asked=table, held=table,
             direction="both" if table.both else "mean",
         )  # fmt: skip
-        return Outcome.reported(inputs, known)
+        return Outcome.reported(inputs, result)
     known_name("--direction", "direction", options.direction, DIRECTIONS)
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
     frame = Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))
-    wanted = Wanted(direction=options.direction, positions=_positions(inputs),
-                    reference=options.reference, frame=frame)  # fmt: skip
+    request = Wanted(direction=options.direction, positions=_positions(inputs),
+                     reference=options.reference, frame=frame)  # fmt: skip
     names = _names(inputs)
-    errors, axis, first = _errors(inputs, names, wanted, given.get("axis", ROTARY).lower())
-    _name_axis(inputs, names[0], axis, first, control, parameters, given)
+    errors, axis, first = _errors(inputs, names, request, overrides.get("axis", ROTARY).lower())
+    _name_axis(inputs, names[0], axis, first, control, parameters, overrides)
     if options.current:
-        wanted = replace(wanted, current=_read(inputs, options.current, control, parameters))
-    # Type 0 is written where nothing is said; a file does not show which it is.
+        request = replace(request, current=_read(inputs, options.current, control, parameters))
+    # Type 0 where --set names none: a file does not show its type.
     parameters["type"] = parameters.get("type") or "0"
-    planned = result = analysis(
-        errors, control, parameters, wanted, component=" + ".join(names),
+    plan = result = analysis(
+        errors, control, parameters, request, component=" + ".join(names),
         seed=settings.seed, trials=settings.trials,
     )  # fmt: skip
     if readings := inputs.verify if options.verify else None:
         if names[0] not in readings.components:
-            held = ", ".join(readings.components)
-            reason = f"--verify holds readings of {held}, not of {names[0]}"
+            components = ", ".join(readings.components)
+            reason = f"--verify holds readings of {components}, not of {names[0]}"
             raise error("not-applicable", reason=reason)
         result = verify(result, *_columns(readings, _rows(readings, names[0]), axis))
 
     def files() -> dict[Path, bytes]:
-        made, table = dict[Path, bytes](), options.to_file
+        contents, table = dict[Path, bytes](), options.to_file
         if table:
-            made[table] = result.text.encode()
+            contents[table] = result.text.encode()
         if table and not control.comment:
-            beside = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
-            written = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
-            notes = (control.says, frame.says, f"This table: {written}.")
-            made[beside] = "".join(f"{note}\n" for note in notes).encode()
+            companion = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
+            values = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
+            notes = (control.says, frame.says, f"This table: {values}.")
+            contents[companion] = "".join(f"{note}\n" for note in notes).encode()
         if options.to_nc:
-            program = moves_program(planned, feed, DWELL_S, axis.upper(), frame)
-            made[options.to_nc] = program.encode()
-        return made
+            program = moves_program(plan, feed, DWELL_S, axis.upper(), frame)
+            contents[options.to_nc] = program.encode()
+        return contents
 
     return Outcome.reported(inputs, result, files=files)
 
 
 def _names(inputs: Inputs) -> list[str]:
-    """What is compensated, that of which there are readings first: all else is added to these."""
+    """The components to compensate, the one with readings first: the others are added to it."""
     names = list(inputs.options.component)
-    read = [name for name in names if len(_rows(inputs.readings, name))]
-    if read[1:]:
-        reason = f"there are readings of {' and '.join(read)}: those of one are compensated"
+    first = [name for name in names if len(_rows(inputs.readings, name))]
+    if first[1:]:
+        reason = f"there are readings of {' and '.join(first)}: those of one are compensated"
         raise error("not-applicable", reason=reason, expected="one of them")
-    return read + [name for name in names if name not in read]
+    return first + [name for name in names if name not in first]
 
 
 def _name_axis(
     inputs: Inputs, name: str, axis: str, first: Stated | None, control: Controller,
-    parameters: dict[str, str], given: Parameters,
+    parameters: dict[str, str], overrides: Parameters,
 ) -> None:  # fmt: skip
     """The axis and the ISO 230-1 name of the component, where the control wants them: `parameters`
     hold those of X, and axes that a control numbers are counted on from it.
     """
-    of_x = "" if "axis" in given else parameters.get("axis", "")
+    of_x = "" if "axis" in overrides else parameters.get("axis", "")
     if of_x.startswith("X"):
         parameters["axis"] = axis.upper() + of_x[1:]
     elif of_x:
@@ -131,8 +131,8 @@ def _name_axis(
     output = axis if first is None else first.output
     if "error" in parameters and not parameters["error"]:
         component = inputs.machine.machine.components.get(name)
-        own = "" if first is not None and first.angle else f"E{output}{axis}".upper()
-        parameters["error"] = (component and component.iso) or own
+        iso_name = "" if first is not None and first.angle else f"E{output}{axis}".upper()
+        parameters["error"] = (component and component.iso) or iso_name
     elif output != axis and not control.listing:
         reason = f"{name} is an error in {output} along {axis}: no table of one axis"
         raise error("not-applicable", reason=reason, expected="--for isg-csv, etalon or table")
@@ -140,25 +140,25 @@ def _name_axis(
 
 def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
     options = inputs.options
-    given = (options.from_, options.to, options.step)
-    if all(each is None for each in given):
+    grid = (options.from_, options.to, options.step)
+    if all(each is None for each in grid):
         return None
-    if None in given:
+    if None in grid:
         raise error("incomplete", what="one of --from, --to, --step", other="the other two")
-    low, high, step = given
+    low, high, step = grid
     count = (high - low) / step if step > 0 else -1.0
     if not 1 <= count <= 10_000 or abs(count - round(count)) > 1e-6:
         value = f"{low:g} to {high:g} by {step:g} mm"
         expected = "--to above --from by a whole number of steps, at most 10000"
         raise error("out-of-range", path="--step", value=value, expected=expected)
-    return given
+    return grid
 
 
 def _errors(
-    inputs: Inputs, names: Sequence[str], wanted: Wanted, rotary: str
+    inputs: Inputs, names: Sequence[str], request: Wanted, rotary: str
 ) -> tuple[AxisErrors, str, Stated | None]:
-    """Readings of the first name, else what the machine states, with the others added; the axis,
-    and the first as stated (None of a rotary axis).
+    """Errors by readings of the first name, else of the machine, plus the others; the axis, and
+    the first component as stated (None of a rotary axis).
     """
     machine, readings = inputs.machine, inputs.readings
     component, rows = machine.machine.components.get(names[0]), _rows(readings, names[0])
@@ -177,10 +177,10 @@ def _errors(
         errors = axis_errors(*_columns(readings, rows, axis), angle=first.angle)
         rest = rest[1:]
     else:
-        if wanted.places is None:
+        if request.places is None:
             at = first.default_positions(machine)
         else:
-            at = wanted.frame.of_machine(wanted.places)
+            at = request.frame.of_machine(request.places)
         none = np.zeros((2, len(at)))
         errors = AxisErrors(targets=at, means=none, expected=none, angle=first.angle, read=False,
                             known=np.zeros((none.size,) * 2))  # fmt: skip
@@ -213,11 +213,11 @@ def _columns(
 
 def _read(inputs: Inputs, path: Path, control: Controller, parameters: Parameters) -> ErrorTable:
     """A table that exists; raises InputError with the file's name."""
-    text, shown = _text(inputs, path)
+    text, file = _text(inputs, path)
     try:
         return control.read_back(text, parameters)
     except InputError as fault:
-        raise InputError([each.at(file=shown) for each in fault.findings]) from None
+        raise InputError([each.at(file=file) for each in fault.findings]) from None
 
 
 def _text(inputs: Inputs, path: Path) -> tuple[str, str]:
@@ -234,8 +234,8 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
 
     options, quantum = inputs.options, skew_quantum(parameters)
     if options.read:
-        text, shown = _text(inputs, options.read)
-        return Outcome.of(skew_document(shown, read_skew(text), quantum))
+        text, file = _text(inputs, options.read)
+        return Outcome.of(skew_document(file, read_skew(text), quantum))
     name = (options.component or [""])[0]
     known_name("--component", "component", name, known_names(inputs.machine))
     entry = inputs.machine.machine.components.get(name)
@@ -252,8 +252,8 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
         expected = "readings of it, or coefficients in the machine file"
         raise error("missing-input", what=f"an estimate of {name}", expected=expected)
     text = write_skew(angle, parameters)
-    held = read_skew(text)
-    if abs(held - angle) > quantum / 2:
-        raise error("not-writable", reason=f"read back it is {held:.9g} rad, not {angle:.9g}")
+    readback = read_skew(text)
+    if abs(readback - angle) > quantum / 2:
+        raise error("not-writable", reason=f"read back it is {readback:.9g} rad, not {angle:.9g}")
     files = {options.to_file: text.encode()} if options.to_file else {}
-    return Outcome.of(skew_document(name, held, quantum), files=lambda: files)
+    return Outcome.of(skew_document(name, readback, quantum), files=lambda: files)

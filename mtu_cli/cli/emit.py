@@ -1,4 +1,4 @@
-"""What a run leaves: its result, tables, files (all or none), warnings, and the exit code of its
+"""What a run gives: its result, tables, files (all or none), warnings, and the exit code of its
 gates.
 """
 
@@ -46,9 +46,9 @@ Gate = Callable[[float], str | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a command has to say, each part made only when it is asked for.
+    """What a command reports, each part made only when it is needed.
 
-    `tables` knows whether details are asked for; `rows` are the main table's header and rows.
+    `tables` takes whether details are wanted; `rows` are the main table's header and rows.
     `gates` by name: the reason why one is met, of a limit where it has one, or None. `settings`:
     those of the report, where the command had to choose some itself. `files`: what the command
     writes beside report, table and picture, by path.
@@ -68,7 +68,7 @@ class Outcome:
         """What a document holds; `more` are the other fields of an outcome."""
         return cls(
             results=document.record,
-            tables=lambda detail: document.shown(detail=detail),
+            tables=lambda detail: document.blocks(detail=detail),
             rows=document.rows,
             figure=document.figure,
             **more,
@@ -86,7 +86,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Result:
-    """What a command found; `warnings` are those of the input and of the result."""
+    """The result of a command; `warnings` are those of the input and of the result."""
 
     inputs: Inputs
     outcome: Outcome
@@ -126,36 +126,36 @@ class Result:
 def result_of(
     inputs: Inputs, analyse: Callable[[Inputs, Settings], Outcome], **settings: Any
 ) -> Result:
-    """What a command finds of its inputs, under their settings and others that are given."""
-    chosen = replace(inputs.settings, **settings)
-    outcome = analyse(inputs, chosen)
+    """The result of a command on its inputs, under their settings and the further `settings`."""
+    call_settings = replace(inputs.settings, **settings)
+    outcome = analyse(inputs, call_settings)
     warnings = (*inputs.suspicions, *outcome.warnings)
-    return Result(inputs, outcome, outcome.settings or chosen, warnings)
+    return Result(inputs, outcome, outcome.settings or call_settings, warnings)
 
 
 def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) -> None:
-    """Runs one command and writes what was asked for: all files, or none.
+    """Runs one command and writes its files: all, or none.
 
     Tables go to standard output, warnings and progress to standard error; with `-o -` the
     report is alone on standard output. Ends with EXIT_GATE where a gate is met.
     """
     inputs = Inputs(options)
     try:
-        asked = asked_gates(options)
+        limits = asked_gates(options)
         check_outputs(inputs)
         with late_bar(options.command) as progress:
             result = result_of(inputs, analyse, progress=progress)
-            met = _gates_met(asked, result)
+            reasons = _gate_reasons(limits, result)
             files = _files(result)
     except InputError as fault:
-        raise InputError(inputs.placed(fault.findings), fault.uncounted) from None
+        raise InputError(inputs.with_paths(fault.findings), fault.uncounted) from None
     report = files.pop(STANDARD_OUTPUT, None)
-    warned = [each for each in result.warnings if not (options.quiet and each.severity == "note")]
+    warnings = [each for each in result.warnings if not (options.quiet and each.severity == "note")]
     lines = [
-        *warning_lines(inputs.placed(warned)),
-        *(f"mtu: gate {name}: {why}" for name, why in met.items()),
+        *warning_lines(inputs.with_paths(warnings)),
+        *(f"mtu: gate {name}: {why}" for name, why in reasons.items()),
     ]
-    # Between the making of files and their places: none is there where something cannot be said.
+    # Files get their names last: none is written where the output fails.
     with files_written(files):
         try:
             if report is not None:
@@ -168,7 +168,7 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
             silence(sys.stdout)
         with suppress(BrokenPipeError):
             print(*lines, sep="\n", end="\n" if lines else "", file=sys.stderr, flush=True)
-    if met:
+    if reasons:
         sys.exit(EXIT_GATE)
 
 
@@ -197,13 +197,13 @@ def show(tables: Iterable[object]) -> None:
 def warning_lines(warnings: Iterable[Finding]) -> list[str]:
     """Warnings and notes as lines for standard error, each once, of one code MOST_ALIKE at most."""
     distinct = {(each.code, each.message): each for each in warnings}.values()
-    count, shown, lines = Counter(each.code for each in distinct), Counter[str](), []
+    count, ordinal, lines = Counter(each.code for each in distinct), Counter[str](), []
     for each in distinct:
-        shown[each.code] += 1
-        left, more = count[each.code] - MOST_ALIKE, ""
-        if shown[each.code] == MOST_ALIKE and left > 0:
-            more = f"; and {left} more such, all in the report (-o)"
-        if shown[each.code] <= MOST_ALIKE:
+        ordinal[each.code] += 1
+        rest, more = count[each.code] - MOST_ALIKE, ""
+        if ordinal[each.code] == MOST_ALIKE and rest > 0:
+            more = f"; and {rest} more such, all in the report (-o)"
+        if ordinal[each.code] <= MOST_ALIKE:
             lines.append(f"{each.severity}: {each.message}{more} [{each.code}]")
     return lines
 
@@ -214,15 +214,15 @@ def asked_gates(options: Options) -> dict[str, float]:
 
     Raises InputError with every gate that is unknown or lacks its limit.
     """
-    known = (SUSPICIOUS, *options.gates)
-    limited = {name.partition("=")[0]: "=" in name for name in known}
+    choices = (SUSPICIOUS, *options.gates)
+    limited = {name.partition("=")[0]: "=" in name for name in choices}
     result: dict[str, float] = {}
     problems = []
     for text in (part.strip() for item in options.fail_if or () for part in item.split(",")):
         name, equals, limit = text.partition("=")
         share = number(limit) if equals else 0.0
         if limited.get(name) != bool(equals):
-            expected = " or ".join(known)
+            expected = " or ".join(choices)
             problems.append(finding("unknown-name", what="gate", value=text, expected=expected))
         elif share is None or not 0 <= share < 1:
             expected = "a probability from 0 to below 1, such as 0.01 for 1 %"
@@ -236,12 +236,12 @@ def asked_gates(options: Options) -> dict[str, float]:
     return result
 
 
-def _gates_met(asked: Mapping[str, float], result: Result) -> dict[str, str]:
-    """Why the gates that were asked for are met, of those that are."""
+def _gate_reasons(limits: Mapping[str, float], result: Result) -> dict[str, str]:
+    """The reasons of the gates that are met, of those with `limits`."""
     codes = [each.code for each in result.warnings if each.kind.suspicious]
     suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
-    known = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
-    return {name: why for name, limit in asked.items() if (why := known[name](limit))}
+    gates = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
+    return {name: why for name, limit in limits.items() if (why := gates[name](limit))}
 
 
 def _files(result: Result) -> dict[Path, bytes]:
@@ -268,7 +268,7 @@ def _files(result: Result) -> dict[Path, bytes]:
 
 
 def _page(result: Result) -> bytes:
-    """The report to hand on; without a picture where what was asked for cannot be drawn."""
+    """The report to hand on; without a picture where the result cannot be drawn."""
     from mtu_cli.reports.html import report_bytes
 
     inputs, options = result.inputs, result.inputs.options
@@ -276,10 +276,10 @@ def _page(result: Result) -> bytes:
     with suppress(InputError):
         figure = result.outcome.figure and result.outcome.figure()
     # A command that has no such option does not use it.
-    stated = [name for option, name in USED.items() if option in options.values]
-    used = {name.replace("_", " "): getattr(result.settings, name) for name in stated}
-    used |= {"trials": "adaptive"} if used.get("trials", 0) is None else {}
-    subject, *others = inputs.names
+    names = [name for option, name in USED.items() if option in options.values]
+    settings = {name.replace("_", " "): getattr(result.settings, name) for name in names}
+    settings |= {"trials": "adaptive"} if settings.get("trials", 0) is None else {}
+    subject, *rest = inputs.names
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
     return report_bytes(
@@ -287,9 +287,9 @@ def _page(result: Result) -> bytes:
         figure,
         result.outcome.tables(bool(options.detail)),
         result.warnings,
-        used | {f"{name} =": value for name, value in inputs.at.items()},
+        settings | {f"{name} =": value for name, value in inputs.at.items()},
         title=f"{command}: {subject}",
-        subject=[*others, *synthetic],
+        subject=[*rest, *synthetic],
         inputs=inputs.sources,
         date=options.date,
     )
@@ -302,30 +302,30 @@ def written_files(options: Options) -> dict[str, Path]:
 
 
 def check_outputs(inputs: Inputs) -> None:
-    """Refuses files that cannot be made, or would overwrite measured data or what the call, its
-    study or the study of this folder names, read or not, but for what the command is there to
+    """Raises InputError for files that cannot be made, or would overwrite measured data or inputs
+    that the call, its study or that of this folder names, except those that the command is to
     make. All at once, before anything is calculated.
     """
-    options, written = inputs.options, written_files(inputs.options)
-    named = [(role, path) for role, path in inputs.named() if os.path.exists(path)]
+    options, outputs = inputs.options, written_files(inputs.options)
+    sources = [(role, path) for role, path in inputs.input_files() if os.path.exists(path)]
     problems: list[Finding] = []
     files = []
-    for name, path in written.items():
-        option = WRITTEN[name].named(name)[0]
+    for name, path in outputs.items():
+        option = WRITTEN[name].names(name)[0]
         if path == STANDARD_OUTPUT:
-            if name not in ("out", "to_csv") and (name != "csv" or written.get("out") == path):
+            if name not in ("out", "to_csv") and (name != "csv" or outputs.get("out") == path):
                 reason = f"{option} cannot go to standard output"
                 problems.append(finding("output-form", reason=reason, expected="a file"))
             continue
         makes = MADE.get(options.command, {}).get(name, ())
-        own = [role for role in makes if not options.values.get(role)]
+        roles = [role for role in makes if not options.values.get(role)]
         for file in (path, *(path.with_name(path.name + x) for x in BESIDE.get(name, ()))):
             files.append(file)
             why = None
-            if any(role not in own and same(file, other) for role, other in named):
+            if any(role not in roles and same(file, source) for role, source in sources):
                 why = "it is an input"
             elif file.is_file() and name == "csv":
-                why = (held := measured_in(file)) and f"it holds {held}"
+                why = (content := measured_in(file)) and f"it holds {content}"
             elif file.is_file() and options.command == "simulate" and not is_made(file):
                 why = f"it holds {measured_in(file) or 'what simulate has not made'}"
             if why:
@@ -346,8 +346,8 @@ def check_outputs(inputs: Inputs) -> None:
 
 @contextmanager
 def late_bar(text: str) -> Iterator[Progress]:
-    """What share of a calculation is done, on a terminal's standard error, of what takes more than
-    DELAY_S. It is written when the calculation tells it and has no thread of its own.
+    """The progress of a calculation, on a terminal's standard error, where it takes more than
+    DELAY_S. It is written when the calculation reports progress, by no thread of its own.
     """
     due, drawn = time.monotonic() + DELAY_S, False
 

@@ -1,4 +1,4 @@
-"""`mtu help` and `mtu schema`: what the package says of itself."""
+"""`mtu help` and `mtu schema`: topics, findings and contracts."""
 
 from __future__ import annotations
 
@@ -75,14 +75,14 @@ def paragraphs() -> dict[str, str]:
 
 
 def paragraph(code: str) -> str:
-    """What is known of a finding: severity, sentence, and its paragraph."""
+    """The help of a finding: severity, sentence, and its paragraph."""
     kind = CATALOGUE.get(code)
     severity: str = "warning" if kind is None else kind.severity
     if kind is not None and kind.suspicious:
         severity += ", meets --fail-if suspicious"
     sentence = "" if kind is None else re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
-    shown = f"    {sentence}\n\n" if sentence else ""
-    return f"# {code} ({severity})\n\n{shown}{paragraphs().get(code, '')}\n"
+    block = f"    {sentence}\n\n" if sentence else ""
+    return f"# {code} ({severity})\n\n{block}{paragraphs().get(code, '')}\n"
 
 
 def show(text: str) -> None:

@@ -35,7 +35,7 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
     file = raw_file(inputs.options.file, "file")
     inputs.sources.append(file.source)
     decimal = known_name("--decimal", "value", inputs.options.decimal, (".", ","))
-    results = _seen(file, Ask(kind="inspect", decimal=decimal))
+    results = _content(file, Ask(kind="inspect", decimal=decimal))
     return Outcome(
         results=lambda: results,
         tables=lambda detail: _lines(results),
@@ -43,12 +43,12 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
     )
 
 
-def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
+def _content(file: RawFile, ask: Ask) -> dict[str, Any]:
     result, title, faults, gives = Imported(format="xml"), "XML", list[Finding](), list[str]()
     if is_contract(file.content):
         result, title = contract_rows(file), "columns of the contract"
-    elif known := identify(file):
-        title, gives, result = known.title, [known.gives], Imported(format=known.name)
+    elif entry := identify(file):
+        title, gives, result = entry.title, [entry.gives], Imported(format=entry.name)
         try:
             result = read(file, ask)
         except InputError as fault:
@@ -84,17 +84,17 @@ def _lines(results: dict[str, Any]) -> Iterable[str]:
     if results["importable_as"]:
         yield f"  importable as {' or '.join(results['importable_as'])}: {results['rows']} rows"
     for name, value in results["facts"].items():
-        shown = value
+        content = value
         if isinstance(value, list):
             some = [f"{x:g}" if isinstance(x, float) else str(x) for x in value]
-            shown = ", ".join(some[:12]) + (f" and {len(some) - 12} more" if some[12:] else "")
-        yield f"  {name}: {'not stated' if shown == '' else shown}"
+            content = ", ".join(some[:12]) + (f" and {len(some) - 12} more" if some[12:] else "")
+        yield f"  {name}: {'not stated' if content == '' else content}"
     yield from (f"  {text}" for text in results["says"])
     yield from (f"  left out: {count} {what}" for what, count in results["left_out"].items())
     yield from (f"  fault: {text}" for text in results["faults"])
     yield from (f"  {count:5} {path}" for path, count in [*results["elements"].items()][:LISTED])
-    if left := len(results["elements"]) - LISTED:
-        yield from [f"  and {left} more element paths (-o)"] if left > 0 else []
+    if rest := len(results["elements"]) - LISTED:
+        yield from [f"  and {rest} more element paths (-o)"] if rest > 0 else []
 
 
 def import_(inputs: Inputs, settings: Settings) -> Outcome:
@@ -102,11 +102,11 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     options = inputs.options
     kind = known_name("--as", "value", options.as_, ("readings", "points", "drift"))
     words = {"unit": tuple(UNITS), "decimal": (".", ","), "directions": DIRECTIONS}
-    given = {
-        name: known_name(f"--{name}", "value", options.values.get(name), known)
-        for name, known in words.items()
+    values = {
+        name: known_name(f"--{name}", "value", options.values.get(name), choices)
+        for name, choices in words.items()
     }
-    unit = given["unit"]
+    unit = values["unit"]
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
     tables, findings, faults = list[Imported](), list[Finding](), list[Finding]()
@@ -117,21 +117,21 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
             if target and same(target, file.source.path):
                 raise file.error("not-overwritten", reason="it is an input")
             name = named_file(path)[0] or options.component
-            given["unit"] = unit or _unit_of(options, name)
+            values["unit"] = unit or _unit_of(options, name)
             if is_contract(file.content) and not options.map:
                 raise file.error("other-table", kind="the contract's CSV already")
             whose = "the unit given" if unit else "the component's unit"
-            found = read(file, Ask(kind=kind, component=name, whose_unit=whose,
-                                   profile=options.map, **given))  # fmt: skip
+            table = read(file, Ask(kind=kind, component=name, whose_unit=whose,
+                                   profile=options.map, **values))  # fmt: skip
         except InputError as fault:
             faults += fault.findings
             continue
-        findings.append(file.finding("instrument-file", how=found.sentence))
-        findings += [file.finding("instrument-doubt", doubt=text) for text in found.doubts]
-        tables.append(found)
+        findings.append(file.finding("instrument-file", how=table.sentence))
+        findings += [file.finding("instrument-doubt", doubt=text) for text in table.doubts]
+        tables.append(table)
     if faults:
         raise InputError(faults)
-    text = _joined(tables).csv(list(SPECS[kind].columns))
+    text = _join(tables).csv(list(SPECS[kind].columns))
     notes = [each for each in findings if each.severity == "note"]
     return Outcome(
         tables=lambda detail: [each.message for each in notes] if target else [text.rstrip("\n")],
@@ -140,19 +140,19 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     )
 
 
-def _joined(tables: list[Imported]) -> Imported:
+def _join(tables: list[Imported]) -> Imported:
     """Files end to end; the passes of a component that was read before are counted on."""
-    joined, last = Imported(format="", kind=tables[0].kind), dict[str, int]()
+    result, last = Imported(format="", kind=tables[0].kind), dict[str, int]()
     for table in tables:
-        before = dict(last)
+        offsets = dict(last)
         for i, row in enumerate(table.rows):
             cells = {name: column[i] for name, column in table.columns.items()}
             if isinstance(cells.get("pass"), int):
                 name = str(cells.get("component"))
-                cells["pass"] += before.get(name, 0)
+                cells["pass"] += offsets.get(name, 0)
                 last[name] = max(last.get(name, 0), cells["pass"])
-            joined.add(row, **cells)
-    return joined
+            result.add(row, **cells)
+    return result
 
 
 def _unit_of(options: Options, component: str | None) -> str | None:

@@ -1,4 +1,4 @@
-"""What a call names on the command line or in its study: read once, checked once, when needed."""
+"""The inputs of a call, of the command line or its study: read once, checked once, when needed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pydantic import ValidationError
 
 from mtu_cli.cli.options import MADE, ROLES, Options
-from mtu_cli.cli.values import assigned, number_of
+from mtu_cli.cli.values import assignments, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, SENSOR_DEGC, direction_sign, is_temperature
 from mtu_cli.files.csv_table import cell_text
@@ -60,7 +60,7 @@ OF_ANY_MACHINE = ("anova", "iso230")
 class Inputs:
     """The files of one call, each read and checked once, when a command asks for it. Options
     override the study; the study of this folder or above is not read where -m or a file of
-    another kind is given. `suspicions`: what the checks warn of, of all that was read so far.
+    another kind is given. `suspicions`: warnings of the checks on the files read so far.
     """
 
     options: Options
@@ -73,7 +73,7 @@ class Inputs:
         options, path = self.options, self.study_file
         if path is None or (options.study is None and (options.machine or options.file)):
             return None
-        study = load_study(path, absent=self._made())
+        study = load_study(path, absent=self._outputs())
         self.sources.append(study.source)
         return study
 
@@ -86,36 +86,36 @@ class Inputs:
         return path / STUDY_NAME if path.is_dir() else path
 
     def _paths(self, role: str) -> tuple[Path, ...]:
-        """What the call itself gives for a role."""
+        """The values of a role's option."""
         value = self.options.values.get(role) or ()
         return tuple(value) if isinstance(value, (list, tuple)) else (value,)
 
-    def given(self, role: str) -> tuple[Path, ...]:
-        """The files of a role that the call itself names."""
+    def call_files(self, role: str) -> tuple[Path, ...]:
+        """The files of a role that the options of the call name."""
         paths = self._paths(role)
         return tuple(named_file(path)[1] for path in paths) if role in MEASURED else paths
 
     def ask_of(self, path: Path, role: str) -> Ask:
-        """What the call, its study and the machine say of an instrument's file."""
+        """How to read an instrument's file, by the call, its study and the machine."""
         from mtu_cli.formats.base import Ask
         from mtu_cli.formats.instruments import KIND_OF
 
         study = self.study
-        stated = (study and study.instruments.get(path)) or Instrument(file="-")
+        instrument = (study and study.instruments.get(path)) or Instrument(file="-")
         names = {file: name for name, file in map(named_file, self._paths(role))}
-        # Where neither says so, the component that the call is about.
-        asked = self.options.values.get("component") or (None,)
-        component = names.get(path) or stated.component or asked[0]
-        known = self.machine.machine.components if self.files("machine") and component else {}
-        of_machine = known[component].unit if component in known else None
+        # Where neither names one, the component of --component.
+        components = self.options.values.get("component") or (None,)
+        component = names.get(path) or instrument.component or components[0]
+        entries = self.machine.machine.components if self.files("machine") and component else {}
+        machine_unit = entries[component].unit if component in entries else None
         return Ask(
             kind=KIND_OF[role],
             component=component,
-            unit=stated.unit or of_machine,
-            whose_unit="the unit given" if stated.unit else "the component's unit",
-            decimal=stated.decimal,
-            directions=stated.directions,
-            profile=study.source.path.parent / stated.map if study and stated.map else None,
+            unit=instrument.unit or machine_unit,
+            whose_unit="the unit given" if instrument.unit else "the component's unit",
+            decimal=instrument.decimal,
+            directions=instrument.directions,
+            profile=study.source.path.parent / instrument.map if study and instrument.map else None,
         )
 
     def converter(self) -> Any:
@@ -123,17 +123,17 @@ class Inputs:
         from mtu_cli.formats.base import Imported, RawFile
         from mtu_cli.formats.instruments import converter
 
-        def heard(file: RawFile, found: Imported) -> None:
-            self.suspicions.append(file.finding("instrument-file", how=found.sentence))
-            self.suspicions += [file.finding("instrument-doubt", doubt=x) for x in found.doubts]
+        def note(file: RawFile, table: Imported) -> None:
+            self.suspicions.append(file.finding("instrument-file", how=table.sentence))
+            self.suspicions += [file.finding("instrument-doubt", doubt=x) for x in table.doubts]
 
-        return converter(self.ask_of, heard)
+        return converter(self.ask_of, note)
 
-    def named(self) -> list[tuple[str, Path]]:
-        """Role and path of the files that the call, its study or that of this folder names to be
-        read; of a study that is faulty its own alone.
+    def input_files(self) -> list[tuple[str, Path]]:
+        """Role and path of all files that the call, its study or that of this folder names; of a
+        faulty study its path alone.
         """
-        result = [(role, path) for role in ROLES for path in self.given(role)]
+        result = [(role, path) for role in ROLES for path in self.call_files(role)]
         if study := self.study_file:
             result.append(("study", study))
             try:
@@ -144,15 +144,15 @@ class Inputs:
         return result
 
     def files(self, role: str) -> tuple[Path, ...]:
-        """The files of a role: the option's where it is given, else the study's but for those that
-        the call itself makes.
+        """The files of a role: those of the option, else those of the study except the ones that
+        the call makes.
         """
-        made, stated = self._made(role), self.study.files.get(role, ()) if self.study else ()
-        kept = (path for path in stated if not any(same(path, each) for each in made))
-        return self.given(role) or tuple(kept)
+        outputs, paths = self._outputs(role), self.study.files.get(role, ()) if self.study else ()
+        rest = (path for path in paths if not any(same(path, each) for each in outputs))
+        return self.call_files(role) or tuple(rest)
 
-    def _made(self, role: str = "") -> list[Path]:
-        """The files that the call makes, of a role in a study if one is given."""
+    def _outputs(self, role: str = "") -> list[Path]:
+        """The files that the call makes, of all roles or of one."""
         makes = MADE.get(self.options.command, {})
         paths = [
             self.options.values.get(name) for name, roles in makes.items() if role in (*roles, "")
@@ -166,7 +166,7 @@ class Inputs:
         return result[0]
 
     def missing(self, options: str, *roles: str) -> InputError:
-        """That files of none of the `roles` are given, and why no study names one."""
+        """The error of missing files of all `roles`, with the reason why no study names one."""
         why = "with -m and no STUDY none is looked for" if self.options.machine else "no study"
         if self.study:
             why = f"{self.study.source.shown} has no {' or '.join(map(repr, roles))}"
@@ -175,9 +175,9 @@ class Inputs:
 
     @property
     def names(self) -> list[str]:
-        """What the files of the call call themselves: machine, part, study; at least one."""
-        read = self.__dict__
-        result = [getattr(read[kind], kind).name for kind in ("machine", "part") if kind in read]
+        """The names in the files of the call: machine, part, study; at least one."""
+        cache = self.__dict__
+        result = [getattr(cache[kind], kind).name for kind in ("machine", "part") if kind in cache]
         result += [self.study.source.shown] if self.study else []
         return result or [source.shown for source in self.sources]
 
@@ -186,14 +186,14 @@ class Inputs:
         """The machine file."""
         from mtu_cli.files.machine import load_machine
 
-        return self.taken("machine", load_machine(self._one("machine", "-m")))
+        return self.register("machine", load_machine(self._one("machine", "-m")))
 
     @cached_property
     def part(self) -> LoadedPart:
         """The part file."""
         from mtu_cli.files.part import load_part
 
-        return self.taken("part", load_part(self._one("part", "-p")))
+        return self.register("part", load_part(self._one("part", "-p")))
 
     @property
     def part_if_any(self) -> LoadedPart | None:
@@ -205,7 +205,7 @@ class Inputs:
         """The reports of -c, at most one of each kind."""
         from mtu_cli.files.reports_read import read_reports
 
-        return self.taken("reports", read_reports(self.files("components")))
+        return self.register("reports", read_reports(self.files("components")))
 
     @cached_property
     def readings(self) -> Readings | None:
@@ -238,29 +238,29 @@ class Inputs:
 
         of_any = self.options.command in OF_ANY_MACHINE
         for_fit = kind == "readings" and not of_any
-        stated = for_fit or (self.options.machine if of_any else self.files("machine"))
-        known = self.machine.machine.components if stated else None
+        with_machine = for_fit or (self.options.machine if of_any else self.files("machine"))
+        entries = self.machine.machine.components if with_machine else None
         convert = self.converter()
-        return self.taken(kind, read_readings(files, known, for_fit=for_fit, convert=convert))
+        return self.register(kind, read_readings(files, entries, for_fit=for_fit, convert=convert))
 
     @cached_property
     def points(self) -> Points:
-        """The measured points; nominals from the part file if there is one, else their own."""
+        """The measured points; nominals from the part file, without one from the points."""
         from mtu_cli.files.points import read_points
 
         self._one("cmm", "--cmm")
         places = self.part.part.places() if self.files("part") else None
         files = [(path, "cmm") for path in self.files("cmm")]
-        return self.taken("points", read_points(files, places, self.converter()))
+        return self.register("points", read_points(files, places, self.converter()))
 
-    def taken(self, kind: Any, item: T) -> T:
-        """The `item` of one kind of input, read by now, with its files and what the checks warn of.
+    def register(self, kind: Any, item: T) -> T:
+        """Enters the `item` of one kind of input, its files and what the checks warn of; the item.
 
         Raises InputError for what makes a result meaningless.
         """
         self.__dict__[kind] = item
-        known: Any = item
-        self.sources.extend(known.sources if hasattr(known, "sources") else (known.source,))
+        value: Any = item
+        self.sources.extend(value.sources if hasattr(value, "sources") else (value.source,))
         if kind == "reports":
             return item
         from mtu_cli import checks
@@ -268,28 +268,28 @@ class Inputs:
         made_here = self.options.command not in OF_ANY_MACHINE
         machine = self.machine.machine if self.files("machine") and made_here else None
         travels = machine.travels if machine else {}
-        data: Data = checks.DocumentData(known, travels)
+        data: Data = checks.DocumentData(value, travels)
         of = JUDGED_AS.get(kind, kind)
         if kind == "points":
-            data = checks.PointsData(known, self.part_if_any, travels, self.chosen.datum or "none")
+            data = checks.PointsData(value, self.part_if_any, travels, self.choices.datum or "none")
         elif of in ("readings", "drift"):
-            data = checks.ReadingsData(known, machine.components if machine else {}, travels)
+            data = checks.ReadingsData(value, machine.components if machine else {}, travels)
         self.suspicions += checks.warnings_of(of, data)
         return item
 
     @cached_property
-    def chosen(self) -> StudySettings:
+    def choices(self) -> StudySettings:
         """The settings of the call: options over the study, by the contract of a study.
 
         Raises InputError for every option that is out of range, at once.
         """
         options = {name: OPTION_OF.get(name, name) for name in StudySettings.model_fields}
-        given = {name: self.options.values.get(option) for name, option in options.items()}
-        given = {name: value for name, value in given.items() if value is not None}
-        stated = self.study.study.settings.model_dump() if self.study else {}
+        overrides = {name: self.options.values.get(option) for name, option in options.items()}
+        overrides = {name: value for name, value in overrides.items() if value is not None}
+        values = self.study.study.settings.model_dump() if self.study else {}
         try:
-            return StudySettings.model_validate({**stated, **given})
-        except ValidationError as failed:
+            return StudySettings.model_validate({**values, **overrides})
+        except ValidationError as fault:
             raise InputError(
                 finding(
                     "out-of-range",
@@ -297,15 +297,15 @@ class Inputs:
                     value=str(item["input"]),
                     expected=item.get("ctx", {}).get("expected") or expectation(item, None),
                 )
-                for item in failed.errors()
+                for item in fault.errors()
             ) from None
 
     @cached_property
     def settings(self) -> Settings:
         """The settings of predictions."""
         names = ("coverage_factor", "seed", "correlation", "trials", "digits", "threads")
-        stated = {name: getattr(self.chosen, name) for name in names}
-        return Settings(**{name: each for name, each in stated.items() if each is not None})
+        values = {name: getattr(self.choices, name) for name in names}
+        return Settings(**{name: each for name, each in values.items() if each is not None})
 
     @cached_property
     def at(self) -> dict[str, float]:
@@ -318,23 +318,23 @@ class Inputs:
             return result
 
         example = "--at T_02_degC=23.5"
-        return assigned("--at", self.options.at, "=", "NAME=VALUE", example, value)
+        return assignments("--at", self.options.at, "=", "NAME=VALUE", example, value)
 
-    def placed(self, findings: Iterable[Finding]) -> list[Finding]:
+    def with_paths(self, findings: Iterable[Finding]) -> list[Finding]:
         """Findings with the whole paths of files that lie outside the working folder.
 
-        Reports name such a file without its folder, wherever they are made; whoever reads a
-        message has to find it. Of two files that are called the same neither has one.
+        Reports name such a file without its folder, so that they are the same wherever they are
+        made; a message names its path. Two files of the same name keep their short names.
         """
-        paths = {given_path(path): path for _, path in self.named()}
+        paths = {given_path(path): path for _, path in self.input_files()}
         count = Counter(path.name for path in paths.values())
-        whole = {
-            path.name: shown
-            for shown, path in paths.items()
+        full_names = {
+            path.name: text
+            for text, path in paths.items()
             if count[path.name] == 1 == len({path.name, shown_path(path)})
             and resolved(path.parent) != resolved(Path())
         }
-        return [replace(each, file=whole.get(each.file or "", each.file)) for each in findings]
+        return [replace(each, file=full_names.get(each.file or "", each.file)) for each in findings]
 
 
 def named_file(path: Path) -> tuple[str | None, Path]:

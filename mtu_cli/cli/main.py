@@ -22,7 +22,7 @@ def main() -> None:
         # One thread a BLAS call: results must not depend on how many cores a machine has.
         for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS"):
             os.environ[name] = "1"
-        # Pictures are files, whatever a notebook has set for its own.
+        # Pictures are files, whatever backend a notebook has set.
         os.environ["MPLBACKEND"] = "agg"
         # Imports make much that stays; to look for rubbish among it every 700 objects takes 5 %.
         gc.set_threshold(20_000)
@@ -32,33 +32,33 @@ def main() -> None:
             ctypes.CDLL(None).mallopt(-4, 0)
             ctypes.CDLL(None).mallopt(-1, -1)
         for name in ("stdout", "stderr"):
-            # One that was closed takes what is written; what an encoding lacks is escaped.
+            # A closed stream is replaced; characters that an encoding lacks are escaped.
             stream: Any = getattr(sys, name) or open(os.devnull, "w")  # noqa: SIM115
             setattr(sys, name, stream)
             if isinstance(stream, io.TextIOWrapper):
                 stream.reconfigure(errors="backslashreplace")
-        code = called(sys.argv[1:])
+        code = exit_code(sys.argv[1:])
     except KeyboardInterrupt:
         # Its threads may wait for each other: nobody waits for them.
         os._exit(EXIT_INTERRUPTED)
     sys.exit(code)
 
 
-def called(arguments: Sequence[str]) -> int:
+def exit_code(arguments: Sequence[str]) -> int:
     """The exit code of one call; every fault of it is one message on standard error."""
     import typer
 
     from mtu_cli.cli.commands import app
     from mtu_cli.findings import EXIT_INPUT, MtuError, error, printable
 
-    # Typer's own class of all faults of a call, which it does not export.
+    # Typer's class of all faults of a call, which it does not export.
     faults_of_calls: Any = typer.BadParameter.__base__
     try:
         code = app([*arguments], prog_name="mtu", standalone_mode=False)
         sys.stdout.flush()
         return code if isinstance(code, int) else 0
-    except (BrokenPipeError, SystemExit) as ended:
-        code = getattr(ended, "code", 1)
+    except (BrokenPipeError, SystemExit) as end:
+        code = getattr(end, "code", 1)
         if code != 1:
             return code if isinstance(code, int) else 0
         # The reader has left (``| head``), which typer ends with 1: nothing is wrong.

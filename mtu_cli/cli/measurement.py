@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, number_of
+from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, number_of
 from mtu_cli.findings import error
 from mtu_cli.model.settings import Settings
 
@@ -31,7 +31,7 @@ def budget(inputs: Inputs, settings: Settings) -> Outcome:
     inputs.sources.append(loaded.source)
     result = evaluate_budget(loaded, settings, inputs.options.k)
     factors = {output.k for output in result.outputs}
-    # Where each output has its own factor, or has none, there is not one for the report.
+    # The report has one factor only where all outputs have the same.
     k = factors.pop() if len(factors) == 1 else math.nan
     return Outcome.reported(inputs, result, settings=replace(settings, coverage_factor=k))
 
@@ -77,7 +77,7 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
-    """What is drawn, with the shares of the variance of `of` where a place is given."""
+    """The net to draw, with the shares of the variance of the place `of` if given."""
     from mtu_cli.analyses.graph import shares_by_place
     from mtu_cli.reports.graph_drawing import net_of
 
@@ -99,7 +99,7 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses.graph import PARAMETERS, simulate_graph, sweep_graph
     from mtu_cli.reports import graph as report
 
-    grid = varied(inputs.options.vary, PARAMETERS)
+    grid = variations(inputs.options.vary, PARAMETERS)
     graph, of = _graph(inputs), inputs.options.of
     result = sweep_graph(graph, settings, of, grid)
     # What follows the grid leaves its bar full.
@@ -107,15 +107,15 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome.of(report.sweep(base, result, settings.digits), warnings=result.warnings)
 
 
-def varied(texts: Sequence[str], known: Sequence[str]) -> dict[str, tuple[float, ...]]:
+def variations(texts: Sequence[str], parameters: Sequence[str]) -> dict[str, tuple[float, ...]]:
     """The values of every --vary, by name, in the order given.
 
     Raises InputError for all that cannot be read, at once.
 
-    >>> varied(["repeats=1,2", "axis_um=1:2:3"], ["axis_um", "repeats"])
+    >>> variations(["repeats=1,2", "axis_um=1:2:3"], ["axis_um", "repeats"])
     {'repeats': (1.0, 2.0), 'axis_um': (1.0, 1.5, 2.0)}
     """
-    return assigned("--vary", texts, "=", "NAME=VALUES", EXAMPLE, _grid, known)
+    return assignments("--vary", texts, "=", "NAME=VALUES", EXAMPLE, _grid, parameters)
 
 
 def _grid(name: str, text: str) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""From a call's files to a machine with all components known."""
+"""From a call's files to a machine with estimates of all its components."""
 
 from __future__ import annotations
 
@@ -39,18 +39,18 @@ DOUBTS = ("no-better", "not-held-out")
 
 
 class Modelled(NamedTuple):
-    """The model of a call, what it was made of, and what to warn of."""
+    """The model of a call, the estimates in it, and warnings."""
 
     model: MachineModel
     estimates: Estimates
     warnings: tuple[Finding, ...]
 
 
-def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
+def modelled(inputs: Inputs, extra: Collection[str] = ()) -> Modelled:
     """A components report wins over readings, readings over the machine file. Covariates that the
-    command needs `also`, beside those of the model, may be given with --at.
+    command needs `extra`, beside those of the model, may be given with --at.
 
-    Raises InputError for components that nothing is known of.
+    Raises InputError for components without an estimate.
     """
     machine, report, fit = inputs.machine, inputs.reports.components, None
     warnings = searched_warnings(machine)
@@ -63,24 +63,24 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
         estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
     else:
         estimates = estimates_from_fit(machine, None)
-    thermal, of_drift = drift_estimates(inputs)
-    warnings = [*machine_warnings(machine, estimates), *warnings, *of_drift]
+    thermal, drift_warnings = drift_estimates(inputs)
+    warnings = [*machine_warnings(machine, estimates), *warnings, *drift_warnings]
     model = build_model(machine, replace(estimates, thermal=thermal))
     # What u of a part does not contain, from the fit or from the report of it.
     terms = {term.estimate.name for term in model.terms}
     if report is not None:
-        warnings += _carried(report, LIMITS, terms)
+        warnings += _report_warnings(report, LIMITS, terms)
     for item in () if fit is None else fit_warnings(fit):
         if item.code not in LIMITS or item.facts["component"] in terms:
             warnings += [item] * (item.code != "lack-of-fit")
-    used = model.covariates()
-    _expand(inputs.at, dict.fromkeys((*used, *also)))
+    covariates = model.covariates()
+    _expand(inputs.at, dict.fromkeys((*covariates, *extra)))
     # The nearest of those names alone that the call would take.
-    left = [name for name in model.covariates() if name not in inputs.at]
-    for name in (name for name in inputs.at if name not in (*used, *also)):
+    names = [name for name in model.covariates() if name not in inputs.at]
+    for name in (name for name in inputs.at if name not in (*covariates, *extra)):
         place = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
         expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
-        meant = nearest(name, left)
+        meant = nearest(name, names)
         warnings.append(finding("option-not-used", **place, meant=meant, expected=expected))
     return Modelled(model, estimates, tuple(warnings))
 
@@ -93,8 +93,8 @@ def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) 
     from mtu_cli.reports.fit_components import document
 
     results = document(fit_result(machine.machine.name, fit, estimates)).record()
-    written = report_bytes({"schema": "mtu/fit-components/1", "results": results})
-    return estimates_from_report(machine, report_from(machine.source, json.loads(written)))
+    content = report_bytes({"schema": "mtu/fit-components/1", "results": results})
+    return estimates_from_report(machine, report_from(machine.source, json.loads(content)))
 
 
 def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
@@ -102,16 +102,16 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
     from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 
     machine = inputs.machine
-    stated = thermal_from_machine_file(machine)
+    estimates = thermal_from_machine_file(machine)
     report = inputs.reports.thermal
     if report is not None:
-        doubts = _carried(report, DOUBTS, report.components)
+        doubts = _report_warnings(report, DOUBTS, report.components)
         doubts += _not_read(inputs, ("drift",), report)
         return thermal_from_report(machine, report), doubts
     if inputs.files("drift"):
         fit = fitted_drift(inputs, inputs.drift, "auto")
-        return stated | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
-    return stated, []
+        return estimates | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
+    return estimates, []
 
 
 def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
@@ -130,38 +130,40 @@ def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
             components,
             reference=reference,
             method=method,
-            zeroed=inputs.chosen.zeroed or "auto",
+            zeroed=inputs.choices.zeroed or "auto",
         )
 
 
 def _not_read(
     inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
 ) -> list[Finding]:
-    """That readings are not read beside the `report` of a fit, unless it was fitted to them."""
-    given = {
+    """The warning that readings are not used with the `report` of a fit to other files."""
+    digests = {
         path: read_source(path, role)[0].sha256 for role in roles for path in inputs.files(role)
     }
     entries = report.document.get("inputs")
-    stated = [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
-    fitted = {each.get("sha256") for each in stated if each.get("role") in roles}
-    if not given or set(given.values()) == fitted:
+    items = [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
+    fit_digests = {each.get("sha256") for each in items if each.get("role") in roles}
+    if not digests or set(digests.values()) == fit_digests:
         return []
-    other = [path for path, digest in given.items() if digest not in fitted]
-    names, what = [shown_path(path) for path in other or given], ", ".join(report.components)
-    reason = f"{report.source.shown} gives {what}" + "; it was fitted to other files" * bool(fitted)
+    other = [path for path, digest in digests.items() if digest not in fit_digests]
+    names, what = [shown_path(path) for path in other or digests], ", ".join(report.components)
+    reason = f"{report.source.shown} gives {what}"
+    if fit_digests:
+        reason += "; it was fitted to other files"
     return [finding("not-used", what="readings", names=names, reason=reason)]
 
 
-def _carried(
-    report: ComponentsReport | ThermalReport, codes: Collection[str], used: Collection[str]
+def _report_warnings(
+    report: ComponentsReport | ThermalReport, codes: Collection[str], components: Collection[str]
 ) -> list[Finding]:
-    """Warnings of a report, of some `codes` and components, that hold for what is made of it."""
+    """Warnings of a report, of these `codes` and components, that hold for predictions from it."""
     entries, result = report.document.get("warnings"), []
     for item in entries if isinstance(entries, list) else ():
         code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})
         # Earlier versions reported no facts.
         component = facts.get("component") if isinstance(facts, dict) else None
-        if code in codes and (component is None or component in used):
+        if code in codes and (component is None or component in components):
             what = {"of": code, "message": str(item.get("message"))}
             result.append(finding("reported", file=report.source.shown, **what))
     return list(dict.fromkeys(result))
@@ -173,13 +175,13 @@ def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:
     return [finding("one-direction", names=names)] if names else []
 
 
-def _expand(at: dict[str, float], needed: Iterable[str]) -> None:
-    """Names with * and ? stand for all covariates they match that are not given by themselves."""
-    known = list(needed)
+def _expand(at: dict[str, float], covariates: Iterable[str]) -> None:
+    """Names with * and ? stand for all covariates they match that have no entry in `at`."""
+    names = list(covariates)
     for pattern in [name for name in at if "*" in name or "?" in name]:
-        matched = fnmatch.filter(known, pattern)
-        if matched:
+        matches = fnmatch.filter(names, pattern)
+        if matches:
             value = at.pop(pattern)
-            at |= {name: value for name in matched if name not in at}
+            at |= {name: value for name in matches if name not in at}
     for name, value in at.items():
         check_cell(name, value)

@@ -1,4 +1,4 @@
-"""Every option of the commands, once: what `--seed` takes and means is the same everywhere."""
+"""Every option of the commands, once: `--seed` has the same type and meaning everywhere."""
 
 from __future__ import annotations
 
@@ -60,23 +60,23 @@ class Option:
             "help": f"{self.text}{repeatable}.",
             "show_default": self.shown or self.default not in (None, REQUIRED, False),
             "rich_help_panel": self.panel,
-            # Whoever reads a file says what is wrong with it.
+            # The reader of a file reports what is wrong with it.
             "parser": {Path: file_name, int: self.number, float: self.number}.get(self.kind),
         }
         if self.argument:
             return Annotated[kind, typer.Argument(**common)]
-        return Annotated[kind, typer.Option(*self.named(name), **common)]
+        return Annotated[kind, typer.Option(*self.names(name), **common)]
 
     def number(self, text: str) -> Any:
-        """The value of a number; raises BadParameter for what is none."""
+        """The value of a number; raises BadParameter for other text."""
         try:
             return self.kind(text)
         except ValueError:
             what = "a whole number" if self.kind is int else "a number"
             raise typer.BadParameter(f"not {what}: {text!r}") from None
 
-    def named(self, name: str) -> tuple[str, ...]:
-        """Its names on the command line: those it has, and by that of the parameter `name`."""
+    def names(self, name: str) -> tuple[str, ...]:
+        """Its names on the command line: its flags, and the one of the parameter `name`."""
         return self.flags if self.flags[1:] else (*self.flags, option_name(name))
 
 
@@ -101,14 +101,14 @@ def signature(names: str, gates: tuple[str, ...] | None) -> inspect.Signature:
     """The parameters of a command: its options, and `--fail-if` where it has `gates`."""
     options = options_of(names)
     if gates is not None:
-        known = "; ".join([f"{SUSPICIOUS}, data look mistaken", *gates])
-        text = f"Exit with 3 if met: {known}. Several with commas"
+        listing = "; ".join([f"{SUSPICIOUS}, data look mistaken", *gates])
+        text = f"Exit with 3 if met: {listing}. Several with commas"
         options["fail_if"] = Option(str, "GATE...", text)
     kind: Any = inspect.Parameter.KEYWORD_ONLY
     parameters = []
     for name, option in options.items():
-        known = option.annotation(name)
-        parameters.append(inspect.Parameter(name, kind, annotation=known, default=option.default))
+        hint = option.annotation(name)
+        parameters.append(inspect.Parameter(name, kind, annotation=hint, default=option.default))
     return inspect.Signature(parameters)
 
 
@@ -132,26 +132,26 @@ def declare(text: str, panel: str | None = None) -> dict[str, Option]:
     """
     result = {}
     for name, kinds, metavar, meaning, *last in entries(text):
-        stated = "".join(last)
+        default = "".join(last)
         word, *more = kinds.split()
         kind, number = KINDS[word], int if word == "int" else float
-        known: dict[str, Any] = {"default": False if word == "flag" else None}
+        fields: dict[str, Any] = {"default": False if word == "flag" else None}
         for each in more:
             low, dots, high = each.partition("..")
             if dots:
-                known["bounds"] = number(low), number(high)
+                fields["bounds"] = number(low), number(high)
             elif each == "argument":
-                known["argument"] = True
+                fields["argument"] = True
             elif each[0] == "-":
-                known["flags"] = (*known.get("flags", ()), each)
+                fields["flags"] = (*fields.get("flags", ()), each)
             else:
-                known["endings"] = (*known.get("endings", ()), each)
-        if stated.startswith("shown: "):
-            known["shown"] = stated.removeprefix("shown: ")
-        elif stated:
-            known["default"] = REQUIRED if stated == "required" else kind(stated)
-        shown = None if metavar == "-" else metavar
-        result[name] = Option(kind, shown, meaning, panel=panel, **known)
+                fields["endings"] = (*fields.get("endings", ()), each)
+        if default.startswith("shown: "):
+            fields["shown"] = default.removeprefix("shown: ")
+        elif default:
+            fields["default"] = REQUIRED if default == "required" else kind(default)
+        placeholder = None if metavar == "-" else metavar
+        result[name] = Option(kind, placeholder, meaning, panel=panel, **fields)
     return result
 
 

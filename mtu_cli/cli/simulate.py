@@ -23,7 +23,7 @@ from mtu_cli.cli.options import (
     Options,
     option_name,
 )
-from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, number_of, within
+from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, number_of, within
 from mtu_cli.files.contract import A_NAME, is_identifier, is_name
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.headers import POINTS as POINTS_TABLE
@@ -61,7 +61,7 @@ DEFAULT_POSITIONS = 8
 
 
 def simulate(inputs: Inputs, settings: Settings) -> Outcome:
-    """The files that are asked for, each of its own random numbers."""
+    """The files of the --write options, each from a random stream of its own."""
     options = inputs.options
     paths = written_files(options)
     if not paths:
@@ -71,38 +71,38 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
         place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
         raise error("wrong-type", kind="a name", **place)
     model = modelled(inputs).model
-    # Of components that stand in no equation nothing is simulated.
+    # Components that are in no equation are not simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings = [each for each in of_machine if each.facts["what"] == "component"]
-    made = {name: MAKERS[name](inputs, model, settings.seed) for name in paths}
-    first = next(iter(made.values()))
+    tables = {name: MAKERS[name](inputs, model, settings.seed) for name in paths}
+    first = next(iter(tables.values()))
     return Outcome(
-        results=lambda: {name.removeprefix("write_"): x.typed() for name, x in made.items()},
+        results=lambda: {name.removeprefix("write_"): x.values() for name, x in tables.items()},
         tables=lambda detail: [
-            f"{path}: {made[name].count} synthetic rows" for name, path in paths.items()
+            f"{path}: {tables[name].count} synthetic rows" for name, path in paths.items()
         ],
-        rows=lambda: (tuple(first.columns), zip(*first.typed().values(), strict=True)),
+        rows=lambda: (tuple(first.columns), zip(*first.values().values(), strict=True)),
         warnings=warnings,
         files=lambda: {
-            path: made[name].text(_heading(options, settings.seed, name)).encode()
+            path: tables[name].text(_heading(options, settings.seed, name)).encode()
             for name, path in paths.items()
         },
     )
 
 
 def _heading(options: Options, seed: int, name: str) -> str:
-    """Comment lines that say the file is synthetic and how it came about."""
+    """Comment lines that mark the file as synthetic, with the options that made it."""
     panels = {DRIFT, CLIMATE} if name == "write_drift" else {READINGS, POINTS}
     if name == "write_cmm" and options.cmm_room:
         panels |= {CLIMATE, PARTS_ROOM}
-    given = [
+    arguments = [
         f"{option_name(name)} {shlex.quote(' '.join(str(item).split()))}"
         for name, value in options.values.items()
         if OPTIONS[name].panel in panels and value is not None and value != []
         for item in (value if isinstance(value, list) else [value])
     ]
     first = f"{SYNTHETIC}, no machine made it: mtu simulate {__version__}, seed {seed}"
-    return f"{first}\n# {' '.join(given)}\n"
+    return f"{first}\n# {' '.join(arguments)}\n"
 
 
 def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
@@ -110,33 +110,33 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     name, kind = inputs.options.laser_component, inputs.options.write_laser.suffix.lower()[1:]
     if name is None:
         raise error("missing-input", what="what the laser reads", expected="--laser-component NAME")
-    read = {x.estimate.name for x in model.terms if EFFECT_MARK not in x.estimate.name}
-    known_name("--laser-component", "component", name, sorted(read))
-    made = _simulated(inputs, model, seed, only=name)
-    unit, written = UNITS[made.unit[0]], UNITS[RUN_UNITS[kind]]
-    if unit.dimension != written.dimension:
-        reason = f"{name} is read in {unit.name}, and a .{kind} file holds {written.name}"
+    names = {x.estimate.name for x in model.terms if EFFECT_MARK not in x.estimate.name}
+    known_name("--laser-component", "component", name, sorted(names))
+    readings = _readings(inputs, model, seed, only=name)
+    unit, file_unit = UNITS[readings.unit[0]], UNITS[RUN_UNITS[kind]]
+    if unit.dimension != file_unit.dimension:
+        reason = f"{name} is read in {unit.name}, and a .{kind} file holds {file_unit.name}"
         raise error(
             "not-applicable", reason=reason, expected="a file .rtl of lengths, .rta of angles"
         )
-    synthetic = readings_file(made)
+    synthetic = readings_file(readings)
     columns: dict[str, list[Any]] = {
-        "position_mm": made.position.tolist(),
-        "pass": made.pass_number.tolist(),
-        "direction": ["forward" if sign > 0 else "reverse" for sign in made.direction],
-        "error": (made.error * (unit.to_internal / written.to_internal)).tolist(),
+        "position_mm": readings.position.tolist(),
+        "pass": readings.pass_number.tolist(),
+        "direction": ["forward" if sign > 0 else "reverse" for sign in readings.direction],
+        "error": (readings.error * (unit.to_internal / file_unit.to_internal)).tolist(),
     }
     content = run_file(Imported(format=kind, columns=columns))
     return replace(synthetic, body=content.decode("cp1252"))
 
 
-def _simulated(
+def _readings(
     inputs: Inputs, model: MachineModel, seed: int, only: str | None = None
 ) -> SimulatedReadings:
-    read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
-    needed = {each.of for each in read if each.of is not None and only in (None, each.name)}
-    positions = _positions(inputs, model, needed)
-    # Of components that are not asked for only the draws matter, not where they are read.
+    estimates = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
+    axes = {each.of for each in estimates if each.of is not None and only in (None, each.name)}
+    positions = _positions(inputs, model, axes)
+    # Of other components only the draws matter, not where they are read.
     other = next(iter(positions.values()), np.zeros(1))
     return simulate_readings(
         model,
@@ -148,32 +148,32 @@ def _simulated(
     )
 
 
-def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[str, FloatArray]:
+def _positions(inputs: Inputs, model: MachineModel, axes: set[str]) -> dict[str, FloatArray]:
     """Positions (n,) in mm by axis: of --positions, else over the part's extent."""
     option, text = "--positions", inputs.options.positions
     travels = inputs.machine.machine.travels
     example = "0:140:8, say, or x=0:140:8,y=0:90:5"
 
-    def over(_: str, span: str) -> FloatArray:
+    def grid(_: str, span: str) -> FloatArray:
         low, high, count = ends(option, span, SPAN, example, ordered=True)
         return np.linspace(low, high, int(count))
 
     result: dict[str, FloatArray] = {}
     if text is not None and "=" in text:
         form = f"AXIS={SPAN}"
-        result = assigned(option, text.split(","), "=", form, example, over, AXES, "axis")
+        result = assignments(option, text.split(","), "=", form, example, grid, AXES, "axis")
     elif text is not None:
-        result = dict.fromkeys(needed, over("", text))
-    for axis in sorted(needed & result.keys() & travels.keys()):
+        result = dict.fromkeys(axes, grid("", text))
+    for axis in sorted(axes & result.keys() & travels.keys()):
         within(option, result[axis], travels[axis], f"mm of {axis}")
-    if needed <= result.keys():
+    if axes <= result.keys():
         return result
-    left = sorted(needed - result.keys())
+    rest = sorted(axes - result.keys())
     if not inputs.files("part"):
         expected = f"{option} {SPAN}, or a part (-p)"
-        raise error("missing-input", what=f"the range along {listed(left)}", expected=expected)
+        raise error("missing-input", what=f"the range along {listed(rest)}", expected=expected)
     _, points, _ = feature_points(inputs.part, model)
-    for axis in left:
+    for axis in rest:
         column = points[:, AXES.index(axis)]
         low, high = np.nanmin(column), np.nanmax(column)
         if not low < high:
@@ -206,30 +206,30 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         drifts, test = _drift_test(inputs, model)
         sensors = sensors_for(drifts, test, seed)
         rooms = np.resize(options.cmm_room, plan.parts)
-        true = settled(test, sensors, rooms, options.cmm_wobble_degc, seed)
-        columns = dict(zip(sensors.names, true.T, strict=True))
+        temperatures = settled(test, sensors, rooms, options.cmm_wobble_degc, seed)
+        columns = dict(zip(sensors.names, temperatures.T, strict=True))
         columns |= {name: columns[of] for name, of in test.twins}
-        given = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
-        plan = replace(plan, given=given)
+        table = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
+        plan = replace(plan, given=table)
     result = simulate_points(model, ids, points, plan, seed)
     if options.cmm_room:
-        # The sensors read with a noise of each point's own.
-        read = as_read(test, sensors, result.covariates, seed, part=1)
-        result = replace(result, covariates=result.covariates | read)
+        # The noise of the sensors is drawn for each point.
+        readings = as_read(test, sensors, result.covariates, seed, part=1)
+        result = replace(result, covariates=result.covariates | readings)
     # Points of calibrated circles lie on the diameter that they have at their temperature.
-    grown = result.measured + growth(result, ids, points, inputs.part.part.circles)
-    return points_file(replace(result, measured=grown))
+    measured = result.measured + growth(result, ids, points, inputs.part.part.circles)
+    return points_file(replace(result, measured=measured))
 
 
 def _equations(
     option: str, texts: Iterable[str] | None, model: MachineModel | None = None
 ) -> Equations:
     """Errors in mm by their axis, which the `model` has; without it covariates by their name."""
-    known = None if model is None else [f"E{axis}" for axis in model.axes]
+    names = None if model is None else [f"E{axis}" for axis in model.axes]
 
-    def parsed(name: str, text: str) -> Node:
+    def node_of(name: str, text: str) -> Node:
         # No covariate may be called as a column that points have anyway.
-        if known is None and (name in (*POINTS_TABLE.columns, *AXES) or not is_identifier(name)):
+        if names is None and (name in (*POINTS_TABLE.columns, *AXES) or not is_identifier(name)):
             place = {"value": name, "expected": "another name, such as T_spindle_degC"}
             raise error("wrong-type", path=option, kind="the name of a further column", **place)
         try:
@@ -239,12 +239,12 @@ def _equations(
             raise InputError(each.at(**place) for each in fault.findings) from None
 
     form, example = "NAME: EQUATION", "'Ex: 0.004*dir_x'"
-    found = assigned(option, texts, ":", form, example, parsed, known, "equation")
-    return tuple((name[known is not None :], node) for name, node in found.items())
+    equations = assignments(option, texts, ":", form, example, node_of, names, "equation")
+    return tuple((name[names is not None :], node) for name, node in equations.items())
 
 
 MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
-    "write_lbb": lambda *of: readings_file(_simulated(*of)),
+    "write_lbb": lambda *of: readings_file(_readings(*of)),
     "write_laser": _laser,
     "write_cmm": _points,
     "write_drift": lambda inputs, model, seed: drift_file(
@@ -257,7 +257,7 @@ MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
 def _drift_test(
     inputs: Inputs, model: MachineModel
 ) -> tuple[tuple[ThermalEstimate, ...], DriftPlan]:
-    """The thermal models, and the drift test that the options ask for."""
+    """The thermal models, and the drift test of the options."""
     options, machine, drifts = inputs.options, inputs.machine.machine, model.drifts()
     if not drifts:
         place = {"file": inputs.machine.source.shown}
@@ -265,18 +265,18 @@ def _drift_test(
         expected = "a `thermal` key in a component of the equations"
         raise error("not-applicable", **place, reason=reason, expected=expected)
     positions = _drift_positions(inputs, drifts)
-    asked = _by_component("--settled-drift", options.settled_drift, drifts)
-    for name, values in asked.items():
+    settled_values = _by_component("--settled-drift", options.settled_drift, drifts)
+    for name, values in settled_values.items():
         if len(values) != len(positions[name]):
             expected = f"one at each of {len(positions[name])} positions"
             place = {"path": f"--settled-drift {name}", "expected": expected}
             raise error("wrong-count", found=f"{len(values)} values", **place)
-    units = {name: UNITS[machine.components[name].unit].to_internal for name in asked}
+    units = {name: UNITS[machine.components[name].unit].to_internal for name in settled_values}
 
     def span(name: str, unit: str) -> tuple[float, float]:
-        option, known = option_name(name), OPTIONS[name]
-        low, high = ends(option, options.values[name], "LOW:HIGH", known.default, ordered=True)
-        within(option, (low, high), known.bounds or (low, high), unit)
+        option, entry = option_name(name), OPTIONS[name]
+        low, high = ends(option, options.values[name], "LOW:HIGH", entry.default, ordered=True)
+        within(option, (low, high), entry.bounds or (low, high), unit)
         return low, high
 
     sensors = {sensor for drift in drifts for sensor in drift.sensors}
@@ -290,7 +290,7 @@ def _drift_test(
 
     form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
     # Second sensors at the places of others.
-    twins = assigned("--twin", options.twin, ":", form, example, sensor_of)
+    twins = assignments("--twin", options.twin, ":", form, example, sensor_of)
     low, high = span("room", "degC")
     plan = DriftPlan(
         reference=machine.reference_temperature_degC,
@@ -308,7 +308,7 @@ def _drift_test(
         soak=options.soak_minutes,
         positions=positions,
         noise={LENGTH: options.reading_noise_um * UM, ANGLE: options.reading_noise_arcsec * ARCSEC},
-        settled={name: values * units[name] for name, values in asked.items()},
+        settled={name: values * units[name] for name, values in settled_values.items()},
         limits={LENGTH: options.most_drift_um * UM, ANGLE: options.most_drift_arcsec * ARCSEC},
         twins=tuple(twins.items()),
     )
@@ -316,15 +316,15 @@ def _drift_test(
 
 
 def _drift_positions(inputs: Inputs, drifts: Sequence[ThermalEstimate]) -> dict[str, FloatArray]:
-    """Where drift is read, mm: as asked for, else where gradients are, else mid-axis."""
+    """Where drift is read, mm: by the option, else where gradients are, else mid-axis."""
     machine = inputs.machine.machine
-    asked = _by_component("--drift-positions", inputs.options.drift_positions, drifts)
+    positions = _by_component("--drift-positions", inputs.options.drift_positions, drifts)
     result: dict[str, FloatArray] = {}
     for drift in drifts:
         name, thermal = drift.component, machine.components[drift.component].thermal
         travel = machine.travels.get(drift.of or "")
-        if name in asked:
-            result[name], option = asked[name], f"--drift-positions {name}"
+        if name in positions:
+            result[name], option = positions[name], f"--drift-positions {name}"
             if len(np.unique(result[name])) < len(result[name]):
                 raise error("appears-twice", what=f"a position of {option}")
             if travel is not None:
@@ -349,5 +349,7 @@ def _by_component(
         items = text.replace(",", " ").split()
         return np.array([number_of(f"{option} {name}", item) for item in items])
 
-    known, what = [drift.component for drift in drifts], "component with a thermal model"
-    return assigned(option, texts, ":", "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, known, what)
+    names, what = [drift.component for drift in drifts], "component with a thermal model"
+    return assignments(
+        option, texts, ":", "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, names, what
+    )

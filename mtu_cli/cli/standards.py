@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.values import above_zero, assigned, known_name
+from mtu_cli.cli.values import above_zero, assignments, known_name
 from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
 
@@ -29,8 +29,8 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     options = inputs.options
     standard = known_name("--standard", "standard", options.standard, analysis.STANDARDS)
     if (options.plan is None) != (options.pitch is None):
-        given, lacks = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
-        raise error("incomplete", what=given, other=lacks, expected=f"{lacks} MM, too")
+        option, other = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
+        raise error("incomplete", what=option, other=other, expected=f"{other} MM, too")
     if options.plan is not None:
         plan = analysis.plan(options.plan, options.pitch)
         return Outcome.reported(inputs, analysis.Iso230Result(axes={}, plan=plan))
@@ -47,18 +47,18 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
         readings,
         budget=_budget(inputs),
         before=inputs.before,
-        limits=assigned("--limit", options.limit, "=", "NAME=VALUE", f"{figures[0]}=10", limit,
-                        [*figures, *names], "figure"),
+        limits=assignments("--limit", options.limit, "=", "NAME=VALUE", f"{figures[0]}=10", limit,
+                           [*figures, *names], "figure"),
         k=settings.coverage_factor,
         seed=settings.seed,
         standard=standard,
     )  # fmt: skip
-    # What the checks of all readings have reported is not said twice.
-    known = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
-    new = [x for x in result.warnings
-           if x.code != "outlying-value" or x.facts["what"] not in known]  # fmt: skip
+    # What the checks of all readings have reported is not repeated.
+    outliers = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
+    warnings = [x for x in result.warnings
+                if x.code != "outlying-value" or x.facts["what"] not in outliers]  # fmt: skip
     gates = {"nonconforming": lambda _: _nonconforming(result)}
-    return Outcome.reported(inputs, replace(result, warnings=tuple(new)), gates=gates)
+    return Outcome.reported(inputs, replace(result, warnings=tuple(warnings)), gates=gates)
 
 
 def _budget(inputs: Inputs) -> InstrumentBudget | None:
@@ -80,13 +80,13 @@ def _nonconforming(result: Iso230Result) -> str | None:
     """Figures that are proven not to conform."""
     if not result.decisions:
         raise error("gate-undefined", gate="nonconforming", expected="--limit A=10, say")
-    found = [f"{x.name} of {axis.name} {abs(x.value) / x.size:.4g} {x.unit}"
-             for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
-    return f"beyond the limit by ISO 14253-1: {listed(found)}" if found else None
+    figures = [f"{x.name} of {axis.name} {abs(x.value) / x.size:.4g} {x.unit}"
+               for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
+    return f"beyond the limit by ISO 14253-1: {listed(figures)}" if figures else None
 
 
 def circular(inputs: Inputs, settings: Settings) -> Outcome:
-    """A circular test: figures of its traces and their causes, or what a ballbar states."""
+    """A circular test: figures of its traces and their causes, or the features of a ballbar."""
     from mtu_cli.analyses.circular import CircularResult, diagnose
     from mtu_cli.files.traces import PLANES, WAYS, read_traces
     from mtu_cli.reports import circular as report
@@ -99,12 +99,12 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
     feeds = _words(options.feed, partial(above_zero, "--feed"))
     pitches = _words(options.pitch, partial(above_zero, "--pitch"))
     if len(pitches) > 2:
-        found = f"{len(pitches)} values"
-        raise error("wrong-count", path="--pitch", found=found, expected="one, or one of each axis")
+        count = f"{len(pitches)} values"
+        raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
     files = options.file if isinstance(options.file, list | tuple) else [options.file]
-    stated = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in files]
-    if any(stated):
-        if not all(stated):
+    xml = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in files]
+    if any(xml):
+        if not all(xml):
             names = "traces and a ballbar's stated features"
             raise error("exclusive", names=names, expected="a call for each")
         return _ballbar(inputs, settings, files, planes)
@@ -123,16 +123,16 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
 
         if target is None:
             return {}
-        found = envelope("fit-components", inputs=traces.sources, settings=settings,
-                         results=report.components(result), warnings=result.warnings)  # fmt: skip
-        return {target: report_bytes(found)}
+        record = envelope("fit-components", inputs=traces.sources, settings=settings,
+                          results=report.components(result), warnings=result.warnings)  # fmt: skip
+        return {target: report_bytes(record)}
 
     return Outcome.reported(inputs, result, files=components)
 
 
-def _words(text: str | None, read: Callable[[str], Any]) -> list[Any]:
+def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:
     """The values of an option with commas."""
-    return [read(each.strip()) for each in text.split(",")] if text else []
+    return [convert(each.strip()) for each in text.split(",")] if text else []
 
 
 def _ballbar(
@@ -146,14 +146,14 @@ def _ballbar(
     if inputs.options.write_components:
         expected = "a CSV of traces: the sign of stated features is not known"
         raise error("missing-input", what="a trace", expected=expected)
-    stated = {}
+    contents = {}
     for path in paths:
         file = raw_file(path, "traces")
         inputs.sources.append(file.source)
-        known = stated[file.source.shown] = features_of(file)
-        plane = str(known.get("test_plane") or "")
-        for given in planes:
-            if plane and given != plane.upper():
-                raise file.error("contradicts", path="TEST_PLANE", value=plane,
-                                 other=f"--plane {given}")  # fmt: skip
-    return Outcome.of(stated_document(stated, settings.digits))
+        content = contents[file.source.shown] = features_of(file)
+        test_plane = str(content.get("test_plane") or "")
+        for plane in planes:
+            if test_plane and plane != test_plane.upper():
+                raise file.error("contradicts", path="TEST_PLANE", value=test_plane,
+                                 other=f"--plane {plane}")  # fmt: skip
+    return Outcome.of(stated_document(contents, settings.digits))

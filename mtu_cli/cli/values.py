@@ -17,9 +17,9 @@ SPAN = "LOW:HIGH:COUNT"
 
 
 def number_of(option: str, text: str, *, whole: bool = False) -> float:
-    """A finite number, `whole` where asked for.
+    """A finite number, `whole` or not.
 
-    Raises InputError that names the `option` and says how to write a number.
+    Raises InputError that names the `option`.
 
     >>> number_of("--at T_a_degC", " 23.5 ")
     23.5
@@ -73,37 +73,37 @@ def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: 
             raise error("out-of-range", **place, expected=expected)
 
 
-def check_bounds(known: Mapping[str, Option], values: Mapping[str, Any]) -> None:
+def check_bounds(options: Mapping[str, Option], values: Mapping[str, Any]) -> None:
     """Raises InputError for a number that is out of the bounds of its option."""
-    for name, option in known.items():
-        given = values.get(name)
-        if option.bounds and option.kind is not str and given is not None:
-            within(option_name(name), given if option.many else [given], option.bounds)
+    for name, option in options.items():
+        value = values.get(name)
+        if option.bounds and option.kind is not str and value is not None:
+            within(option_name(name), value if option.many else [value], option.bounds)
 
 
-def known_name(option: str, what: str, name: Any, known: Collection[str]) -> Any:
-    """The name, if any is given; raises InputError, with the nearest, for one that is none of those
-    `known`.
+def known_name(option: str, what: str, name: Any, choices: Collection[str]) -> Any:
+    """The name, or None without one; raises InputError, with the nearest, for one that is none of
+    the `choices`.
     """
-    if name is not None and name not in known:
-        raise error("unknown-name", path=option, what=what, value=name, **suggestion(name, known))
+    if name is not None and name not in choices:
+        raise error("unknown-name", path=option, what=what, value=name, **suggestion(name, choices))
     return name
 
 
-def assigned(
+def assignments(
     option: str,
     texts: Iterable[str] | None,
     sign: str,
     form: str,
     example: str,
     value: Callable[[str, str], T],
-    known: Collection[str] | None = None,
+    choices: Collection[str] | None = None,
     what: str = "name",
 ) -> dict[str, T]:
-    """What each text NAME=VALUE of an option gives its name, as `value` reads name and text.
+    """The values by name of the texts NAME=VALUE of an option, as `value` reads name and text.
 
-    Raises InputError with every text that is of another form, has a name that is not `known` or
-    stands twice, or a value that cannot be read.
+    Raises InputError with every text that is of another form, has a name that is none of the
+    `choices` or stands twice, or a value that cannot be read.
     """
     result: dict[str, T] = {}
     faults: list[Finding] = []
@@ -113,8 +113,8 @@ def assigned(
             if not name or not content or not name.isprintable():
                 kind, expected = form, f"{example}, say"
                 raise error("wrong-type", path=option, kind=kind, value=text, expected=expected)
-            if known is not None:
-                known_name(option, what, name, known)
+            if choices is not None:
+                known_name(option, what, name, choices)
             if name in result:
                 raise error("appears-twice", what=f"{option} {name}", value=text)
             result[name] = value(name, content)

@@ -88,32 +88,32 @@ def entry(kind: Kind) -> list[Field | Group]:
         UNIT="arcsec" if kind == "angle" else "um",
         # Of one part the scatter of its repeats.
         rounding=lambda x: x.u_mean if x.u_mean > 0 else np.sqrt(x.one_way.ms_within),
-        # Both limits for the part variance were below 0: [0, 0] is no bound on it.
+        # Both limits of the part variance were below 0: [0, 0] is no bound on it.
         below_zero=lambda x: bool(x.one_way.ms_within > 0 and (x.interval == 0).all()),
         U_future=lambda x: x.coverage_factor * x.u_future,
         joined=lambda names, u, digits: " ".join(names),
     )
 
 
-def _only(unit: str, fields: Fields) -> list[Field]:
+def _unit_fields(unit: str, fields: Fields) -> list[Field]:
     """The fields, those with a unit of items of that unit alone."""
 
-    def own(item: Any) -> Any:
+    def of_unit(item: Any) -> Any:
         kind = item.where[2] if hasattr(item, "where") else item.kind
         return item if (kind == "angle") == (unit == "arcsec") else None
 
-    known = [each for each in fields if isinstance(each, Field)]
-    return [replace(each, within=(own,)) if each.unit_name else each for each in known]
+    columns = [each for each in fields if isinstance(each, Field)]
+    return [replace(each, within=(of_unit,)) if each.unit_name else each for each in columns]
 
 
 def _in_units(text: str) -> list[Field]:
-    """Fields of lengths and of angles, each of its own items."""
-    return [x for unit in ("um", "arcsec") for x in _only(unit, declare(text, UNIT=unit))]
+    """Fields of lengths and of angles, each for items of its unit."""
+    return [x for unit in ("um", "arcsec") for x in _unit_fields(unit, declare(text, UNIT=unit))]
 
 
 def _row() -> Fields:
     """The CSV: angles in the columns of arcsec and all else in those of um."""
-    operation, feature, *um = _only("um", entry("feature"))
+    operation, feature, *um = _unit_fields("um", entry("feature"))
     label = feature.value
     name = "feature, length or orthogonality"
     return (
@@ -121,7 +121,7 @@ def _row() -> Fields:
         operation,
         replace(feature, value=lambda item: read(item, label) if item.kind == "feature" else None),
         *um,
-        *(field for field in _only("arcsec", entry("angle")) if field.unit_name),
+        *(field for field in _unit_fields("arcsec", entry("angle")) if field.unit_name),
     )
 
 
@@ -206,8 +206,8 @@ UNUSUAL = declare(
 
 
 def _rows(result: AnovaResult, kind: Kind) -> list[RowOf]:
-    known = [found for found in result.kinds if found.kind == kind]
-    return [row for found in known for row in rows_of(found, len(found.tables.labels))]
+    groups = [group for group in result.kinds if group.kind == kind]
+    return [row for group in groups for row in rows_of(group, len(group.tables.labels))]
 
 
 RESULTS = declare(
@@ -239,7 +239,7 @@ ROW = _row()
 def document(result: AnovaResult, digits: int = 2) -> Document:
     """A row an operation and axis; then outliers, trends, capability, lengths, angles, features."""
     rows = {kind: _rows(result, kind) for kind in KINDS}
-    trending = [item for item in result.trends if item.p <= FAMILY_RATE]
+    trends = [item for item in result.trends if item.p <= FAMILY_RATE]
     datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
     of_totals = (
         "s: standard deviations of the features' mean errors, from part to part, of repeated "
@@ -256,36 +256,36 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     k = result.features.coverage_factor
     of_features = f"mean and its u; U future = {k:g} u of a future part{papers}; p of the F test"
     tables = [
-        Table("", ROW, [row for of_kind in rows.values() for row in of_kind], shown=()),
+        Table("", ROW, [row for of_kind in rows.values() for row in of_kind], selection=()),
         Table(f"Features by operation and axis{datum}", TOTAL, result.totals, of_totals),
         Table("Outlying parts", UNUSUAL, result.unusual or (), of_unusual),
-        Table("Trends over the sequence", TREND, trending, of_trends),
+        Table("Trends over the sequence", TREND, trends, of_trends),
         Table("Capability", CAPABILITY, result.capabilities, of_capability),
     ]
-    for found in (*result.kinds[1:], result.features):
-        title, items = TITLES[found.kind], rows[found.kind]
-        few, footer = items, of_features if found.kind == "feature" else ""
+    for group in (*result.kinds[1:], result.features):
+        title, items = TITLES[group.kind], rows[group.kind]
+        selection, footer = items, of_features if group.kind == "feature" else ""
         if len(items) > SHOWN:
-            few = [items[i] for i in found.order[:WORST]]
+            selection = [items[i] for i in group.order[:WORST]]
             title += f": the {WORST} of {len(items)} with the largest errors"
-        tables.append(Table(title, entry(found.kind), items, footer, shown=few))
-    tested = sum(item.tested for item in result.totals)
-    differ = sum(item.differ for item in result.totals)
-    said = [f"F test: parts differ significantly in {differ} of {tested} features and axes."]
-    said = said if tested else []
+        tables.append(Table(title, entry(group.kind), items, footer, selection=selection))
+    tests = sum(item.tested for item in result.totals)
+    count = sum(item.differ for item in result.totals)
+    sentences = [f"F test: parts differ significantly in {count} of {tests} features and axes."]
+    sentences = sentences if tests else []
     if result.unusual is not None:
         names = listed(item.part for item in result.unusual)
-        said.append(f"Outlying parts: {names}." if names else "No part is an outlier.")
-    if trending:
-        said.append(f"Trend over the sequence: {listed(words(*x.where) for x in trending)}.")
-    verdict = " ".join(said) or "Too few parts or repeats for the F test and for outliers."
+        sentences.append(f"Outlying parts: {names}." if names else "No part is an outlier.")
+    if trends:
+        sentences.append(f"Trend over the sequence: {listed(words(*x.where) for x in trends)}.")
+    verdict = " ".join(sentences) or "Too few parts or repeats for the F test and for outliers."
     figure_ = partial(figure, result)
     return Document("Measured parts", (RESULTS, result), tables, figure_, verdict, digits)
 
 
 class Chart(NamedTuple):
-    """The mean of each part over the sequence of manufacture, with what the CMM's scatter makes of
-    it and the names of outliers; `limits` of the tolerance.
+    """The mean of each part over the sequence of manufacture, with the scatter of the CMM and the
+    names of outliers; `limits` of the tolerance.
     """
 
     title: str
@@ -299,7 +299,7 @@ class Chart(NamedTuple):
 
 @figures.styled
 def figure(result: AnovaResult) -> figures.Figure:
-    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and what has a tolerance."""
+    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and toleranced features."""
     charts = list(_charts(result))
     columns = min(len(charts), 2)
     page = figures.blank(8.5, 1.45 * math.ceil(len(charts) / columns) + 1.0)
@@ -329,18 +329,18 @@ def figure(result: AnovaResult) -> figures.Figure:
 
 
 def _charts(result: AnovaResult) -> Iterator[Chart]:
-    """Features, clear trends, outliers and the largest errors first; then what has a tolerance, the
+    """Features, clear trends, outliers and the largest errors first; then toleranced items, the
     least capable first.
     """
-    found, k = result.features, result.features.coverage_factor
-    clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in found.labels]
-    outliers = [x for x, parts in zip(found.labels, found.unusual, strict=True) if parts]
-    most = [*clear, *outliers, *(found.labels[i] for i in found.order)]
-    for key in list(dict.fromkeys(label[:2] for label in most))[:DRAWN]:
-        for i in (i for i, label in enumerate(found.labels) if label[:2] == key):
-            mean, u = (each / UM for each in found.part_means(i))
-            out = {p: name for p, name in enumerate(found.tables.parts) if name in found.unusual[i]}
-            text = words(*found.labels[i])
+    group, k = result.features, result.features.coverage_factor
+    clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in group.labels]
+    outliers = [x for x, parts in zip(group.labels, group.unusual, strict=True) if parts]
+    ranking = [*clear, *outliers, *(group.labels[i] for i in group.order)]
+    for key in list(dict.fromkeys(label[:2] for label in ranking))[:DRAWN]:
+        for i in (i for i, label in enumerate(group.labels) if label[:2] == key):
+            mean, u = (each / UM for each in group.part_means(i))
+            out = {p: name for p, name in enumerate(group.tables.parts) if name in group.unusual[i]}
+            text = words(*group.labels[i])
             yield Chart(text, "um", result.sequence[key[0]], mean, k * u, (), out)
     by_merit = sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf]))
     for item in by_merit[:RUNS]:

@@ -91,9 +91,9 @@ class Sheet:
         self.maps, self.plane = maps, [axis for axis in range(3) if axis != normal]
         self.places = maps.places[:, self.plane]
         heights = np.round(maps.places[:, normal], 1) + 0.0
-        known, code = np.unique(np.nan_to_num(heights, nan=np.inf), return_inverse=True)
-        levels = [np.flatnonzero(code == i) for i in spread(len(known), MOST)]
-        if len(known) > FEW and 3 * len(known) > len(heights):
+        values, code = np.unique(np.nan_to_num(heights, nan=np.inf), return_inverse=True)
+        levels = [np.flatnonzero(code == i) for i in spread(len(values), MOST)]
+        if len(values) > FEW and 3 * len(values) > len(heights):
             levels = [np.arange(len(heights))]
         self.panels = []
         for name, sides in maps.groups:
@@ -106,7 +106,7 @@ class Sheet:
                     at = at if np.isfinite(heights[rows]).all() else ""
                     text = ", ".join(filter(None, (cut(name, 20), kind, at)))
                     self.panels.append(Panel(text, rows, axes, sides))
-        apart = min(_spacing(self.places[rows]) for rows in levels)
+        spacing = min(_spacing(self.places[rows]) for rows in levels)
         self.scales: dict[int, float] = {}
         for count in (2, 1):
             sizes = [1e-12]
@@ -115,16 +115,16 @@ class Sheet:
                     arrows, half = panel.errors(side), panel.ellipses(side, maps.k)[0]
                     longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
                     sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
-            self.scales[count] = apart / max(sizes)
-        self.low = self.places.min(axis=0) - 1.3 * apart
-        self.high = self.places.max(axis=0) + 1.3 * apart
+            self.scales[count] = spacing / max(sizes)
+        self.low = self.places.min(axis=0) - 1.3 * spacing
+        self.high = self.places.max(axis=0) + 1.3 * spacing
         self.columns = min(len(self.panels), len(levels) if len(levels) > 1 else 2, 3)
         self.width = width or (8.0 if self.columns == 1 else 12.0)
         inches = (self.width - 0.9) / self.columns - 0.2
         inch = max((self.high - self.low) / (inches, PANEL[1]))
         tall = max(PANEL[0], float(self.high[1] - self.low[1]) / inch)
         self.height = -(-len(self.panels) // self.columns) * (tall + ABOVE) + 0.45
-        fits = apart / inch > LETTER * max(map(len, maps.ids)) + 0.1
+        fits = spacing / inch > LETTER * max(map(len, maps.ids)) + 0.1
         self.named = fits and max(map(len, levels)) <= NAMED
 
     def draw(self, page: figures.Figure | figures.SubFigure, title: str) -> None:
@@ -138,34 +138,34 @@ class Sheet:
             page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
         across, up = (AXES[axis] for axis in self.plane)
         panels = figures.panels_of(page, len(self.panels), self.columns)
-        for panel, what in zip(panels, self.panels, strict=False):
-            self._draw_panel(panel, what)
+        for panel, content in zip(panels, self.panels, strict=False):
+            self._draw_panel(panel, content)
             panel.set(
                 xlabel=f"{across}, mm", ylabel=f"{up}, mm", aspect="equal",
                 xlim=(self.low[0], self.high[0]), ylim=(self.low[1], self.high[1]),
             )  # fmt: skip
-            panel.set_title(what.title, pad=20, fontsize=9)
+            panel.set_title(content.title, pad=20, fontsize=9)
 
-    def _draw_panel(self, panel: figures.Axes, what: Panel) -> None:
+    def _draw_panel(self, panel: figures.Axes, content: Panel) -> None:
         """Arrows over ellipses; names stand opposite to the arrows."""
         from matplotlib.collections import EllipseCollection
         from matplotlib.patheffects import withStroke
 
-        places, scale = self.places[what.rows], self.scales[len(what.axes)]
-        for i, side in enumerate(what.sides):
-            errors = what.errors(side)
+        places, scale = self.places[content.rows], self.scales[len(content.axes)]
+        for i, side in enumerate(content.sides):
+            errors = content.errors(side)
             if side.covariance is not None:
-                half, directions = what.ellipses(side, self.maps.k)
-                turned = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
+                half, directions = content.ellipses(side, self.maps.k)
+                angles = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
                 ellipses = EllipseCollection(
-                    2 * scale * half[:, 1], 2 * scale * half[:, 0], turned, units="xy",
+                    2 * scale * half[:, 1], 2 * scale * half[:, 0], angles, units="xy",
                     offsets=places + scale * errors, offset_transform=panel.transData,
                     facecolors=figures.PALE, edgecolors=figures.BLUE, linewidths=0.8, alpha=0.55,
                     zorder=2,
                 )  # fmt: skip
                 panel.add_collection(ellipses, autolim=False)
             # The first is wider, to be seen where both are the same.
-            width = 0.04 if len(what.sides) > 1 and i == 0 else 0.02
+            width = 0.04 if len(content.sides) > 1 and i == 0 else 0.02
             arrows = panel.quiver(
                 *places.T, *errors.T, angles="xy", scale_units="xy", scale=1 / scale,
                 color=side.colour, units="inches", width=width, headwidth=4, zorder=4,
@@ -178,13 +178,13 @@ class Sheet:
                     labelpos="E", color=figures.INK,
                 )  # fmt: skip
         panel.plot(*places.T, "o", color=figures.INK, markersize=2.6, zorder=5)
-        total = np.nansum([what.errors(side) for side in what.sides], axis=0)
-        for i, row in enumerate(what.rows if self.named else ()):
+        total = np.nansum([content.errors(side) for side in content.sides], axis=0)
+        for i, row in enumerate(content.rows if self.named else ()):
             name, size = self.maps.ids[row], float(np.linalg.norm(total[i]))
-            away = -total[i] / size if size > 0 else np.array([0.0, -1.0])
+            unit = -total[i] / size if size > 0 else np.array([0.0, -1.0])
             panel.annotate(
                 name, places[i].tolist(), textcoords="offset points", ha="center", va="center",
-                xytext=(away * (4 + 36 * LETTER * len(name), 8)).tolist(), fontsize=7.5, zorder=6,
+                xytext=(unit * (4 + 36 * LETTER * len(name), 8)).tolist(), fontsize=7.5, zorder=6,
                 path_effects=[withStroke(linewidth=2.2, foreground="white")],
             )  # fmt: skip
 

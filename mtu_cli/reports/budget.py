@@ -1,4 +1,4 @@
-"""The report of budget: first and second order, Monte Carlo beside them, one row an input."""
+"""The report of budget: first and second order and Monte Carlo, one row an input."""
 
 from __future__ import annotations
 
@@ -138,17 +138,17 @@ def _estimates(item: OutputBudget) -> list[dict[str, Any]]:
     u, (low, high) = item.of_run("u"), item.symmetric
     # A few trials far out give a u to which an interval of 95 % is nothing.
     ends_u = u if u <= high - low or low == high else 0.25 * (high - low)
-    stated = {
+    first = {
         "dof": None if math.isnan(item.dof) else item.dof, "k": item.k, "U": item.expanded,
         "interval": item.interval, "ends_u": item.u,
     }  # fmt: skip
-    drawn = {"interval": item.symmetric, "shortest": item.shortest, "ends_u": ends_u}
+    trials = {"interval": item.symmetric, "shortest": item.shortest, "ends_u": ends_u}
     return [
-        {"output": item, "method": method, "value": value, "u": own, **more}
-        for method, value, own, more in (
-            ("first order", item.value, item.u, stated),
+        {"output": item, "method": method, "value": value, "u": std, **more}
+        for method, value, std, more in (
+            ("first order", item.value, item.u, first),
             ("second order", item.second_value, item.second_u, {}),
-            ("Monte Carlo", item.mean, u, drawn),
+            ("Monte Carlo", item.mean, u, trials),
         )
     ]
 
@@ -192,7 +192,7 @@ def _factor(item: OutputBudget) -> str:
 
 def _verdict(result: BudgetResult, percent: float, digits: int) -> str:
     """Values with U, or the intervals of the Monte Carlo where first order is not valid."""
-    stated = []
+    texts = []
     for item in result.outputs[:SHOWN]:
         unit, u = f" {item.unit}" if item.unit else "", item.of_run("u")
         if item.validation.passed is False:
@@ -202,10 +202,10 @@ def _verdict(result: BudgetResult, percent: float, digits: int) -> str:
         else:
             value = plus_minus(item.value, item.expanded, digits)
             text = f"{value}{unit} (k = {significant(item.k, 3)})"
-        stated.append(f"{item.name} = {text}")
+        texts.append(f"{item.name} = {text}")
     if (more := len(result.outputs) - SHOWN) > 0:
-        stated.append(f"and {more} more")
-    verdict = "; ".join(stated) + "."
+        texts.append(f"and {more} more")
+    verdict = "; ".join(texts) + "."
     undecided = listed([x.name for x in result.outputs if x.validation.passed is None])
     if undecided:
         return f"{verdict} Too few trials to validate first order for {undecided}."

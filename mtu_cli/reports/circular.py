@@ -78,14 +78,14 @@ RESULTS = declare(
 )
 
 
-def stated_document(stated: Mapping[str, Mapping[str, Any]], digits: int = 2) -> Document:
-    """The features that ballbars state, by file."""
+def stated_document(contents: Mapping[str, Mapping[str, Any]], digits: int = 2) -> Document:
+    """The features that ballbars state, of the `contents` by file."""
     rows = [
         SimpleNamespace(file=file, feature=name, **each)
-        for file, known in stated.items()
-        for name, each in known["features"].items()
+        for file, content in contents.items()
+        for name, each in content["features"].items()
     ]
-    planes = [*dict.fromkeys(known.get("test_plane") for known in stated.values())]
+    planes = [*dict.fromkeys(content.get("test_plane") for content in contents.values())]
     item = SimpleNamespace(rows=rows, plane=planes[0] if len(planes) == 1 else None)
     fields = declare(
         """
@@ -108,11 +108,11 @@ def document(result: CircularResult, digits: int = 2) -> Document:
     )
     causes = sorted(result.causes, key=lambda x: -x.share if x.share == x.share else 1.0)
     tables = [
-        Table(f"Causes, {_of(result)}", ROW, result.causes, footer, shown=causes),
+        Table(f"Causes, {_setup(result)}", ROW, result.causes, footer, selection=causes),
         Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
     ]
-    most = max(result.figures, key=lambda x: x.G_lsc)
-    verdict = f"G {significant(most.G_lsc / UM, 3)} um ({most.trace.direction})"
+    worst = max(result.figures, key=lambda x: x.G_lsc)
+    verdict = f"G {significant(worst.G_lsc / UM, 3)} um ({worst.trace.direction})"
     if not math.isnan(result.G_bidirectional):
         verdict += f", of both directions {significant(result.G_bidirectional / UM, 3)} um"
     largest = ", ".join(
@@ -131,7 +131,7 @@ def _value(cause: Cause, digits: int) -> str:
     return f"{plus_minus(cause.value / cause.size, cause.u / cause.size, digits)} {cause.unit} "
 
 
-def _of(result: CircularResult) -> str:
+def _setup(result: CircularResult) -> str:
     plane = f"{result.traces.plane}, " if result.traces.plane else ""
     return f"{plane}radius {result.traces.radius:g} mm"
 
@@ -142,24 +142,24 @@ def components(result: CircularResult) -> dict[str, Any]:
     """
     first, second = [*(result.traces.plane or "XY").lower()]
     lean = result.cause("squareness")
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     if not math.isnan(lean.value):
         zero = [[0.0]]
-        found[f"a{''.join(sorted((first, second)))}"] = {
+        entries[f"a{''.join(sorted((first, second)))}"] = {
             "of": None, "unit": "arcsec", "degree": 0, "n_passes": len(result.figures),
             "coefficients": [-lean.value / ARCSEC], "covariance": [[(lean.u / ARCSEC) ** 2]],
             "covariance_independent": None, "s": None, "s_repeat": 0.0, "pass_covariance": zero,
             "pass_covariance_moment": zero, "pass_center_mm": 0.0, "pass_dof": None,
             "repeat_dof": None, "position_range_mm": None,
         }  # fmt: skip
-    lost = {first: result.cause("backlash-a"), second: result.cause("backlash-b")}
+    backlash = {first: result.cause("backlash-a"), second: result.cause("backlash-b")}
     return {
         "machine": "circular test",
-        "components": found,
+        "components": entries,
         "joint_pass_covariance": [],
         "reversal": {
             axis: {"mean": -x.value / x.size, "u": x.u / x.size, "unit": x.unit}
-            for axis, x in lost.items()
+            for axis, x in backlash.items()
             if not math.isnan(x.value)
         },
     }
@@ -171,13 +171,13 @@ def polar(result: CircularResult) -> Page:
     from matplotlib.ticker import MaxNLocator
 
     page = blank(6.5, 6.5)
-    title(page, f"Circular test, {_of(result)}")
+    title(page, f"Circular test, {_setup(result)}")
     panel: Any = page.add_subplot(projection="polar")
     colours, reach = {"ccw": BLUE, "cw": ORANGE}, 0.0
-    for trace, fitted in zip(result.traces.traces, result.fitted, strict=True):
+    for trace, fit in zip(result.traces.traces, result.fitted, strict=True):
         order = np.argsort(np.mod(trace.angle, 2 * math.pi), kind="stable")
         rest, model = (
-            about_circle(trace.angle, values)[order] / UM for values in (trace.deviation, fitted)
+            about_circle(trace.angle, values)[order] / UM for values in (trace.deviation, fit)
         )
         angle = trace.angle[order]
         panel.plot(angle, rest, color=colours[trace.direction], lw=1.0, label=trace.direction)

@@ -1,7 +1,7 @@
-"""The report of close-loop: what the model lacks, and what knowing it is worth.
+"""The report of close-loop: what the model lacks, and what correcting it is worth.
 
-`before` and `after` are scores of what was held out (`held_out.by`; null: nothing could be, and
-they are in sample): everything is refitted without it. `rms` pools all coordinates, `p95` and
+`before` and `after` are scores of the held-out data (`held_out.by`; null: none could be held out,
+they are in sample): everything is refitted without them. `rms` pools all coordinates, `p95` and
 `max` are of the error vector's length. Keys of an angular component end in `_arcsec` in place of
 `_um`. Of several components the first with the verdict stands at the top, `tables` hold all.
 """
@@ -175,10 +175,10 @@ def _sig2(value: Any, u: None, digits: int) -> str:
     return significant(value, 2)
 
 
-def _fields(text: str, item: TableResult | None, **known: Any) -> Fields:
-    """Of a table in its unit; of points in um where there is none."""
+def _fields(text: str, item: TableResult | None, **definitions: Any) -> Fields:
+    """The fields in the unit of the table; of points in um."""
     unit = "um" if item is None else item.table.unit
-    return declare(text, UNIT=unit, sig2=_sig2, **known)
+    return declare(text, UNIT=unit, sig2=_sig2, **definitions)
 
 
 def _scores(item: TableResult | None) -> Fields:
@@ -186,7 +186,7 @@ def _scores(item: TableResult | None) -> Fields:
     return _fields(SCORES, item, axes=[x for a in axes for x in _fields(AXIS, item, AXIS=a)])
 
 
-def _scored(item: TableResult | None) -> Fields:
+def _summary(item: TableResult | None) -> Fields:
     return _fields(
         SCORED,
         item,
@@ -199,8 +199,8 @@ def _scored(item: TableResult | None) -> Fields:
 
 
 def _size_of(unit: str) -> float:
-    known = PARAMETER_UNITS.get(unit)
-    return 1.0 if known is None else known.to_internal
+    entry = PARAMETER_UNITS.get(unit)
+    return 1.0 if entry is None else entry.to_internal
 
 
 def _ends(intervals: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -222,7 +222,7 @@ def _effect(x: Of | None) -> Fields:
 
 
 def _candidate(name: str, *units: str) -> Fields:
-    """Of JSON or, with another name of the name, of CSV and table; a size in each of `units`."""
+    """The fields of JSON, or with another `name` of CSV and table; a size in each of `units`."""
 
     def in_class(x: Of) -> bool:
         return any(x.one.name in effect.class_names for effect in x.item.effects)
@@ -243,7 +243,7 @@ def _candidate(name: str, *units: str) -> Fields:
     )
 
 
-def _each(name: str, result: CloseLoopResult) -> list[Of]:
+def _items(name: str, result: CloseLoopResult) -> list[Of]:
     return [Of(one, item) for item in result.tables for one in getattr(item, name)]
 
 
@@ -257,14 +257,14 @@ RESULTS_FIELDS = declare(
     crossing=declare(CROSSING),
     outlier=lambda x: _fields(OUTLIER, x and x.item),
     table=lambda item: _fields(
-        TABLE, item, scored=_scored(item), names=lambda x: [effect.name for effect in x.effects]
+        TABLE, item, scored=_summary(item), names=lambda x: [effect.name for effect in x.effects]
     ),
-    effects=partial(_each, "effects"),
-    crossings=partial(_each, "crossings"),
-    candidates=partial(_each, "candidates"),
-    outliers=partial(_each, "excluded"),
+    effects=partial(_items, "effects"),
+    crossings=partial(_items, "crossings"),
+    candidates=partial(_items, "candidates"),
+    outliers=partial(_items, "excluded"),
 )
-RESULTS = [*RESULTS_FIELDS, *_scored(None)]
+RESULTS = [*RESULTS_FIELDS, *_summary(None)]
 ROW = _candidate("candidate", "um")
 
 
@@ -273,16 +273,16 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     first = next(item for item in result.tables if item.verdict == result.verdict)
     units = dict.fromkeys(item.table.unit for item in result.tables)
     rows = [row for item in result.tables for effect in item.effects for row in _rows(effect, item)]
-    scored = [_before_after(first)] if len(result.tables) == 1 else []
+    score_tables = [_before_after(first)] if len(result.tables) == 1 else []
     for unit in units if len(result.tables) > 1 else ():
         items = [item for item in result.tables if item.table.unit == unit]
-        by = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
-        title = f"Rms error of {listed(by)}"
-        scored.append(Table(title, _fields(SCORED_TABLE, items[0], checks=_checks), items))
+        data = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
+        title = f"Rms error of {listed(data)}"
+        score_tables.append(Table(title, _fields(SCORED_TABLE, items[0], checks=_checks), items))
     tables = [
-        Table("", _candidate("candidate", *units), _each("candidates", result), shown=()),
+        Table("", _candidate("candidate", *units), _items("candidates", result), selection=()),
         Table("Effects", declare(SHOWN, size=_size_of), rows),
-        *scored,
+        *score_tables,
         _candidates(first),
     ]
     sentences = [verdict_text(x, result.alpha) for x in result.tables if x.effects or x is first]
@@ -293,12 +293,12 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         partial(figure, result, first),
         "\n".join([f"Undeclared effects: {result.verdict}", *sentences]),
         digits,
-        also=[(_scored(first), first)],
+        extra=[(_summary(first), first)],
     )
 
 
 def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
-    """A row a parameter and value that was searched; of a scatter effect its ratio."""
+    """A row for each parameter and searched value; of a scatter effect the ratio."""
     rows: list[Any] = [*effect.of_role("own")]
     if (searched := effect.searched) is not None:
         word, _, unit = searched.name.rpartition("_")
@@ -338,12 +338,12 @@ def _candidates(item: TableResult) -> Table:
     notes = [f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()]
     of = "" if item.table.component is None else f" of {item.table.component}"
     fields = _candidate("candidate", item.table.unit)
-    tested = ranked(item)
-    footer = f"{len(tested)} candidates tested, each alone beside the known model"
+    candidates = ranked(item)
+    footer = f"{len(candidates)} candidates tested, each alone beside the known model"
     footer += "; p: of the effect beyond its margins, ln BF: with them"
     if item.effects:
         footer += "; *: found, or in the class of an effect"
     if reasons:
         footer += f"; {sum(map(len, reasons.values()))} could not be (--detail: why)"
-    rows = [Of(x, item) for x in tested[:BEST]]
+    rows = [Of(x, item) for x in candidates[:BEST]]
     return Table(f"Likeliest candidates{of}", fields, rows, footer, notes)

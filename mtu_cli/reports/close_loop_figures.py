@@ -27,7 +27,7 @@ WIDTH, ALONE, HIGH = 12.0, 5.4, 4.1
 CANDIDATES, EFFECTS, NAME, TITLE = 12, 2, 24, 110
 """Candidates and effects that are drawn; letters of a name and of the title."""
 LEAST = -6.0
-"""The bars of the evidence end here: what is less likely is all the same."""
+"""The bars of the evidence end here: anything less likely looks the same."""
 SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 
@@ -37,26 +37,26 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     effect depends on (of none: part by part); and the ranking.
     """
     scale = UNITS[item.table.unit].to_internal
-    both = [item.table.errors / scale, (item.table.errors - item.explained) / scale]
-    errors = both[: 1 + bool(item.effects)]
+    stages = [item.table.errors / scale, (item.table.errors - item.explained) / scale]
+    errors = stages[: 1 + bool(item.effects)]
     maps = _maps(item, errors)
-    drawn = None if maps is None else Sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
-    above = 0.0 if drawn is None else drawn.height
-    page = figures.blank(WIDTH, above + HIGH + 0.4)
-    ratios = [HIGH] if drawn is None else [above, HIGH]
+    sheet = None if maps is None else Sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
+    height = 0.0 if sheet is None else sheet.height
+    page = figures.blank(WIDTH, height + HIGH + 0.4)
+    ratios = [HIGH] if sheet is None else [height, HIGH]
     grid = page.add_gridspec(len(ratios), 1, height_ratios=ratios)
     *upper, lower = (page.add_subfigure(grid[i]) for i in range(len(ratios)))
-    if drawn is not None:
-        drawn.draw(upper[0], f"Mean errors of the {item.nouns[1]}s")
-    shown = item.effects[:EFFECTS] or (None,)
-    panels = lower.subplots(1, len(shown) + 1, squeeze=False)[0]
-    for panel, effect in zip(panels, shown, strict=False):
+    if sheet is not None:
+        sheet.draw(upper[0], f"Mean errors of the {item.nouns[1]}s")
+    effects = item.effects[:EFFECTS] or (None,)
+    panels = lower.subplots(1, len(effects) + 1, squeeze=False)[0]
+    for panel, effect in zip(panels, effects, strict=False):
         _errors(panel, item, errors, effect)
     figures.legend(lower)
     _ranking(panels[-1], item, result.alpha / len(result.tables))
-    found = "; ".join(" or ".join(e.class_names) for e in item.effects) or "none"
+    names = "; ".join(" or ".join(e.class_names) for e in item.effects) or "none"
     of = "" if item.table.component is None else f" of {item.table.component}"
-    text = f"Undeclared effects{of} ({item.verdict}): {found}"
+    text = f"Undeclared effects{of} ({item.verdict}): {names}"
     figures.title(page, shorten(text, TITLE, placeholder=" ..."))
     return page
 
@@ -74,9 +74,9 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
         means.append(mean)
     groups = []
     for code, operation in enumerate(table.operations):
-        off = (table.operation != code)[:, None]
+        mask = (table.operation != code)[:, None]
         sides = tuple(
-            Side(name=name if item.effects else "", colour=colour, errors=np.where(off, np.nan, m))
+            Side(name=name if item.effects else "", colour=colour, errors=np.where(mask, np.nan, m))
             for (name, colour), m in zip(SIDES, means, strict=False)
         )
         groups.append((operation, sides))
@@ -89,25 +89,25 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
 
 
 def _mean(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
-    """Over the parts, of what is there; nan where nothing is."""
-    lacking = ~np.broadcast_to(there, values.shape)
-    return np.asarray(np.ma.masked_array(values, lacking).mean(axis=0).filled(np.nan))
+    """The mean over the parts, of the measured values; nan where there is none."""
+    mask = ~np.broadcast_to(there, values.shape)
+    return np.asarray(np.ma.masked_array(values, mask).mean(axis=0).filled(np.nan))
 
 
 def _errors(
     panel: Axes, item: TableResult, errors: list[FloatArray], effect: FoundEffect | None
 ) -> None:
-    """Each error before and after, over the column or place that an effect depends on most, or
-    part by part.
+    """The errors before and after, over the column or place that an effect depends on, or part by
+    part.
     """
     table = item.table
     P, H = table.there.shape
     label, x, a = f"{item.nouns[0]}, in order", np.arange(1.0, P + 1)[:, None], 0
     if effect is not None:
-        axis, known = effect.candidate.axis, {p.name for p in effect.parameters}
+        axis, names = effect.candidate.axis, {p.name for p in effect.parameters}
         a = table.axes.index(axis) if axis in table.axes else 0
-        used = effect.used if effect.table is None else [effect.table.along]
-        for name in sorted((n for n in used if n not in known), key=lambda n: n not in AXES):
+        columns = effect.used if effect.table is None else [effect.table.along]
+        for name in sorted((n for n in columns if n not in names), key=lambda n: n not in AXES):
             if name in AXES:
                 label, x = f"{name}, mm", table.places[..., AXES.index(name)]
             elif name in table.covariates:
@@ -129,16 +129,16 @@ def _errors(
 
 def ranked(item: TableResult) -> list[Judged]:
     """The candidates that could be tested, the likeliest first."""
-    tested = [x for x in item.candidates if x.log_bayes_factor is not None]
-    return sorted(tested, key=lambda x: -(x.log_bayes_factor or 0.0))
+    candidates = [x for x in item.candidates if x.log_bayes_factor is not None]
+    return sorted(candidates, key=lambda x: -(x.log_bayes_factor or 0.0))
 
 
 def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
-    """Log Bayes factors of the likeliest candidates, each added to the known model alone."""
+    """Log Bayes factors of the likeliest candidates, each added to the machine's model alone."""
     best = ranked(item)[:CANDIDATES]
-    marked = {name for effect in item.effects for name in effect.class_names}
-    labels = [cut(x.name, NAME) + ("*" if x.name in marked else "") for x in best]
+    class_names = {name for effect in item.effects for name in effect.class_names}
+    labels = [cut(x.name, NAME) + ("*" if x.name in class_names else "") for x in best]
     values = [max(x.log_bayes_factor or 0.0, LEAST) for x in best]
     figures.bars(panel, labels, values, [f"p {p_value(x.p_familywise)}" for x in best])
     panel.set_xlabel(f"natural log of the Bayes factor (gate: p {alpha:.2g})")
-    panel.set_title("candidates" + ("; *: found, or in its class" if marked else ""))
+    panel.set_title("candidates" + ("; *: found, or in its class" if class_names else ""))

@@ -1,4 +1,4 @@
-"""Effects and verdicts of close-loop as a machinist says them."""
+"""Effects and verdicts of close-loop in a machinist's words."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ WORTH_WHILE = 1.0
 def effect_text(effect: FoundEffect, item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal"."""
     words, template = _words(effect, item), effect.candidate.sentence
-    used = set(re.findall(r"{(\w+)}", template))
-    if not template or not effect.parameters or not used <= words.keys():
+    placeholders = set(re.findall(r"{(\w+)}", template))
+    if not template or not effect.parameters or not placeholders <= words.keys():
         template = "{says}: {values}" if words["values"] else "{says}"
     positive = not effect.parameters or effect.parameters[0].value >= 0
-    chosen = CHOICE.sub(r"\1" if positive else r"\2", template)
-    return re.sub(r"{(\w+)}", lambda found: words[found[1]], chosen)
+    text = CHOICE.sub(r"\1" if positive else r"\2", template)
+    return re.sub(r"{(\w+)}", lambda match: words[match[1]], text)
 
 
 def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
@@ -59,25 +59,25 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
     if (searched := effect.searched) is not None:
         word, _, unit = searched.name.rpartition("_")
         # The middles of the ranges that fit alike.
-        both = [(low + high) / 2 for low, high in searched.intervals]
-        values = both if len(both) > 1 else [searched.value]
-        fitting = " or ".join(significant(value, 4) for value in values[:MOST_SEARCHED])
-        words["searched"] = f"{word or unit} {fitting} {unit if word else ''}".strip()
+        middles = [(low + high) / 2 for low, high in searched.intervals]
+        values = middles if len(middles) > 1 else [searched.value]
+        choices = " or ".join(significant(value, 4) for value in values[:MOST_SEARCHED])
+        words["searched"] = f"{word or unit} {choices} {unit if word else ''}".strip()
         # The first part after a step.
         order = item.table.covariates.get("sequence", np.zeros((0, 1)))[:, 0]
-        after = np.flatnonzero(order[: len(item.table.parts)] > searched.value)
-        words["at"] = item.table.parts[after[0]] if len(after) else significant(searched.value, 3)
+        parts = np.flatnonzero(order[: len(item.table.parts)] > searched.value)
+        words["at"] = item.table.parts[parts[0]] if len(parts) else significant(searched.value, 3)
     if len(sizes) == 1:
-        (only,) = sizes
-        words["value"] = _size(only)
-        words["size"] = _size(only, abs(only.value))
+        (size,) = sizes
+        words["value"] = _size(size)
+        words["size"] = _size(size, abs(size.value))
         # The reversal value is twice the parameter, which acts both ways (ISO 230-2, 2.13).
-        words["twice"] = _size(only, 2 * abs(only.value), 2 * only.u)
+        words["twice"] = _size(size, 2 * abs(size.value), 2 * size.u)
     elif len({p.unit for p in sizes}) == 1:
         # The root of the sum of squares, with its u (JCGM 100, 5.2.2).
-        all_of = np.array([p.value for p in sizes])
-        k, length = len(all_of), float(np.linalg.norm(all_of))
-        J = all_of / length if length > 0 else np.full(k, k**-0.5)
+        amplitudes = np.array([p.value for p in sizes])
+        k, length = len(amplitudes), float(np.linalg.norm(amplitudes))
+        J = amplitudes / length if length > 0 else np.full(k, k**-0.5)
         u = float(np.sqrt(J @ effect.covariance[:k, :k] @ J))
         words["wave"] = _size(sizes[0], length, u)
     return words
@@ -98,57 +98,57 @@ def verdict_text(item: TableResult, alpha: float) -> str:
 
 
 def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
-    """What is left, what was found and what correcting it is worth, what would separate it."""
+    """The unexplained rest, the effects, the gain of correcting them, what would separate them."""
     unit = item.table.unit
 
     def number(value: float) -> str:
         return significant(value / UNITS[unit].to_internal)
 
-    def shown(value: float) -> str:
+    def with_unit(value: float) -> str:
         return f"{number(value)} {unit}"
 
-    floor = "" if item.floor is None else f"; repeatability {shown(item.floor)}"
+    floor = "" if item.floor is None else f"; repeatability {with_unit(item.floor)}"
     if item.verdict == "none":
         yield (
             f"Nothing undeclared was found (at {100 * alpha:.2g} % false alarms in all): the rms "
-            f"error of {shown(item.before.rms)} is no more than scatter{floor}."
+            f"error of {with_unit(item.before.rms)} is no more than scatter{floor}."
         )
         sizes = {x.minimum_detectable: x.name for x in item.candidates if x.minimum_detectable}
         if sizes:
-            low, high = (f"{shown(end)} rms ({sizes[end]})" for end in (min(sizes), max(sizes)))
+            low, high = (f"{with_unit(end)} rms ({sizes[end]})" for end in (min(sizes), max(sizes)))
             yield f"Four times in five an effect of {low} to {high} would have been found."
         return
     tentative = ""
     if item.verdict == "unexplained":
         row, (rows, columns), p = item.nouns[0], item.plurals, dict(item.checks)
-        left = [
+        reasons = [
             f"{CHECKS[name].format(row=row, rows=rows, columns=columns)} "
             f"({name}, p {p_value(p.get(name))})"
             for name in item.fired
         ]
-        left += [NAMELESS] if item.nameless else []
-        yield f"Something is left that no effect of the library describes: {'; '.join(left)}."
+        reasons += [NAMELESS] if item.nameless else []
+        yield f"Something is left that no effect of the library describes: {'; '.join(reasons)}."
         tentative = "Tentative: "
-    named = []
+    texts = []
     for effect in item.effects:
         rivals = f", or {listed(effect.class_names[1:])}" if len(effect.class_names) > 1 else ""
-        named.append(f"{effect_text(effect, item)} ({effect.name}{rivals})")
-    if named:
-        held = item.held_out
-        of = "all data (nothing could be held out)" if held is None else f"held-out {held}"
+        texts.append(f"{effect_text(effect, item)} ({effect.name}{rivals})")
+    if texts:
+        held_out = item.held_out
+        of = "all data (nothing could be held out)" if held_out is None else f"held-out {held_out}"
         before, after = (number(scores.rms) for scores in (item.before, item.after))
         moves = "falls" if item.after.rms < item.before.rms else "goes"
         worth = f"with the correction the rms error of {of} {moves} from {before} to {after} {unit}"
         if all(effect.ratio is not None for effect in item.effects):
             worth = f"no equation corrects that: the rms error of {of} is {before} {unit}"
-        yield f"{tentative}{'; '.join(named)}; {worth}{floor}."
+        yield f"{tentative}{'; '.join(texts)}; {worth}{floor}."
     for effect in item.effects:
         if len(effect.class_names) > 1:
             separates = effect.candidate.separates
             do = f": {separates}" if separates else " by more data"
             if (best := effect.experiment) is not None and best.predicted_d >= WORTH_WHILE:
-                apart = significant(best.predicted_d)
-                do = f": {best.do} (then {apart} standard deviations apart)"
+                separation = significant(best.predicted_d)
+                do = f": {best.do} (then {separation} standard deviations apart)"
             yield f"To separate {listed(effect.class_names)}{do}."
     for each in item.crossings:
         subject = f"{each.axis.upper()} is right" if each.whole else f"{each.effect} is zero"

@@ -107,17 +107,17 @@ def verdict_text(item: Summary) -> str:
     """Such as "drilled features: under-predicted (48 of 48: scatter 3.1 to 4.7 times predicted)",
     every fault with its size.
     """
-    said = []
+    faults = []
     for name, (number, ends) in item.faults.items():
         scale, text = SIZES[name]
         size = ends and f": {text.format(span(*(significant(end / scale) for end in ends)))}"
         if number:
-            said.append(f"{name} ({number} of {item.items}{size or ''})")
+            faults.append(f"{name} ({number} of {item.items}{size or ''})")
     if item.pooled is not None and item.pooled_fault:
         times, p = significant(item.pooled.ratio), p_value(item.pooled.p)
-        said.append(f"{item.pooled_fault} (pooled scatter {times} times predicted, p {p})")
-    known = "consistent" if any(item.verdicts.values()) else "not tested"
-    return f"{item.operation} {item.kind}: ".lstrip() + ("; ".join(said) or known)
+        faults.append(f"{item.pooled_fault} (pooled scatter {times} times predicted, p {p})")
+    default = "consistent" if any(item.verdicts.values()) else "not tested"
+    return f"{item.operation} {item.kind}: ".lstrip() + ("; ".join(faults) or default)
 
 
 def summary(pooled: str = "") -> Fields:
@@ -132,8 +132,8 @@ def summary(pooled: str = "") -> Fields:
     )
 
 
-def _rows(found: Compared | None) -> list[RowOf]:
-    return [] if found is None else rows_of(found, len(found.labels))
+def _rows(group: Compared | None) -> list[RowOf]:
+    return [] if group is None else rows_of(group, len(group.labels))
 
 
 RESULTS = declare(
@@ -155,9 +155,9 @@ RESULTS = declare(
 def document(result: CompareResult, digits: int = 2) -> Document:
     """A row an operation and kind, then a row an item, lengths first."""
     features, lengths = _rows(result.features), _rows(result.lengths)
-    chosen, title = features, "Lengths and features" if lengths else "Features"
+    selection, title = features, "Lengths and features" if lengths else "Features"
     if len(features) > SHOWN:
-        chosen = [features[i] for i in result.features.by_interest[:SHOWN]]
+        selection = [features[i] for i in result.features.by_interest[:SHOWN]]
         title += f": faults first, {SHOWN} of {len(features)} features"
     summaries = [*result.features.summaries, *(result.lengths.summaries if result.lengths else ())]
     faults = (
@@ -169,9 +169,9 @@ def document(result: CompareResult, digits: int = 2) -> Document:
         f"({result.coverage_factor:g} u); p: of all items together (Holm)"
     )
     tables = [
-        Table("", ROW, [*features, *lengths], shown=()),
+        Table("", ROW, [*features, *lengths], selection=()),
         Table("Verdicts and ratios", summary(POOLED), summaries, faults),
-        Table(title, ROW, [*lengths, *chosen], footer),
+        Table(title, ROW, [*lengths, *selection], footer),
     ]
     verdict, figure_ = "\n".join(f"{verdict_text(x)}." for x in summaries), partial(figure, result)
     name = "Predicted against measured"
@@ -180,25 +180,25 @@ def document(result: CompareResult, digits: int = 2) -> Document:
 
 @figures.styled
 def figure(result: CompareResult) -> figures.Figure:
-    """Means measured less those predicted, with U, item by item, the verdict beside each: faults
+    """Measured minus predicted means with U, item by item, with the verdict of each: faults
     and the largest E_n first.
     """
     names: list[str] = []
     verdicts: list[str] = []
     values, k, total = [], result.coverage_factor, 0
-    for found in filter(None, (result.lengths, result.features)):
-        items = sorted(found.by_interest[:DRAWN])
-        names += [words(*found.labels[i]) for i in items]
-        verdicts += [found.outcome[i] for i in items]
-        zero, total = found.predicted.mean[items], total + len(found.labels)
-        sides = (found.predicted, found.measured)
+    for group in filter(None, (result.lengths, result.features)):
+        items = sorted(group.by_interest[:DRAWN])
+        names += [words(*group.labels[i]) for i in items]
+        verdicts += [group.outcome[i] for i in items]
+        zero, total = group.predicted.mean[items], total + len(group.labels)
+        sides = (group.predicted, group.measured)
         values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
     predicted, measured = np.concatenate(values, axis=2) / UM
-    shown = [
+    intervals = [
         Intervals("predicted", figures.BLUE, predicted[0], predicted[1], -0.14),
         Intervals("measured", figures.ORANGE, measured[0], measured[1], 0.14),
     ]
     title = f"Mean errors predicted and measured ± {k:g} u of one part"
     title += f" ({len(names)} of {total})" * (len(names) < total)
     label = "minus the predicted mean, um"
-    return figures.listing(title, names, shown, label, beside=verdicts)
+    return figures.listing(title, names, intervals, label, texts=verdicts)

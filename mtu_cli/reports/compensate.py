@@ -1,4 +1,4 @@
-"""The report of compensate: the table, the figures before and after, the moves that prove it."""
+"""The report of compensate: the table, the figures before and after, the verification moves."""
 
 from __future__ import annotations
 
@@ -25,36 +25,36 @@ MEANS = {
 }
 
 
-def _placed(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
-    """Points or moves with their places: mm, of a rotary axis deg; by unit the item itself."""
-    where, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
+def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
+    """Points or moves with their places: mm, of a rotary axis deg; the item under its unit."""
+    key, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
     shared = {"unit": unit, "size": result.size, "quantum": result.quantum}
     return [
-        {**shared, "item": item, where: at, unit: item}
+        {**shared, "item": item, key: at, unit: item}
         for at, item in zip(places, items, strict=True)
     ]
 
 
 def _points(result: CompensateResult) -> list[dict[str, Any]]:
-    """Points of the table: errors asked for and held, forward and reverse."""
+    """Points of the table: errors requested and read back, forward and reverse."""
     values = np.vstack([result.asked.errors, result.held.errors]).T
-    return _placed(result, result.asked.at.tolist(), values.tolist())
+    return _entries(result, result.asked.at.tolist(), values.tolist())
 
 
 def _moves(result: CompensateResult) -> list[dict[str, Any]]:
-    return _placed(result, [move.command for move in result.moves], result.moves)
+    return _entries(result, [move.command for move in result.moves], result.moves)
 
 
 def _figures(result: CompensateResult) -> dict[str, dict[str, Any]] | None:
     """Each figure before and after by name, in the unit of the errors."""
-    found: dict[str, dict[str, Any]] = {}
+    items: dict[str, dict[str, Any]] = {}
     for name, before in (result.before or {}).items():
-        found[name] = {"name": name, "before": float(before) / result.size}
+        items[name] = {"name": name, "before": float(before) / result.size}
         if result.after is not None:
-            drawn = result.after[name] / result.size
-            found[name]["median"], found[name]["u"] = float(np.median(drawn)), float(np.std(drawn))
-            found[name]["interval95"] = np.quantile(drawn, (0.025, 0.975)).tolist()
-    return found or None
+            draws = result.after[name] / result.size
+            items[name]["median"], items[name]["u"] = float(np.median(draws)), float(np.std(draws))
+            items[name]["interval95"] = np.quantile(draws, (0.025, 0.975)).tolist()
+    return items or None
 
 
 PLACE = """
@@ -157,14 +157,14 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
     )
     if result.reference is not None:
         footer += f"; zero at {result.reference:g} {'deg' if result.asked.rotary else 'mm'}"
-    what = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
-    moved = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
-    found = _figures(result) or {}
-    known = [each for each in found.values() if np.isfinite(each["before"])]
+    meaning = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
+    moves = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
+    items = _figures(result) or {}
+    rows = [each for each in items.values() if np.isfinite(each["before"])]
     tables = [
         Table(f"Table of {component}", ROW, _points(result), footer),
-        Table("Before and after", SUMMARY, known, f"{unit}; {what}"),
-        Table("Verification moves", MOVE, _moves(result), moved),
+        Table("Before and after", SUMMARY, rows, f"{unit}; {meaning}"),
+        Table("Verification moves", MOVE, _moves(result), moves),
     ]
     if result.verified is not None:
         k, (low, high) = result.verified.k, result.verified.interval95
@@ -175,7 +175,7 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
     elif result.before is None:
         verdict = f"{component} holds {len(result.asked.at)} points."
     else:
-        E = found["E"]
+        E = items["E"]
         verdict = f"E of {component} is {significant(E['before'], 3)} {unit}; "
         if result.after is None:
             verdict += "what the table will leave is not estimable."
@@ -193,16 +193,16 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
 
 @styled
 def draw(result: CompensateResult) -> Figure:
-    """Errors asked for and held, by position."""
+    """Errors requested and read back, by position."""
     figure = blank(7.0, 3.6)
     axes = figure.subplots()
     at, size = result.asked.at, result.size
     names = ("forward", "reverse") if result.asked.both else ("both directions",)
-    for name, colour, asked, held in zip(
+    for name, colour, requested, readback in zip(
         names, (BLUE, ORANGE), result.asked.errors, result.held.errors, strict=False
     ):
-        axes.plot(at, asked / size, "o", color=colour, label=f"{name}, asked for")
-        axes.plot(at, held / size, "-", color=colour, label=f"{name}, held by the control")
+        axes.plot(at, requested / size, "o", color=colour, label=f"{name}, asked for")
+        axes.plot(at, readback / size, "-", color=colour, label=f"{name}, held by the control")
     axes.set_xlabel(f"machine position, {'deg' if result.asked.rotary else 'mm'}")
     axes.set_ylabel(f"error, {result.unit}")
     axes.set_title(f"Compensation of {result.component}")

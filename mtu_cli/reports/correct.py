@@ -39,7 +39,7 @@ OF_AXES = (
         | -, unit=um, csv=u_corrected_AXIS_um
     """,
 )
-"""Each of every axis before the next."""
+"""Each text for every axis before the next text."""
 ROW = declare(
     """
     part | | name of the part | part, text
@@ -153,8 +153,8 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
         "error: measured minus reference, ± u with that of the calibration; scatter of the points "
         f"beyond the model {scatter}"
     )
-    along = np.nan_to_num(np.abs(result.error)).max(axis=0)
-    largest, axis = significant(along.max() / UM, 3), AXES[int(along.argmax())]
+    maxima = np.nan_to_num(np.abs(result.error)).max(axis=0)
+    largest, axis = significant(maxima.max() / UM, 3), AXES[int(maxima.argmax())]
     verdict = f"The largest correction is {largest} um, along {axis}."
     for kind, name in reversed(KINDS.items()):
         sizes = result.of_kind(kind)
@@ -177,13 +177,13 @@ def figure(result: CorrectResult) -> figures.Figure:
     """Errors of the sizes before and after with 95 % intervals of one part; without any the errors
     of the points.
     """
-    known = [item for item in result.sizes if not np.isnan(item.reference)]
+    sizes = [item for item in result.sizes if not np.isnan(item.reference)]
     half = None
-    if known:
+    if sizes:
         title = "Errors of diameters and lengths"
-        names = [words(x.id, x.operation, f"part {x.part}", _warmth(x)) for x in known]
-        before, after = np.array([x.error for x in known]).T / UM
-        half = np.array([np.ptp(x.error_interval95) for x in known]) / (2 * UM)
+        names = [words(x.id, x.operation, f"part {x.part}", _warmth(x)) for x in sizes]
+        before, after = np.array([x.error for x in sizes]).T / UM
+        half = np.array([np.ptp(x.error_interval95) for x in sizes]) / (2 * UM)
     else:
         title, at = "Errors of the points", [AXES.index(axis) for axis in result.axes]
         nominal = result.points.nominal
@@ -191,12 +191,12 @@ def figure(result: CorrectResult) -> figures.Figure:
             (x - nominal)[:, at].ravel() / UM for x in (result.points.measured, result.corrected)
         )
         names = [words(x, axis) for x in result.feature for axis in result.axes]
-    shown = [
+    intervals = [
         Intervals("before", figures.ORANGE, before),
         Intervals("after, with 95 % interval", figures.BLUE, after, half),
     ]
     title += " before and after the correction"
-    return figures.listing(title, names, shown, "measured minus reference, um")
+    return figures.listing(title, names, intervals, "measured minus reference, um")
 
 
 def _warmth(item: Size) -> str:

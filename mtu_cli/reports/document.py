@@ -1,6 +1,6 @@
-"""What a command reports, before it is terminal text, JSON, CSV or HTML.
+"""The report of a command, before it is terminal text, JSON, CSV or HTML.
 
-What is undefined is null, and a warning says why; degrees of freedom that are null are infinite.
+Undefined figures are null, with a warning; degrees of freedom that are null are infinite.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
 """Its meaning, for a footer."""
 KIND = {True: "components and points independent", False: "covariance included"}
-"""Of correlation, by whether it was asked to be independent."""
+"""Of correlation, by whether it is independent."""
 
 
 def least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
-    """The least probability of conformance and of what it is; empty without any tolerance."""
-    known = [(name, c) for name, c in zip(names, conformances, strict=True) if c]
-    if not known:
+    """A clause on the least probability of conformance; empty without any tolerance."""
+    pairs = [(name, c) for name, c in zip(names, conformances, strict=True) if c]
+    if not pairs:
         return ""
-    low = min((c for _, c in known), key=lambda c: c.probability)
-    least = listed(name for name, c in known if c.probability == low.probability)
+    low = min((c for _, c in pairs), key=lambda c: c.probability)
+    least = listed(name for name, c in pairs if c.probability == low.probability)
     # Those of Monte Carlo have a standard error.
-    shown = chance(low.probability, getattr(low, "se", 0.0))
-    return f"The least probability of conformance is {shown} %, of {least}"
+    text = chance(low.probability, getattr(low, "se", 0.0))
+    return f"The least probability of conformance is {text} %, of {least}"
 
 
 def MARK(item: Any) -> str:
@@ -51,8 +51,8 @@ def MARK(item: Any) -> str:
 @dataclass(frozen=True, slots=True)
 class Table:
     """Fields of items under a title, with a `footer`, and with ``--detail`` the `notes`; with
-    `detail` the whole table needs it. `shown` are the items of the printed table where they are
-    not those of the CSV.
+    `detail` the whole table needs it. `selection` are the items of the printed table where it has
+    not all.
     """
 
     title: str
@@ -61,7 +61,7 @@ class Table:
     footer: str = ""
     notes: Sequence[str] = ()
     _: KW_ONLY
-    shown: Sequence[Any] | None = None
+    selection: Sequence[Any] | None = None
     detail: bool = False
 
     def sheet(self, digits: int, *, detail: bool) -> Sheet:
@@ -83,13 +83,13 @@ class Table:
     @property
     def printed(self) -> Sequence[Any]:
         """The items of the printed table."""
-        return self.items if self.shown is None else self.shown
+        return self.items if self.selection is None else self.selection
 
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A report: `results` are the fields of the JSON document and what they are read from, `also`
-    those that are read from something else. The first of `tables` is the main one, of which
+    """A report: `results` are the fields of the JSON document and the item they are read from,
+    `extra` those that are read from other items. The first of `tables` is the main one, of which
     ``--csv`` has every item; `figure` is None where there is nothing to draw. `verdict` is what
     the figures say, in a sentence.
     """
@@ -100,12 +100,12 @@ class Document:
     figure: Callable[[], Figure] | None
     verdict: str = ""
     digits: int = 2
-    also: Sequence[tuple[Fields, Any]] = ()
+    extra: Sequence[tuple[Fields, Any]] = ()
 
     def record(self) -> dict[str, Any]:
         """`results` of the JSON report."""
         result = record(*self.results)
-        for fields, item in self.also:
+        for fields, item in self.extra:
             result |= record(fields, item)
         return result
 
@@ -113,17 +113,17 @@ class Document:
         """Header and rows of the CSV."""
         return csv_rows(self.tables[0].fields, self.tables[0].items)
 
-    def shown(self, *, detail: bool = False) -> Iterator[Text | Sheet]:
+    def blocks(self, *, detail: bool = False) -> Iterator[Text | Sheet]:
         """The verdict and the tables, for terminals and HTML; with `detail` all of them."""
         from rich.text import Text
 
         if self.verdict:
             yield Text(self.verdict)
         tables = [each for each in self.tables if each.printed]
-        chosen = [each for each in tables if detail or not each.detail]
-        for table in chosen:
+        selection = [each for each in tables if detail or not each.detail]
+        for table in selection:
             yield table.sheet(self.digits, detail=detail)
-        if tables and not chosen:
+        if tables and not selection:
             counts = ", ".join(f"{each.title} ({len(each.items)} rows)" for each in tables)
             yield Text(f"{counts}: with --detail; all figures with --csv and -o")
 
@@ -175,25 +175,25 @@ Where they depend on the input (axes, coefficients, units, what is varied), thes
 one."""
 
 
-def declared(command: str) -> tuple[Fields, Fields]:
+def declaration(command: str) -> tuple[Fields, Fields]:
     """The fields of `results` and of a row of --csv."""
     results, row = REPORTS[command]
     module = import_module(f"mtu_cli.reports.{command.split()[0].replace('-', '_')}")
     return getattr(module, results), getattr(module, row)
 
 
-def described(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
+def meanings(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
     """Path in `results` and meaning of every figure of JSON: for help and tests."""
     for each in fields:
         path = f"{within}{each.path}"
         if isinstance(each, Group):
             member = (".<name>" if each.named else "[]") * each.many
-            yield from described(fields_of(each.fields), f"{path}{member}.")
+            yield from meanings(fields_of(each.fields), f"{path}{member}.")
         elif each.path:
             yield path, each.meaning
 
 
-def described_columns(fields: Fields) -> Iterator[tuple[str, str]]:
+def column_meanings(fields: Fields) -> Iterator[tuple[str, str]]:
     """Name and meaning of every column of a CSV."""
     for field in leaves(fields):
         ends = ("", "") if len(field.columns) < 2 else ("; its lower end", "; its upper end")
@@ -202,16 +202,16 @@ def described_columns(fields: Fields) -> Iterator[tuple[str, str]]:
 
 
 def help_text(command: str) -> str:
-    """Markdown: what each key of the report and each column of --csv means; of all commands that
+    """Markdown: the meaning of each key of the report and column of --csv, of all commands that
     begin with this name.
     """
     lines = []
     for name in REPORTS:
         if name == command or name.startswith(f"{command} "):
-            results, row = declared(name)
+            results, row = declaration(name)
             for title, kind, entries in (
-                (f"Report of {name}: `results` of --out", "key", described(results)),
-                (f"Columns of --csv of {name}", "column", described_columns(row)),
+                (f"Report of {name}: `results` of --out", "key", meanings(results)),
+                (f"Columns of --csv of {name}", "column", column_meanings(row)),
             ):
                 lines += ["", f"## {title}", "", f"| {kind} | meaning |", "|---|---|"]
                 lines += [f"| `{x}` | {text.replace('|', chr(92) + '|')} |" for x, text in entries]

@@ -9,9 +9,9 @@ its four columns being JSON path, value, meaning and cell::
 
 - Path: dots nest; ``-`` for a figure of tables or CSV alone. **The unit is the ending of the
   name**: um, um2, arcsec divide by their size, any other name leaves the value alone.
-- Value: an attribute (``run.mean.0``: dots reach deeper, None on the way is None); ``.`` the item
+- Value: an attribute (``run.mean.0``: dots go deeper, None on the way is None); ``.`` the item
   itself; ``name()`` a function of the item, given to `declare` by its name; ``name(attribute)`` a
-  function of the attribute, of those given or of `KNOWN`. Without it: as the path.
+  function of the attribute, of those given or of `COMMON`. Without it: as the path.
 - Meaning: one clause in plain English, for ``mtu help`` and the HTML report.
 - Cell: the heading of the column, where a table has one (``-``: none; `` / `` begins its second
   line, which without it is the unit), then how it is shown: a key of `SHOWN` or ``name()``, a
@@ -24,7 +24,7 @@ its four columns being JSON path, value, meaning and cell::
 
 A path that ends in ``.`` is a `Group`, a document within one of the figures in the lines indented
 below it; ``[]`` of each of a list, ``{}`` of a mapping by name. CSV names begin with its path.
-``*name`` stands for fields, or a text, of those given or of `KNOWN`: as a line, or as the meaning
+``*name`` stands for fields, or a text, of those given or of `COMMON`: as a line, or as the meaning
 of a group.
 
 Results that are arrays: ``rows_of(result, count)`` gives items whose attributes are the elements
@@ -55,16 +55,16 @@ SIZES = {"mm": 1.0, "um": UM, "um2": UM**2, "arcsec": ARCSEC, "arcsec2": ARCSEC*
 UNITS = {**{name: name for name in SIZES}, "percent": "%", "degC": "degC"}
 
 
-def _tolerance(stated: float | tuple[float, float], u: None, digits: int) -> str:
-    if isinstance(stated, tuple):
-        return " to ".join(f"{end:+g}" for end in stated)
-    return f"±{stated:g}"
+def _tolerance(tolerance: float | tuple[float, float], u: None, digits: int) -> str:
+    if isinstance(tolerance, tuple):
+        return " to ".join(f"{end:+g}" for end in tolerance)
+    return f"±{tolerance:g}"
 
 
 def _share(value: float, u: None, digits: int) -> str:
-    """A negative share is of a covariance, no part of u^2: it says what it does."""
-    shown = numbers.fixed(100 * abs(value), 1)
-    return f"reduces u^2 by {shown}" if value < 0 and float(shown) else shown
+    """A negative share is of a covariance, no part of u^2: in words."""
+    text = numbers.fixed(100 * abs(value), 1)
+    return f"reduces u^2 by {text}" if value < 0 and float(text) else text
 
 
 SHOWN: dict[str, Show] = {
@@ -96,7 +96,7 @@ SHOWN: dict[str, Show] = {
 """How a value of a table is written; text stands left and may break over lines."""
 COLUMN = re.compile(r"\s\|(?=\s|$)")
 """Between the columns of a declaration."""
-KNOWN: dict[str, Any] = {
+COMMON: dict[str, Any] = {
     "as_stated": lambda item: 1.0,
     "root": np.sqrt,
     "int": int,
@@ -132,7 +132,7 @@ KNOWN: dict[str, Any] = {
             tolerance_UNIT | tolerance | largest difference allowed | -, json
     """,
 }
-"""What need not be given to `declare`: functions, and the figures of several reports."""
+"""Definitions that every `declare` has: functions, and the figures of several reports."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,7 +170,7 @@ class Field:
         return UNITS.get(self.path.rpartition("_")[2], "") if self.unit is None else self.unit
 
     def of(self, item: Any, *values: Value | None) -> list[Any]:
-        """Quantities in the unit of the field; of the item, or the part of it that the groups
+        """Quantities in the unit of the field, of the item or the part of it that the groups
         around the field name.
         """
         for within in self.within:
@@ -178,7 +178,7 @@ class Field:
         if item is None:
             return [None] * len(values)
         size = SIZES.get(self.unit_name, 1.0) if self.size is None else read(item, self.size)
-        return [_divided(read(item, value), size) for value in values]
+        return [_quotient(read(item, value), size) for value in values]
 
     def json(self, item: Any) -> Any:
         """The value as JSON holds it; an interval without one of its ends is none."""
@@ -236,19 +236,19 @@ class Group:
 Fields = Sequence[Field | Group]
 
 
-def declare(text: str, **known: Any) -> list[Field | Group]:
-    """The figures of a table as above; `known` are its functions and fields by name, and by names
-    in capitals the words that stand in their place in the text.
+def declare(text: str, **definitions: Any) -> list[Field | Group]:
+    """The figures of a table as above; `definitions` are functions and fields by the names that it
+    has for them, and by names in capitals the words that replace these in the text.
 
     >>> [field.head for field in declare("error_um | error | actual minus nominal | error")]
     ['error']
     """
-    return list(_declared(text, KNOWN | known))
+    return list(_level(text, COMMON | definitions))
 
 
-def _declared(text: str, known: Mapping[str, Any]) -> Iterator[Field | Group]:
+def _level(text: str, definitions: Mapping[str, Any]) -> Iterator[Field | Group]:
     """Those of lines of one level, each followed by the lines within it."""
-    for name, value in known.items():
+    for name, value in definitions.items():
         if name.isupper() and isinstance(value, str):
             text = text.replace(name, value)
     lines = [line for line in text.splitlines() if line.strip()]
@@ -258,43 +258,43 @@ def _declared(text: str, known: Mapping[str, Any]) -> Iterator[Field | Group]:
         end = next((i for i, x in enumerate(lines) if x[: depth + 1].strip()), len(lines))
         inner, lines = "\n".join(lines[:end]), lines[end:]
         if first.strip().startswith("*"):
-            yield from _known(first.strip()[1:], known)
+            yield from _fields(first.strip()[1:], definitions)
             continue
         cells = [" ".join(each.split()) for each in COLUMN.split(first)]
         path, value, meaning, cell = [*cells, "", "", ""][:4]
         name = path.rstrip(".[]{}")
-        of = _value(value or name, known)
+        of = _value(value or name, definitions)
         if name == path:
-            yield Field(path.removeprefix("-"), of, meaning, **dict(_cell(cell, known)))
+            yield Field(path.removeprefix("-"), of, meaning, **dict(_cell(cell, definitions)))
             continue
-        named = path.count("{}")
-        fields = _known(meaning[1:], known) if meaning else list(_declared(inner, known))
-        many = path.count("[]") + named
-        yield Group(name, fields, of, many=many, named=bool(named))
+        braces = path.count("{}")
+        fields = _fields(meaning[1:], definitions) if meaning else list(_level(inner, definitions))
+        many = path.count("[]") + braces
+        yield Group(name, fields, of, many=many, named=bool(braces))
 
 
-def _known(name: str, known: Mapping[str, Any]) -> Any:
+def _fields(name: str, definitions: Mapping[str, Any]) -> Any:
     """Fields by their name, or of the text that declares them."""
-    fields = known[name]
-    return list(_declared(fields, known)) if isinstance(fields, str) else fields
+    fields = definitions[name]
+    return list(_level(fields, definitions)) if isinstance(fields, str) else fields
 
 
-def _value(text: str, known: Mapping[str, Any]) -> Value:
+def _value(text: str, definitions: Mapping[str, Any]) -> Value:
     """An attribute, or a function of the item or of an attribute."""
     name, bracket, attribute = text.removesuffix(")").partition("(")
     if not bracket:
         return "" if text == "." else text
-    function = known[name]
+    function = definitions[name]
 
-    def applied(item: Any) -> Any:
+    def quantity(item: Any) -> Any:
         value = read(item, attribute)
         return None if value is None else function(value)
 
-    return applied if attribute else function
+    return quantity if attribute else function
 
 
-def _cell(text: str, known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """How the figure stands in tables and CSV, as arguments of its field."""
+def _cell(text: str, definitions: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """The figure in tables and CSV, as arguments of its field."""
     head, *options = text.split(", ")
     yield "head", "" if head == "-" else re.sub(" ?/( |$)", "\n", head)
     for option in options:
@@ -302,13 +302,13 @@ def _cell(text: str, known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         if name in ("csv", "unit"):
             yield name, value
         elif equals:
-            yield name, _value(value, known)
+            yield name, _value(value, definitions)
         elif name in ("detail", "names"):
             yield name, True
         elif name == "json":
             yield "csv", ""
         else:
-            yield "show", name if name in SHOWN else known[name.removesuffix("()")]
+            yield "show", name if name in SHOWN else definitions[name.removesuffix("()")]
 
 
 def fields_of(fields: Fields | Callable[[Any], Fields], part: Any = None) -> Fields:
@@ -361,19 +361,19 @@ def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any
     return result
 
 
-def _divided(value: Any, size: Any) -> Any:
+def _quotient(value: Any, size: Any) -> Any:
     """A value, or those of a sequence or mapping, in units of `size`."""
     if value is None or isinstance(value, str | bool) or (isinstance(size, float) and size == 1.0):
         return value
     if isinstance(value, Mapping):
-        return {name: _divided(each, size) for name, each in value.items()}
+        return {name: _quotient(each, size) for name, each in value.items()}
     if isinstance(value, list | tuple):
-        return [_divided(each, size) for each in value]
+        return [_quotient(each, size) for each in value]
     return value / size
 
 
 def plain(value: Any) -> Any:
-    """What JSON can hold: lists for arrays, None for what is not finite."""
+    """The value in types of JSON: lists for arrays, None for what is not finite."""
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
     if value is None or isinstance(value, str | bool | int):
@@ -389,17 +389,17 @@ def plain(value: Any) -> Any:
 
 def csv_rows(fields: Fields, items: Iterable[Any]) -> tuple[list[str], Iterator[list[Any]]]:
     """Header and rows of a CSV, in full precision."""
-    kept = [field for field in leaves(fields) if field.columns]
+    figures = [field for field in leaves(fields) if field.columns]
 
     def row(item: Any) -> Iterator[Any]:
-        for field in kept:
+        for field in figures:
             value = field.json(item)
             if len(field.columns) == 1:
                 yield value
             else:
                 yield from (None, None) if value is None else value
 
-    header = [name for field in kept for name in field.columns]
+    header = [name for field in figures for name in field.columns]
     return header, (list(row(item)) for item in items)
 
 

@@ -81,7 +81,7 @@ _METADATA: dict[str, dict[str, Any]] = {
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Matplotlib's own defaults and the house's on top, whatever the user's settings file."""
+    """Matplotlib's defaults and this style on top, whatever the user's settings file."""
     import matplotlib
 
     with matplotlib.rc_context():
@@ -95,11 +95,11 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     """A function that draws a figure, in the house style."""
 
     @wraps(draw)
-    def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
         with house_style():
             return draw(*args, **kwargs)
 
-    return drawn
+    return wrapper
 
 
 def blank(width: float, height: float) -> Figure:
@@ -119,7 +119,7 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
     kind = suffix.lower().removeprefix(".")
     out = io.BytesIO()
     with house_style(), warnings.catch_warnings():
-        # Names are the user's: a sign that the font lacks is drawn as a box, without a word.
+        # Names are the user's: a sign that the font lacks is drawn as a box, without a warning.
         warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
         # Laid out once: with an engine savefig would do it again, and twice.
         figure.draw_without_rendering()
@@ -142,37 +142,37 @@ class Intervals:
 def listing(
     text: str,
     names: Sequence[str],
-    shown: Sequence[Intervals],
+    intervals: Sequence[Intervals],
     label: str,
     *,
     limits: Sequence[FloatArray] = (),
-    beside: Sequence[str] = (),
+    texts: Sequence[str] = (),
 ) -> Figure:
     """A page of intervals about their values, a row each from top to bottom, of many some evenly
-    apart; `limits` (n,) in red, nan where there are none; texts `beside` the rows.
+    apart; `limits` (n,) in red, nan where there are none; `texts` beside the rows.
     """
-    kept = spread(len(names), MOST_ROWS)
-    rows = np.arange(len(kept))
-    page = blank(8.0, (0.36 if len(kept) <= FEW_ROWS else 0.25) * len(kept) + 1.7)
-    title(page, text + f" ({len(kept)} of {len(names)})" * (len(kept) < len(names)))
+    index = spread(len(names), MOST_ROWS)
+    rows = np.arange(len(index))
+    page = blank(8.0, (0.36 if len(index) <= FEW_ROWS else 0.25) * len(index) + 1.7)
+    title(page, text + f" ({len(index)} of {len(names)})" * (len(index) < len(names)))
     panel = page.subplots()
     panel.axvline(0.0, color=GREY, linewidth=0.9)
-    for item in shown:
-        half = None if item.half is None else item.half[kept]
+    for item in intervals:
+        half = None if item.half is None else item.half[index]
         panel.errorbar(
-            item.value[kept], rows + item.shift, xerr=half, fmt="o", color=item.colour,
+            item.value[index], rows + item.shift, xerr=half, fmt="o", color=item.colour,
             elinewidth=2.0, capsize=2.0, markersize=4.0, label=item.label,
         )  # fmt: skip
     for limit in limits:
-        if np.isfinite(limit[kept]).any():
-            panel.vlines(limit[kept], rows - 0.3, rows + 0.4, color=RED, lw=2.0, label="tolerance")
-    for row, i in enumerate(kept if beside else ()):
+        if np.isfinite(limit[index]).any():
+            panel.vlines(limit[index], rows - 0.3, rows + 0.4, color=RED, lw=2.0, label="tolerance")
+    for row, i in enumerate(index if texts else ()):
         panel.annotate(
-            beside[i], (1.01, row), xycoords=panel.get_yaxis_transform(), va="center",
+            texts[i], (1.01, row), xycoords=panel.get_yaxis_transform(), va="center",
             fontsize=7.5, annotation_clip=False,
         )  # fmt: skip
-    panel.set_yticks(rows, [cut(names[i], WIDTH) for i in kept])
-    panel.set(ylim=(len(kept) - 0.4, -0.6), xlabel=label)
+    panel.set_yticks(rows, [cut(names[i], WIDTH) for i in index])
+    panel.set(ylim=(len(index) - 0.4, -0.6), xlabel=label)
     panel.grid(axis="y", visible=False)
     legend(page)
     return page
@@ -184,8 +184,8 @@ def bars(
     """A bar a row from top to bottom, negative ones in another colour, its text at its end."""
     rows = range(len(values))
     colours = [BLUE if value >= 0 else ORANGE for value in values]
-    drawn = panel.barh(rows, values, color=colours, height=min(0.66, 0.17 * len(values)))
-    panel.bar_label(drawn, texts, padding=3, fontsize=7.5)
+    patches = panel.barh(rows, values, color=colours, height=min(0.66, 0.17 * len(values)))
+    panel.bar_label(patches, texts, padding=3, fontsize=7.5)
     panel.set_yticks(rows, names)
     panel.set_ylim(max(len(values), 1) - 0.4, -0.6)
     # Texts of negative bars would reach the names.
@@ -204,25 +204,25 @@ def shades(count: int) -> list[Any]:
 def panels_of(page: Figure | SubFigure, count: int, columns: int) -> list[Axes]:
     """`count` panels row by row, and blank ones where the last row has more."""
     rows = math.ceil(count / columns)
-    every: list[Axes] = list(page.subplots(rows, columns, squeeze=False).ravel())
-    for panel in every[count:]:
+    panels: list[Axes] = list(page.subplots(rows, columns, squeeze=False).ravel())
+    for panel in panels[count:]:
         panel.set_axis_off()
-    return every
+    return panels
 
 
 def legend(page: Figure | SubFigure, columns: int = 4) -> None:
-    """What stands in the panels, below them."""
+    """The legend of all panels, below them."""
     key(page, page.axes, loc="outside lower center", ncols=columns)
 
 
-def key(where: Figure | SubFigure | Axes, panels: Sequence[Axes], **place: Any) -> None:
-    """A legend `where` it stands of what is in `panels`, each label once."""
-    known: dict[str, Any] = {}
+def key(target: Figure | SubFigure | Axes, panels: Sequence[Axes], **place: Any) -> None:
+    """A legend on the `target` of what is in `panels`, each label once."""
+    handles: dict[str, Any] = {}
     for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
-            known.setdefault(str(label), handle)
-    if known:
-        where.legend(list(known.values()), list(known), **place)
+            handles.setdefault(str(label), handle)
+    if handles:
+        target.legend(list(handles.values()), list(handles), **place)
 
 
 def title(page: Figure | SubFigure, text: str) -> None:

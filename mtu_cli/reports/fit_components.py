@@ -1,4 +1,4 @@
-"""The report of fit-components: all that the prediction commands need, and what people ask.
+"""The report of fit-components: all that the prediction commands need, and the tests.
 
 Per component everything is in its own `unit` and mm; of several instruments the tests stand in
 `instruments`.
@@ -147,8 +147,8 @@ def component(powers: int) -> Fields:
     for n, head in enumerate(heads[:powers]):
         for fields, text in zip(terms, (TERM, TERM_IN_CSV), strict=True):
             per_m = partial(_size, power=n)
-            more = declare(text, POWER=str(n), HEAD=head, per_m=per_m, **SIZES)
-            fields += [replace(x, within=(_polynomial,)) for x in more if isinstance(x, Field)]
+            columns = declare(text, POWER=str(n), HEAD=head, per_m=per_m, **SIZES)
+            fields += [replace(x, within=(_polynomial,)) for x in columns if isinstance(x, Field)]
     return declare(
         COMPONENT,
         **SIZES,
@@ -217,8 +217,8 @@ def document(result: FitResult, digits: int = 2) -> Document:
     )
     if missing := listed(result.fit.missing, SHOWN):
         footer += f"; not fitted, without readings: {missing}"
-    shown = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]
-    table = Table(f"Components of {result.machine}", fields, components, footer, shown=shown)
+    lines = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]
+    table = Table(f"Components of {result.machine}", fields, components, footer, selection=lines)
     knots = [
         {"of": x, "at": at, "value": value, "u": math.sqrt(u2)}
         for x in components
@@ -227,19 +227,19 @@ def document(result: FitResult, digits: int = 2) -> Document:
     ]
     footer = "natural cubic interpolation between the positions; ± one standard uncertainty"
     tables = [table, Table("Values of the tables", KNOT, knots, footer)]
-    tests = [(x.label, own.tests) for x in components for own in x.instruments]
-    found, untested = [], []
+    pairs = [(x.label, instrument.tests) for x in components for instrument in x.instruments]
+    findings, gaps = [], []
     for name, words in TESTS.items():
-        made = [(label, own[name].significant) for label, own in tests if name in own]
-        if names := listed(dict.fromkeys(label for label, sure in made if sure)):
-            found.append(f"{words} of {names}")
-        untested += [] if made else [words]
-    verdict = f"Significant: {'; '.join(found)}." if found else "No test is significant."
-    if untested:
-        verdict += f" Not tested, as the readings do not allow it: {', '.join(untested)}."
-    shown_as = results(fields), result
+        outcomes = [(label, tests[name].significant) for label, tests in pairs if name in tests]
+        if names := listed(dict.fromkeys(label for label, significant in outcomes if significant)):
+            findings.append(f"{words} of {names}")
+        gaps += [] if outcomes else [words]
+    verdict = f"Significant: {'; '.join(findings)}." if findings else "No test is significant."
+    if gaps:
+        verdict += f" Not tested, as the readings do not allow it: {', '.join(gaps)}."
+    source = results(fields), result
     figure_ = partial(figure, result)
-    return Document("Components", shown_as, tables, figure_, verdict, digits)
+    return Document("Components", source, tables, figure_, verdict, digits)
 
 
 @figures.styled
@@ -248,16 +248,16 @@ def figure(result: FitResult) -> figures.Figure:
     the fitted line, and the band of a future part: k times the root of
     x'(C + D)x + s_repeat^2 about the line.
     """
-    shown, k = result.estimates.components, result.coverage_factor
-    columns = max(1, min(len(shown), 3))
-    page = figures.blank(3.4 * max(columns, 2), 2.15 * -(-len(shown) // columns) + 0.6)
+    estimates, k = result.estimates.components, result.coverage_factor
+    columns = max(1, min(len(estimates), 3))
+    page = figures.blank(3.4 * max(columns, 2), 2.15 * -(-len(estimates) // columns) + 0.6)
     figures.title(page, f"Components: readings (first pass dark, last one light), fit, ± {k:g} u")
     fits = result.fit.components
     instruments = [item for x in fits.values() for item in x.instruments]
     numbers = sorted({1, *(key[1] for item in instruments for key in item.keys_read)})
     colours = dict(zip(numbers, figures.shades(len(numbers)), strict=True))
-    panels = figures.panels_of(page, len(shown), columns)
-    for panel, (name, estimate) in zip(panels, shown.items(), strict=False):
+    panels = figures.panels_of(page, len(estimates), columns)
+    for panel, (name, estimate) in zip(panels, estimates.items(), strict=False):
         for item in fits[name].instruments if name in fits else ():
             _readings(panel, item, estimate, colours)
         low, high = estimate.position_range or (0.0, 100.0)
@@ -288,12 +288,12 @@ def _readings(
     """A line a pass and direction; of a constant the passes side by side."""
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
     for g, (number, sign) in enumerate([key[1:] for key in item.keys_read] or [(1, 0)]):
-        inside = np.flatnonzero(group == g)
-        inside = inside[np.argsort(item.position[inside], kind="stable")]
-        place = item.position[inside] if estimate.of else np.full(len(inside), float(number))
+        rows = np.flatnonzero(group == g)
+        rows = rows[np.argsort(item.position[rows], kind="stable")]
+        place = item.position[rows] if estimate.of else np.full(len(rows), float(number))
         marker, word = MARKS[sign]
         panel.plot(
-            place, item.error[inside] / estimate.unit.to_internal, marker=marker,
+            place, item.error[rows] / estimate.unit.to_internal, marker=marker,
             linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],
             markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3, label=word,
         )  # fmt: skip

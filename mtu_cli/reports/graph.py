@@ -12,9 +12,9 @@ from mtu_cli.findings import listed
 from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import KNOWN, Field, Fields, declare, record
+from mtu_cli.reports.fields import COMMON, Field, Fields, declare, record
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
-from mtu_cli.reports.monte_carlo_figures import simulated, swept
+from mtu_cli.reports.monte_carlo_figures import simulation, sweep_curves
 from mtu_cli.reports.numbers import fixed, plus_minus, significant
 
 MOST = 12
@@ -38,9 +38,9 @@ STEP = declare(
 )
 
 
-def _numbered(result: MeasurementGraph) -> list[list[tuple[int, Step]]]:
-    """The transitions of every round, each with the number of its round."""
-    return [[(i, step) for step in fired] for i, fired in enumerate(result.rounds, 1)]
+def _rounds(result: MeasurementGraph) -> list[list[tuple[int, Step]]]:
+    """The transitions of every round, each with the number of the round."""
+    return [[(i, step) for step in steps] for i, steps in enumerate(result.rounds, 1)]
 
 
 CHECK = declare(
@@ -59,14 +59,14 @@ CHECK = declare(
         for item in result.graph.transitions
         if item.do == "meas"
     ),
-    numbered=_numbered,
+    numbered=_rounds,
     step=STEP,
 )
 
 
 def check(result: MeasurementGraph, figure: Callable[[], Any]) -> Document:
     """One row a transition, in the order in which they fire."""
-    items = [item for fired in _numbered(result) for item in fired]
+    items = [item for group in _rounds(result) for item in group]
     title, footer = f"Graph: {result.graph.name}", f"reported: {listed(result.reported, MOST)}"
     order = Table(title, STEP, items, footer)
     counts = record(CHECK, result)
@@ -128,7 +128,7 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
         deviations=lambda item: None if item.fixed else item.deviations,
         unit=lambda item: small_unit(item.output.unit)[1],
         shares=lambda item: shares_text(item.shares),
-        validation=KNOWN["validation"].replace("_UNIT", ""),
+        validation=COMMON["validation"].replace("_UNIT", ""),
         errors=declare(STANDARD_ERRORS),
     )
     for source in sources:
@@ -161,24 +161,24 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     name = result.graph.graph.name
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
-    places, figure = Table(title, fields, result.coordinates, footer), partial(simulated, result)
-    verdict = _simulated(result, digits)
+    places, figure = Table(title, fields, result.coordinates, footer), partial(simulation, result)
+    verdict = _simulation_text(result, digits)
     return Document(name, (SIMULATION, result), [places], figure, verdict, digits)
 
 
-def _simulated(result: GraphSimulation, digits: int) -> str:
-    """The result of a single coordinate; of several, what clause 8 says of them."""
+def _simulation_text(result: GraphSimulation, digits: int) -> str:
+    """The result of a single coordinate; of several, their validation by clause 8."""
     if len(result.coordinates) == 1:
         (item,) = result.coordinates
         unit = "" if item.output.unit == "1" else f" {item.output.unit}"
         return f"{item.output} = {plus_minus(item.mean, item.U, digits)}{unit} (k = {item.k:g})."
-    passed = {x.output: x.validation.passed for x in result.coordinates if x.validation}
-    failed = listed(output for output, valid in passed.items() if valid is False)
-    if failed:
-        return f"First order is not valid (JCGM 101, clause 8) for {failed}: see the intervals."
-    if None in passed.values():
+    verdicts = {x.output: x.validation.passed for x in result.coordinates if x.validation}
+    failures = listed(output for output, valid in verdicts.items() if valid is False)
+    if failures:
+        return f"First order is not valid (JCGM 101, clause 8) for {failures}: see the intervals."
+    if None in verdicts.values():
         return "Too few trials to validate first order."
-    return "First order is valid (JCGM 101, clause 8)." if passed else ""
+    return "First order is valid (JCGM 101, clause 8)." if verdicts else ""
 
 
 GRID_POINT = """
@@ -203,21 +203,21 @@ DEVIATION = """
 """
 
 
-def grid_point(varied: Iterable[str], result: Sweep | None = None) -> Fields:
-    """The figures of one setting; of a `result` also what its table has of it."""
+def grid_point(names: Iterable[str], result: Sweep | None = None) -> Fields:
+    """The figures of one setting; with a `result` those of its table, too."""
     at = "NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()"
-    texts = (at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in varied)
-    unit, shown = "", []
+    texts = (at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in names)
+    unit, deviations = "", []
     if result is not None:
         unit = result.output.unit
         factor, small = small_unit(unit)
-        shown = declare(DEVIATION.replace("UNIT", small), size=lambda item: 1.0 / factor)
+        deviations = declare(DEVIATION.replace("UNIT", small), size=lambda item: 1.0 / factor)
     return declare(
         GRID_POINT,
         varied=[field for each in texts for field in declare(each)],
         unit=lambda item: unit,
         moments=declare(MOMENTS),
-        shown=shown,
+        shown=deviations,
         errors=declare(STANDARD_ERRORS),
     )
 
@@ -256,15 +256,15 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
         values = ", ".join(f"{name} = {significant(value, 4)}" for name, value in pairs)
         footer = f"{formula.form}; {values}"
     table = Table(title, fields, result.grid, footer)
-    also: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
-    figure = partial(swept, result)
-    return Document(title, (PLACES, base), [table], figure, _swept(result), digits, also)
+    extra: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
+    figure = partial(sweep_curves, result)
+    return Document(title, (PLACES, base), [table], figure, _formula_text(result), digits, extra)
 
 
-def _swept(result: Sweep) -> str:
-    found = result.formula
-    if found is None:
+def _formula_text(result: Sweep) -> str:
+    formula = result.formula
+    if formula is None:
         return f"No formula: {result.no_formula}."
-    if len(result.grid) == len(found.coefficients):
+    if len(result.grid) == len(formula.coefficients):
         return "The formula has as many terms as the grid has points: nothing checks it."
-    return f"Formula and Monte Carlo differ by {fixed(found.max_error_percent, 1)} % at most."
+    return f"Formula and Monte Carlo differ by {fixed(formula.max_error_percent, 1)} % at most."

@@ -103,14 +103,14 @@ def small_unit(unit: str) -> tuple[float, str]:
 
 def shares_text(shares: Mapping[str, float]) -> str:
     """ "probe 50, axis 49": percents of the sources of variance, the largest first."""
-    known = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
-    known.sort(key=lambda pair: -abs(pair[1]))
-    shown = [
+    pairs = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
+    pairs.sort(key=lambda pair: -abs(pair[1]))
+    texts = [
         f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
-        for name, share in known[:SHOWN_SHARES]
+        for name, share in pairs[:SHOWN_SHARES]
         if math.isfinite(share)
     ]
-    return ", ".join(shown) or "-"
+    return ", ".join(texts) or "-"
 
 
 def net_of(
@@ -128,8 +128,8 @@ def net_of(
         arcs += [(at[name], len(nodes)) for name in dict.fromkeys(item.in_)]
         arcs += [(len(nodes), at[name]) for name in item.out]
         nodes.append(Node(item.do))
-    known = {at[name]: share for name, share in (shares or {}).items()}
-    return Net(graph.name, nodes, arcs, of, known)
+    node_shares = {at[name]: share for name, share in (shares or {}).items()}
+    return Net(graph.name, nodes, arcs, of, node_shares)
 
 
 def lay_out(net: Net) -> Layout:
@@ -151,10 +151,10 @@ def lay_out(net: Net) -> Layout:
         near, pairs = (after, layers[::-1]) if sweep % 2 else (before, layers)
         for fixed, layer in pairwise(pairs):
             at = {node: i for i, node in enumerate(fixed)}
-            wanted = {node: i * len(fixed) / len(layer) for i, node in enumerate(layer)}
+            targets = {node: i * len(fixed) / len(layer) for i, node in enumerate(layer)}
             for node in filter(near.__getitem__, layer):
-                wanted[node] = sum(at[other] for other in near[node]) / len(near[node])
-            layer.sort(key=wanted.__getitem__)
+                targets[node] = sum(at[other] for other in near[node]) / len(near[node])
+            layer.sort(key=targets.__getitem__)
     wide = [max((net.nodes[i].width for i in x if i < count), default=0) for x in layers]
     middles = np.cumsum(wide) - np.array(wide) / 2 + GAP * np.arange(len(wide))
     near_rows = [before[i] + after[i] or [i] for i in range(len(rank))]
@@ -201,8 +201,8 @@ def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatAr
     for turn in range(PASSES):
         for index in range(len(layers)) if turn % 2 else reversed(range(len(layers))):
             layer, offset = layers[index], offsets[index]
-            wanted = np.array([y[near[i]].mean() for i in layer])
-            y[layer] = offset + isotonic_regression(wanted - offset).x
+            targets = np.array([y[near[i]].mean() for i in layer])
+            y[layer] = offset + isotonic_regression(targets - offset).x
     top: FloatArray = y - y.min(initial=np.inf)
     return top
 
@@ -217,8 +217,8 @@ def drawing(net: Net) -> figures.Figure:
     page = figures.blank(width, layout.height + 2 * MARGIN + FOOT)
     page.set_layout_engine("none")
     panel = page.add_axes((0.0, 0.0, 1.0, 1.0))
-    left = (width - layout.width) / 2
-    panel.set(xlim=(-left, width - left), ylim=(layout.height + MARGIN + FOOT, -MARGIN))
+    margin = (width - layout.width) / 2
+    panel.set(xlim=(-margin, width - margin), ylim=(layout.height + MARGIN + FOOT, -MARGIN))
     panel.axis("off")
     for (a, b), route in zip(net.arcs, layout.routes, strict=True):
         before, after = (RADIUS if net.nodes[x].kind else BAR[0] / 2 for x in (a, b))

@@ -20,7 +20,7 @@ BAR = "shape=box, style=filled, fillcolor=black, width=0.08, height=0.5, fixedsi
 def dot(net: Net) -> str:
     """Graphviz."""
     lines, keys = (
-        [f"digraph {_quoted(net.title)} {{", "  rankdir=LR;", "  node [fontsize=10];"],
+        [f"digraph {_quote(net.title)} {{", "  rankdir=LR;", "  node [fontsize=10];"],
         _keys(net),
     )
     for number, (key, node) in enumerate(zip(keys, net.nodes, strict=True)):
@@ -29,9 +29,9 @@ def dot(net: Net) -> str:
             label = node.label + ("" if share is None else f"\\n{share_percent(share)} %")
             style = f'shape=circle, style=filled, fillcolor="{COLOURS[node.kind]}"'
             style += ", penwidth=2" if node.reported else ""
-            lines.append(f"  {key} [label={_quoted(label)}, {style}];")
+            lines.append(f"  {key} [label={_quote(label)}, {style}];")
         else:
-            lines.append(f'  {key} [label="", xlabel={_quoted(node.label)}, {BAR}];')
+            lines.append(f'  {key} [label="", xlabel={_quote(node.label)}, {BAR}];')
     lines += [f"  {keys[a]} -> {keys[b]};" for a, b in net.arcs]
     return "\n".join([*lines, "}"]) + "\n"
 
@@ -62,12 +62,12 @@ def _keys(net: Net) -> list[str]:
     return [f"p{i + 1}" if i < places else f"t{i - places + 1}" for i in numbers]
 
 
-def _quoted(text: str) -> str:
+def _quote(text: str) -> str:
     return '"' + text.replace('"', '\\"') + '"'
 
 
 def _plain(text: str) -> str:
-    """Text in which nothing has a meaning of its own."""
+    """Text without signs that have a meaning in the format."""
     return re.sub(r'["#;:<>{}\[\]|`]', "_", text)
 
 

@@ -24,12 +24,12 @@ def report_bytes(
     tables: Iterable[object],
     warnings: Iterable[Finding],
     settings: Mapping[str, Any],
-    **stated: Any,
+    **context: Any,
 ) -> bytes:
     """The file; the same bytes for the same page. `tables` are the renderables of a terminal,
-    `stated` its title, subject (names of machine and study), inputs and date.
+    `context` its title, subject (names of machine and study), inputs and date.
 
-    Raises InputError for a PDF where what writes it is not installed.
+    Raises InputError for a PDF without the package that writes it.
     """
     from jinja2 import Environment
     from markupsafe import Markup
@@ -38,7 +38,7 @@ def report_bytes(
     source = (files("mtu_cli.reports") / "report.html.j2").read_text("utf-8")
     svg = ""
     if figure is not None:
-        # The picture without the head of a file of its own; nothing in it leaves the page.
+        # The picture without the head of an SVG file; nothing in it leaves the page.
         svg = figure_bytes(figure, ".svg").decode()
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     blocks: list[Sheet | str] = []
@@ -51,10 +51,10 @@ def report_bytes(
         blocks=blocks,
         figure=Markup(svg),
         warnings=list({each.message: each for each in warnings}.values()),
-        # Without the digits of a setting that nobody chose.
+        # Numbers to six significant digits.
         settings={k: f"{x:.6g}" if isinstance(x, float) else x for k, x in settings.items()},
         version=__version__,
-        **stated,
+        **context,
     )
     if suffix != ".pdf":
         return page.encode()
@@ -64,5 +64,5 @@ def report_bytes(
         expected = "the extra mtu-cli[pdf] (pip install 'mtu-cli[pdf]'), or a name ending in .html"
         reason = "this installation writes no PDF"
         raise error("output-form", path="--report", reason=reason, expected=expected) from None
-    written: bytes = HTML(string=page).write_pdf()
-    return written
+    pdf: bytes = HTML(string=page).write_pdf()
+    return pdf

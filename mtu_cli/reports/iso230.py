@@ -89,8 +89,8 @@ def at_target(axis: Axis) -> list[SimpleNamespace]:
     count, mean, s = axis.of_runs
     B, R_way, R = reversal_and_repeatability(mean, s)
     columns = {"mean": mean.mean(axis=0), "B": B, "R": R}
-    for name, both in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
-        columns |= {f"{name}_{way}": values for way, values in zip(WAYS, both, strict=True)}
+    for name, pair in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
+        columns |= {f"{name}_{way}": values for way, values in zip(WAYS, pair, strict=True)}
     place, other = ("deg", "mm") if axis.rotary else ("mm", "deg")
     shared = {"name": axis.name, "size": axis.size, other: None}
     return [
@@ -130,7 +130,7 @@ RESULTS = declare(
 
 
 def _scale(figure: Figure) -> float:
-    """What a figure is rounded to."""
+    """The uncertainty that a figure is rounded to."""
     return figure.u if figure.u > 0 else figure.u_sampling
 
 
@@ -166,8 +166,8 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     if result.plan is not None:
         return _plan_document(result, result.plan, digits)
     axes, names = list(result.axes.values()), STANDARDS[result.standard]
-    every = [(axis, axis.figures[name]) for axis in axes for name in names]
-    rows = [(axis, each) for axis, each in every if not math.isnan(each.value)]
+    pairs = [(axis, axis.figures[name]) for axis in axes for name in names]
+    rows = [(axis, each) for axis, each in pairs if not math.isnan(each.value)]
     footer = "u_sampling: of a repeated test"
     if any(math.isfinite(each.u) for _, each in rows):
         footer = f"U = {rows[0][1].k:g} u by the instrument, of these runs; {footer}"
@@ -179,24 +179,24 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
         footer = f"six standard deviations: not comparable with ISO 230-2; {footer}"
     one_way = [axis.name for axis in axes if math.isnan(axis.figures["E"].value)]
     main = {*MAIN, *VDI}
-    shown = [(axis, x) for axis, x in rows if x.name in main or axis.name in one_way or x.limit]
-    placed = [row for axis in axes for row in at_target(axis)]
+    selection = [(axis, x) for axis, x in rows if x.name in main or axis.name in one_way or x.limit]
+    targets = [row for axis in axes for row in at_target(axis)]
     of = f"deviations in {listed(dict.fromkeys(axis.unit for axis in axes))}"
-    below = f"{of}; B = mean forward - mean reverse"
+    target_footer = f"{of}; B = mean forward - mean reverse"
     tables = [
-        Table(title, ROW, rows, footer, shown=shown),
-        Table("At the targets", TARGETS, placed, below, detail=len(axes) > SHOWN_AXES),
+        Table(title, ROW, rows, footer, selection=selection),
+        Table("At the targets", TARGETS, targets, target_footer, detail=len(axes) > SHOWN_AXES),
     ]
     texts = [
-        f"{axis.name}: {_stated(axis, digits, result.standard)} {axis.unit}."
+        f"{axis.name}: {_figure_text(axis, digits, result.standard)} {axis.unit}."
         for axis in axes[:SHOWN_AXES]
     ]
     texts += [f"And {len(axes) - SHOWN_AXES} more axes."] * (len(axes) > SHOWN_AXES)
     for verdict in ("nonconforming", "not proven"):
-        failed = [
+        failures = [
             f"{x.name} of {axis.name}" for axis, x in result.decisions if x.verdict == verdict
         ]
-        texts += [f"{verdict.capitalize()}: {listed(failed)}."] if failed else []
+        texts += [f"{verdict.capitalize()}: {listed(failures)}."] if failures else []
     if any(x.before for _, x in rows):
         differ = listed(f"{x.name} of {axis.name}" for axis, x in rows if x.differs)
         texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
@@ -204,16 +204,16 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     return Document("Positioning", (RESULTS, result), tables, figure, verdict, digits)
 
 
-def _stated(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
-    """The main figures that exist, of one direction its own, with their names."""
+def _figure_text(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
+    """The main figures that exist, for one direction those of it, with their names."""
     names = ["P", "Pa", "Ps_max", "U_max"] if standard == "vdi3441" else [*MAIN[:5]]
     if standard != "vdi3441" and math.isnan(axis.figures["E"].value):
         way = "forward" if axis.of_runs[0][0].any() else "reverse"
         names = [f"{name}_{way}" for name in "AER"]
-    known = [axis.figures[name] for name in names]
+    figures = [axis.figures[name] for name in names]
     return ", ".join(
         f"{x.name} {with_u(x.value / x.size, _scale(x) / x.size, digits)[0]}"
-        for x in known
+        for x in figures
         if not math.isnan(x.value)
     )
 
@@ -255,9 +255,9 @@ def diagram(result: Iso230Result) -> Page:
                 axis.targets, means[i], yerr=2 * np.nan_to_num(s[i]), color=colour, marker=marker,
                 ms=5, capsize=3, elinewidth=1.0, label=f"mean {WAYS[i]}, 2 s",
             )  # fmt: skip
-        both = means.mean(axis=0)
-        if np.isfinite(both).any():
-            panel.plot(axis.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
+        mean = means.mean(axis=0)
+        if np.isfinite(mean).any():
+            panel.plot(axis.targets, mean, color=INK, ls="--", lw=1.0, label="mean of both")
         middle = (np.nanmax(means) + np.nanmin(means)) / 2
         limits = {x.name: x.limit / x.size for x in axis.figures.values() if x.limit is not None}
         for i, (name, limit) in enumerate(limits.items(), 1):
@@ -266,7 +266,7 @@ def diagram(result: Iso230Result) -> Page:
                 place, middle, limit / 2, color=RED, capsize=4, elinewidth=2.0, label="limit"
             )
             panel.annotate(name, (place, middle), (4, 0), textcoords="offset points", color=RED)
-        panel.set_title(f"{axis.name}: {_stated(axis, 2)} {axis.unit}")
+        panel.set_title(f"{axis.name}: {_figure_text(axis, 2)} {axis.unit}")
         panel.set_xlabel(f"target, {'deg' if axis.rotary else 'mm'}")
         panel.set_ylabel(f"deviation, {axis.unit}")
     legend(page)

@@ -85,9 +85,9 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
 
 @figures.styled
 def figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
-    """A row a length, error and U beside it to the places of the table."""
+    """A row a length, with error and U rounded as in the table."""
     k, value = result.coverage_factor, result.error / UM
-    u, apart = (np.sqrt(v) / UM for v in (result.variance, result.independent_variance))
+    u, u_indep = (np.sqrt(v) / UM for v in (result.variance, result.independent_variance))
     none = np.nan, np.nan
     limits = [(c.tolerance.low, c.tolerance.high) if c else none for c in result.conformance]
     return figures.listing(
@@ -95,11 +95,11 @@ def figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
         [f"{name}, {x:.2f} mm" for name, x in zip(result.ids, result.nominal, strict=True)],
         [
             Intervals("with shared covariance", figures.BLUE, value, k * u),
-            Intervals("independent ends and components", figures.ORANGE, value, k * apart, 0.28),
+            Intervals("independent ends and components", figures.ORANGE, value, k * u_indep, 0.28),
         ],
         "actual minus nominal length, um",
         limits=list(np.array(limits).T),
-        beside=[
+        texts=[
             " ± ".join(with_u(each, scale, digits)[0] for each in (x, k * scale)) + " um"
             for x, scale in zip(value, u, strict=True)
         ],

@@ -1,4 +1,4 @@
-"""Pictures of Monte Carlo trials beside the first order: angles, budgets, graphs."""
+"""Pictures of Monte Carlo trials and the first order: angles, budgets, graphs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ LINES = 14
 
 class Trials(NamedTuple):
     """Trials with the `ends` of their interval, and value, u and degrees of freedom of the first
-    order (u 0: none); what stands above and below.
+    order (u 0: none); title and label of the axis.
     """
 
     samples: FloatArray
@@ -50,9 +50,9 @@ def histogram(panel: figures.Axes, item: Trials) -> None:
     (value, u, dof), percent = item.first, f"{100 * item.probability:.4g} %"
     half = coverage_factor(item.probability, dof) * u if u > 0.0 else 0.0
     first_ends = [value - half, value + half] if u > 0.0 else []
-    known = [*item.ends, *first_ends]
-    room = max(MARGIN * (max(known) - min(known)), 1e-6 * max(map(abs, known)), 1e-300)
-    limits = min(known) - room, max(known) + room
+    ends = [*item.ends, *first_ends]
+    room = max(MARGIN * (max(ends) - min(ends)), 1e-6 * max(map(abs, ends)), 1e-300)
+    limits = min(ends) - room, max(ends) + room
     panel.hist(
         item.samples, BINS, range=limits, density=True, histtype="stepfilled",
         color=figures.PALE, label="Monte Carlo trials",
@@ -72,11 +72,11 @@ def histogram(panel: figures.Axes, item: Trials) -> None:
     panel.locator_params(axis="x", nbins=5)
 
 
-def histograms(text: str, shown: Sequence[Trials]) -> figures.Figure:
+def histograms(text: str, trials: Sequence[Trials]) -> figures.Figure:
     """A page of histograms."""
-    count, columns = max(1, len(shown)), max(1, min(len(shown), 3))
+    count, columns = max(1, len(trials)), max(1, min(len(trials), 3))
     page = figures.blank(max(6.5, 3.7 * columns), 1.2 + 2.6 * math.ceil(count / columns))
-    for panel, item in zip(figures.panels_of(page, count, columns), shown, strict=False):
+    for panel, item in zip(figures.panels_of(page, count, columns), trials, strict=False):
         histogram(panel, item)
     figures.legend(page, 2)
     figures.title(page, text)
@@ -85,50 +85,50 @@ def histograms(text: str, shown: Sequence[Trials]) -> figures.Figure:
 
 @figures.styled
 def budget(result: BudgetResult) -> figures.Figure:
-    """For every output a bar an input, and beside it the histogram of the trials."""
-    shown, run = result.outputs[:OUTPUTS], result.run
+    """For every output the shares of the inputs as bars, and the histogram of the trials."""
+    outputs, run = result.outputs[:OUTPUTS], result.run
     height = max(2.4, 0.26 * (1 + min(SHARES, len(result.given.quantities))) + 1.2)
-    page = figures.blank(10.0, 0.9 + len(shown) * height)
-    panels = page.subplots(len(shown), 2, squeeze=False)
-    for (left, right), item, samples in zip(panels, shown, run.samples, strict=False):
+    page = figures.blank(10.0, 0.9 + len(outputs) * height)
+    panels = page.subplots(len(outputs), 2, squeeze=False)
+    for (chart, hist), item, samples in zip(panels, outputs, run.samples, strict=False):
         name, unit = cut(item.name, NAME), f" {item.unit}" if item.unit else ""
         # None where there is no first order.
         shares = np.nan_to_num(100.0 * item.share)
         order = np.argsort(-np.abs(shares), kind="stable")[:SHARES].tolist()
         names = [cut(result.given.quantities[i].name, NAME) for i in order]
-        figures.bars(left, names, shares[order], [f"{shares[i]:.1f}" for i in order])
-        left.set(xlabel="share of u², %", title=f"{name}: shares of the variance")
+        figures.bars(chart, names, shares[order], [f"{shares[i]:.1f}" for i in order])
+        chart.set(xlabel="share of u², %", title=f"{name}: shares of the variance")
         text = f"{name} = {with_u(item.value, item.u or None)[0]}{unit}\nu = {significant(item.u)}"
         text += f", by Monte Carlo {significant(item.of_run('u'))}{unit}"
         ends, curve = (item.of_run("low"), item.of_run("high")), (item.value, item.u, item.dof)
         label = name + unit.replace(" ", ", ", 1)
-        histogram(right, Trials(samples, ends, curve, text, label, run.probability))
+        histogram(hist, Trials(samples, ends, curve, text, label, run.probability))
     figures.legend(page)
     return page
 
 
 @figures.styled
-def simulated(result: GraphSimulation) -> figures.Figure:
+def simulation(result: GraphSimulation) -> figures.Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
-    varying = [item for item in result.coordinates if not item.fixed]
-    most = [max(y.u for y in varying if y.output.unit == x.output.unit) for x in varying]
-    seen = [x for x, u in zip(varying, most, strict=True) if x.u >= SEEN * u][:COORDINATES]
-    shown = []
-    for item in seen:
+    variables = [item for item in result.coordinates if not item.fixed]
+    maxima = [max(y.u for y in variables if y.output.unit == x.output.unit) for x in variables]
+    selection = [x for x, u in zip(variables, maxima, strict=True) if x.u >= SEEN * u][:COORDINATES]
+    trials = []
+    for item in selection:
         factor, unit = small_unit(item.output.unit)
         ends, u = [end * factor for end in item.deviations], item.first_order_u * factor
         samples = (item.samples - item.nominal) * factor
         text = f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}"
         of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
-        shown.append(Trials(samples, ends, (0.0, u, math.inf), text, of))
-    some = f" ({len(seen)} of {len(varying)})" if len(seen) < len(varying) else ""
-    return histograms(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}", shown)
+        trials.append(Trials(samples, ends, (0.0, u, math.inf), text, of))
+    few = f" ({len(selection)} of {len(variables)})" if len(selection) < len(variables) else ""
+    return histograms(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{few}", trials)
 
 
 @figures.styled
-def swept(result: Sweep) -> figures.Figure:
-    """u by Monte Carlo with two standard errors against the first of what is varied, a line for
-    each value of the rest.
+def sweep_curves(result: Sweep) -> figures.Figure:
+    """u by Monte Carlo with two standard errors over the first varied parameter, a line for each
+    value of the others.
     """
     names = [name for name, values in result.varied.items() if len(values) > 1]
     first, *rest = names or list(result.varied)
@@ -138,14 +138,14 @@ def swept(result: Sweep) -> figures.Figure:
     page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
     panel, short = page.subplots(), cut(str(result.output), NAME)
     factor, unit = small_unit(result.output.unit)
-    named = spread(len(lines), LINES)
+    indices = spread(len(lines), LINES)
     for i, ((label, points), colour) in enumerate(
         zip(lines.items(), figures.shades(len(lines)), strict=True)
     ):
         y, se = np.nan_to_num([(point.u, point.se_u) for point in points]).T * factor
         panel.errorbar(
             [item.at[first] for item in points], y, 2 * se, fmt="o-", ms=4, color=colour,
-            label=label if i in named else None,
+            label=label if i in indices else None,
         )  # fmt: skip
     panel.set(xlabel=first, ylabel=f"u of {short}, {unit}", ylim=(0, None))
     if result.formula is not None:

@@ -32,11 +32,11 @@ def with_u(value: float | None, u: float | None, digits: int = 2) -> tuple[str, 
         return significant(value, PLAIN_DIGITS), "0" if u == 0 else MISSING
     exponent = decimal_exponent(u, digits)
     last, largest = exponent - digits + 1, max(exponent, decimal_exponent(value, digits))
-    return _rounded(value, last, largest), _rounded(u, last, largest)
+    return _round(value, last, largest), _round(u, last, largest)
 
 
 def plus_minus(value: float | None, u: float | None, digits: int = 2) -> str:
-    """ "-0.3 ± 8.1", or the value alone where u is not known."""
+    """ "-0.3 ± 8.1", or the value alone without u."""
     first, second = with_u(value, u, digits)
     return first if MISSING in (first, second) else f"{first} ± {second}"
 
@@ -58,7 +58,7 @@ def significant(value: float | None, digits: int = 2) -> str:
     if not known(value) or value == 0:
         return "0" if value == 0 else MISSING
     exponent = decimal_exponent(value, digits)
-    text = _rounded(value, exponent - digits + 1, exponent)
+    text = _round(value, exponent - digits + 1, exponent)
     plain = digits >= PLAIN_DIGITS and "." in text and "e" not in text
     return text.rstrip("0").rstrip(".") if plain else text
 
@@ -120,7 +120,7 @@ def decimal_exponent(value: float, digits: int) -> int:
     return int(f"{value:.{digits - 1}e}".partition("e")[2])
 
 
-def _rounded(value: float, last: int, exponent: int) -> str:
+def _round(value: float, last: int, exponent: int) -> str:
     """`value` to the place 10^last, as a multiple of 10^exponent where digits would be many."""
     if exponent >= SMALLEST and last <= LARGEST_PLACE:
         return _unsigned_zero(f"{value:.{-last}f}" if last < 0 else f"{round(value, -last):.0f}")

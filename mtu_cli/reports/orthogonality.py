@@ -82,12 +82,12 @@ def document(result: OrthogonalityResult, digits: int = 2) -> Document:
 @figures.styled
 def figure(result: OrthogonalityResult) -> figures.Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
-    shown = []
+    trials = []
     for item in result.angles[:DRAWN]:
         run, model = item.run, item.model
         mean = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0]
         first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]
-        shown.append(
+        trials.append(
             Trials(
                 run.samples[0] / ARCSEC,
                 (float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)),
@@ -96,4 +96,4 @@ def figure(result: OrthogonalityResult) -> figures.Figure:
                 "angle minus 90 degrees, arcsec",
             )
         )
-    return histograms("Angles between rows and columns", shown)
+    return histograms("Angles between rows and columns", trials)

@@ -91,16 +91,16 @@ def point(axes: tuple[str, ...], independent: bool = False) -> Fields:
     return declare(
         POINT,
         of_axes=of_axes,
-        mark=lambda item: DAGGER if _outside(item) else "",
+        mark=lambda item: DAGGER if _components_outside(item) else "",
         diameter=lambda value, u, digits: f"⌀{value:g}",
-        outside=_outside,
+        outside=_components_outside,
     )
 
 
-def _outside(item: Any) -> list[str]:
+def _components_outside(item: Any) -> list[str]:
     """Components whose measured range the feature leaves."""
-    left: list[str] = item.table.prediction.beyond.get(item.prediction.ids, [])
-    return left
+    components: list[str] = item.table.prediction.beyond.get(item.prediction.ids, [])
+    return components
 
 
 def _rows(result: PointsResult) -> list[RowOf]:
@@ -123,7 +123,7 @@ RESULTS = results(ROW, with_covariance=True)
 
 
 def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = False) -> Document:
-    """One row a feature; the covariance between all features and axes where it is asked for."""
+    """One row a feature; with --covariance that between all features and axes."""
     title, (axes, ids) = "Errors of the features", (result.prediction.axes, result.prediction.ids)
     fields, k = point(axes, result.independent), result.coverage_factor
     footer = f"U = {k:g} u; error = actual minus nominal; {KIND[result.independent]}"
@@ -137,9 +137,9 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
     )
     if least := least_conforming(ids, result.conformance):
         verdict += f" {least}."
-    shown = results(fields, with_covariance=with_covariance), result
+    source = results(fields, with_covariance=with_covariance), result
     table = Table(title, fields, _rows(result), footer)
-    return Document(title, shown, [table], partial(figure, result), verdict, digits)
+    return Document(title, source, [table], partial(figure, result), verdict, digits)
 
 
 @figures.styled
@@ -157,11 +157,11 @@ def figure(result: PointsResult) -> figures.Figure:
         covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
         side = Side("", figures.BLUE, errors, covariance)
         maps = Maps(ids, result.points, axes, (("", (side,)),), k)
-        inside = 100 * (1 - math.exp(-(k**2) / 2))
+        share = 100 * (1 - math.exp(-(k**2) / 2))
         sheet = Sheet(maps)
         page = figures.blank(sheet.width, sheet.height)
-        sheet.draw(page, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
+        sheet.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")
         return page
     U = k * np.sqrt(result.variance) / UM
-    shown = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
-    return figures.listing(f"{title} ± {k:g} u", _names(result), shown, "um")
+    intervals = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
+    return figures.listing(f"{title} ± {k:g} u", _names(result), intervals, "um")

@@ -1,4 +1,4 @@
-"""Simulated readings, points and drift readings as CSV files of the contract, or a laser's own."""
+"""Simulated readings, points and drift readings as CSV files of the contract, or of a laser."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ class Synthetic:
         body = csv_text(list(self.columns), rows) if self.body is None else self.body
         return heading + self.comment + body
 
-    def typed(self) -> dict[str, list[str | float | None]]:
-        """Its columns as whoever reads the file has them: numbers, where all cells are such."""
-        return {name: _typed(cells) for name, cells in self.columns.items()}
+    def values(self) -> dict[str, list[str | float | None]]:
+        """Its columns as read from the file: numbers, where all cells are such."""
+        return {name: _values(cells) for name, cells in self.columns.items()}
 
 
-def _typed(cells: list[str]) -> list[str | float | None]:
+def _values(cells: list[str]) -> list[str | float | None]:
     for kind in (int, float):
         try:
             return [kind(cell) if cell else None for cell in cells]
@@ -55,46 +55,46 @@ def _typed(cells: list[str]) -> list[str | float | None]:
     return [*cells]
 
 
-def readings_file(made: SimulatedReadings) -> Synthetic:
+def readings_file(readings: SimulatedReadings) -> Synthetic:
     """A readings file; errors to seven digits."""
     columns = {
-        "component": [*made.component],
-        "position_mm": _texts(made.position, "{:.6g}"),
-        "pass": _texts(made.pass_number, "{:d}"),
-        "direction": ["reverse" if sign < 0 else "forward" for sign in made.direction],
-        "error": _texts(made.error, "{:.7g}"),
-        "unit": [*made.unit],
+        "component": [*readings.component],
+        "position_mm": _texts(readings.position, "{:.6g}"),
+        "pass": _texts(readings.pass_number, "{:d}"),
+        "direction": ["reverse" if sign < 0 else "forward" for sign in readings.direction],
+        "error": _texts(readings.error, "{:.7g}"),
+        "unit": [*readings.unit],
     }
-    if not (made.direction != 0).any():
+    if not (readings.direction != 0).any():
         del columns["direction"]
     return Synthetic(columns)
 
 
-def points_file(made: SimulatedPoints) -> Synthetic:
+def points_file(points: SimulatedPoints) -> Synthetic:
     """A points file; coordinates to 1 nm, covariates to nine digits."""
-    columns = {"part": [*made.part], "feature": [*made.feature]}
-    columns["repeat"] = _texts(made.repeat, "{:d}")
-    if made.operation:
-        columns["operation"] = [made.operation] * len(made.part)
-    for axis, values in zip(made.axes, made.measured.T, strict=True):
+    columns = {"part": [*points.part], "feature": [*points.feature]}
+    columns["repeat"] = _texts(points.repeat, "{:d}")
+    if points.operation:
+        columns["operation"] = [points.operation] * len(points.part)
+    for axis, values in zip(points.axes, points.measured.T, strict=True):
         columns[f"{axis}_mm"] = _texts(values, "{:.6f}")
-    columns |= {name: _texts(values, "{:.9g}") for name, values in made.covariates.items()}
+    columns |= {name: _texts(values, "{:.9g}") for name, values in points.covariates.items()}
     return Synthetic(columns)
 
 
-def drift_file(made: SimulatedDrift) -> Synthetic:
+def drift_file(drift: SimulatedDrift) -> Synthetic:
     """A drift file; temperatures to 1 mK, errors to 1 nm or a thousandth of the unit."""
-    errors = zip(made.error, made.unit, strict=True)
+    errors = zip(drift.error, drift.unit, strict=True)
     columns = {
-        "component": [*made.component],
-        "position_mm": _texts(made.position, "{:.6g}"),
-        "cycle": _texts(made.cycle, "{:d}"),
-        "time_min": _texts(made.time, "{:.9g}"),
+        "component": [*drift.component],
+        "position_mm": _texts(drift.position, "{:.6g}"),
+        "cycle": _texts(drift.cycle, "{:d}"),
+        "time_min": _texts(drift.time, "{:.9g}"),
         "error": [f"{x:.3f}" if unit in FINE else f"{x:.7g}" for x, unit in errors],
-        "unit": [*made.unit],
-        **{name: _texts(values, "{:.3f}") for name, values in made.temperatures.items()},
+        "unit": [*drift.unit],
+        **{name: _texts(values, "{:.3f}") for name, values in drift.temperatures.items()},
     }
-    sensors = zip(made.sensors.names, made.sensors.shares, made.sensors.lags, strict=True)
+    sensors = zip(drift.sensors.names, drift.sensors.shares, drift.sensors.lags, strict=True)
     each = [f"{name} {share:.3f} {lag:.1f}" for name, share, lag in sensors]
     lines = [", ".join(each[i : i + 4]) for i in range(0, len(each), 4)]
     return Synthetic(columns, SENSORS + "".join(f"#   {line}\n" for line in lines))

@@ -1,6 +1,6 @@
 """Tables for people: coloured on a terminal, aligned plain text in a pipe, at most 100 columns.
 
-Columns that have no room beside the others stand below them, behind the names of the rows again,
+Columns that do not fit in the width follow below, with the names of the rows again,
 as pandas prints a wide frame.
 """
 
@@ -42,23 +42,23 @@ class Sheet:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield Text(self.title, style="bold")
-        most = min(WIDTH, options.max_width)
+        limit = min(WIDTH, options.max_width)
         titles = [column.title for column in self.columns]
         if all(title.endswith("\n") for title in titles):
             titles = [title.rstrip("\n") for title in titles]
-        wanted, least = [], []
+        widths, least = [], []
         for i, column in enumerate(self.columns):
             lines = [*titles[i].split("\n"), *(row[i] for row in self.rows)]
-            wanted.append(max(map(cell_len, lines)))
+            widths.append(max(map(cell_len, lines)))
             # A heading breaks between its words only.
             words = max(map(cell_len, titles[i].split()), default=0)
-            least.append(min(wanted[-1], max(FOLDED, words)) if column.text else wanted[-1])
-        for n, group in enumerate(self._groups(least, most)):
+            least.append(min(widths[-1], max(FOLDED, words)) if column.text else widths[-1])
+        for n, group in enumerate(self._groups(least, limit)):
             if n > 0:
                 yield Text("")
             gaps = len(group) - 1
-            gap = 2 if sum(wanted[i] for i in group) + 2 * gaps <= most else 1
-            # On a terminal a rule below the headings, and a blank of its own between columns.
+            gap = 2 if sum(widths[i] for i in group) + 2 * gaps <= limit else 1
+            # On a terminal a rule below the headings, and one more blank between columns.
             box = SIMPLE_HEAD if console.is_terminal else None
             table = Table(
                 box=box, show_edge=False, pad_edge=False, padding=(0, gap - bool(box), 0, 0)
@@ -73,18 +73,18 @@ class Sheet:
                 cells = (row[i] for i in group)
                 table.add_row(*(Text(x, style="bold" if x.endswith("*") else "") for x in cells))
             # A terminal too narrow for a name and a number breaks the line itself.
-            room = max(most, sum(least[i] for i in group) + gaps)
+            room = max(limit, sum(least[i] for i in group) + gaps)
             yield from console.render(table, options.update(max_width=room))
         for note in self.notes:
             yield Text(note, style="dim", overflow="fold")
 
     def _groups(self, least: Sequence[int], width: int) -> list[list[int]]:
-        """The columns that stand side by side, by their places in the table."""
-        every = range(len(self.columns))
-        front = max(1, next((i for i in every if not self.columns[i].text), 1))
-        names = [i for i in every if i < front or self.columns[i].names]
+        """The groups of columns that fit side by side, by their places in the table."""
+        columns = range(len(self.columns))
+        front = max(1, next((i for i in columns if not self.columns[i].text), 1))
+        names = [i for i in columns if i < front or self.columns[i].names]
         groups, group = [], [*names]
-        for i in (i for i in every if i not in names):
+        for i in (i for i in columns if i not in names):
             if len(group) > len(names) and sum(least[j] + 1 for j in [*group, i]) - 1 > width:
                 groups.append(group)
                 group = [*names]

@@ -78,7 +78,7 @@ GRADIENT = """
 def component(item: ComponentDrift | None) -> Fields:
     """The figures of a component; the unit in their names is um or arcsec."""
     unit = "um" if item is None else item.rms_unit
-    return declare(COMPONENT, UNIT=unit, cycle=lambda held: "cycle", gradient=GRADIENT)
+    return declare(COMPONENT, UNIT=unit, cycle=lambda _: "cycle", gradient=GRADIENT)
 
 
 RESULTS = declare(
@@ -121,7 +121,7 @@ ROW = declare(
 def rows(item: ComponentDrift) -> Iterator[dict[str, Any]]:
     """Every sensor at every position; one row without a sensor where the model has none."""
     model, twins = item.estimate, {group[0]: group[1:] for group in item.groups}
-    together = {(x.position, sensor) for x in item.inseparable for sensor in x.sensors}
+    inseparable = {(x.position, sensor) for x in item.inseparable for sensor in x.sensors}
     if not item.gradients:
         yield {"drift": item}
     for at in item.gradients:
@@ -132,7 +132,7 @@ def rows(item: ComponentDrift) -> Iterator[dict[str, Any]]:
             "at": at,
             "sensor": sensor,
             "stands_for": twins.get(sensor, ()),
-            "separable": (at.position, sensor) not in together,
+            "separable": (at.position, sensor) not in inseparable,
             "share": item.shares.get(sensor),
             "lag": float(model.time_constants[i]),
             "vif": item.vif.get(sensor),
@@ -176,29 +176,29 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     )
     if any(item.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
-    every = [row for item in items for row in rows(item)]
+    entries = [row for item in items for row in rows(item)]
     of_sensors = (
         "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
         "separable: known together with other sensors only"
     )
-    known = [row for row in every if "sensor" in row]
+    gradients = [row for row in entries if "sensor" in row]
     tables = [
-        Table("", ROW, every, shown=()),
+        Table("", ROW, entries, selection=()),
         Table("Thermal models", MODEL, items, footer),
-        Table("Gradients of the sensors", ROW, known, of_sensors, detail=True),
+        Table("Gradients of the sensors", ROW, gradients, of_sensors, detail=True),
     ]
-    held = {item.name: item.held_out.reduction for item in items if item.held_out is not None}
-    held = {name: reduction for name, reduction in held.items() if math.isfinite(reduction)}
+    gains = {item.name: item.held_out.reduction for item in items if item.held_out is not None}
+    gains = {name: reduction for name, reduction in gains.items() if math.isfinite(reduction)}
     verdict = "No cycle is held out: the fit alone does not validate the models."
-    if held:
-        least = min(held, key=held.__getitem__)
-        others = listed(item.name for item in items if item.name not in held)
-        by = f"{fixed(100 * abs(held[least]), 0)} %"
-        if held[least] < 0:
+    if gains:
+        least = min(gains, key=gains.__getitem__)
+        rest = listed(item.name for item in items if item.name not in gains)
+        by = f"{fixed(100 * abs(gains[least]), 0)} %"
+        if gains[least] < 0:
             change = f"increase the rms drift by up to {by} (most: {least})"
         else:
-            change = f"reduce the rms drift by {by}{' or more' * (len(held) > 1)} (least: {least})"
-        unknown = f"; not validated: {others}" if others else ""
+            change = f"reduce the rms drift by {by}{' or more' * (len(gains) > 1)} (least: {least})"
+        unknown = f"; not validated: {rest}" if rest else ""
         verdict = f"On held-out cycles the thermal models {change}{unknown}."
     figure_ = partial(figure, fit)
     return Document("Thermal models", (RESULTS, fit), tables, figure_, verdict, digits)
@@ -209,22 +209,22 @@ def figure(fit: ThermalFit) -> figures.Figure:
     """Measured and modelled drift, a panel a component, its cycles one after the other; where the
     drift differs along an axis a colour a position.
     """
-    shown = list(fit.components.values())[:DRAWN]
-    page = figures.blank(9.0, 0.9 + 2.75 * max(1, len(shown)))
-    for panel, item in zip(figures.panels_of(page, len(shown), 1), shown, strict=True):
+    items = list(fit.components.values())[:DRAWN]
+    page = figures.blank(9.0, 0.9 + 2.75 * max(1, len(items)))
+    for panel, item in zip(figures.panels_of(page, len(items), 1), items, strict=True):
         _curves(panel, item)
-    some = f" of {len(shown)} of {len(fit.components)} components"
-    some = some if len(shown) < len(fit.components) else ""
+    some = f" of {len(items)} of {len(fit.components)} components"
+    some = some if len(items) < len(fit.components) else ""
     figures.title(page, f"Drift with temperature{some}: measured (dots), modelled (lines)")
     return page
 
 
 def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
-    every = list(dict.fromkeys(curve.position for curve in item.curves))
-    drawn = [every[i] for i in spread(len(every), POSITIONS)]
-    along, start = item.estimate.degree > 0 and len(drawn) > 1, 0.0
-    shades = figures.shades(len(drawn)) if along else [figures.BLUE] * len(drawn)
-    colours = dict(zip(drawn, shades, strict=True))
+    places = list(dict.fromkeys(curve.position for curve in item.curves))
+    positions = [places[i] for i in spread(len(places), POSITIONS)]
+    along, start = item.estimate.degree > 0 and len(positions) > 1, 0.0
+    shades = figures.shades(len(positions)) if along else [figures.BLUE] * len(positions)
+    colours = dict(zip(positions, shades, strict=True))
     for cycle in dict.fromkeys(curve.cycle for curve in item.curves):
         curves = [curve for curve in item.curves if curve.cycle == cycle and len(curve.time)]
         panel.axvline(start, color=figures.GREY, linewidth=0.7, linestyle="--")
@@ -237,9 +237,9 @@ def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
         start += max((float(np.ptp(curve.time)) for curve in curves), default=0.0)
     panel.set_xlabel("min, and the cycles one after the other")
     panel.set_ylabel(f"drift, {item.rms_unit}")
-    held = item.held_out
-    kind = "rms of held-out cycles" if held else "rms of the fit (nothing held out)"
-    rms = (held.before, held.after) if held else (item.rms_before, item.rms_after)
+    held_out = item.held_out
+    kind = "rms of held-out cycles" if held_out else "rms of the fit (nothing held out)"
+    rms = (held_out.before, held_out.after) if held_out else (item.rms_before, item.rms_after)
     change = " → ".join(significant(x / item.rms_size, 3) for x in rms)
     panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {item.rms_unit}")
     if along:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from mtu_cli.cli.main import called
+from mtu_cli.cli.main import exit_code
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 SEED, DRAWS = 45, 4
@@ -181,7 +181,7 @@ def simulate(folder: Path, of: str, study: str, seed: int) -> Frame:
     to, config = folder / "sound.csv", CONFIGS / study
     rest = [*SIMULATE[study], *(DRIFT if of == "drift" else ["--passes", "5"])]
     call = ["simulate", "-q", "-m", config / "truth.yaml", "-p", config / "part.yaml", *rest]
-    assert called([*map(str, call), "--seed", str(seed), f"--write-{of}", str(to)]) == 0
+    assert exit_code([*map(str, call), "--seed", str(seed), f"--write-{of}", str(to)]) == 0
     return pd.read_csv(to, comment="#")
 
 

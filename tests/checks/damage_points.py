@@ -15,7 +15,7 @@ import pandas as pd
 import yaml
 
 from checks.damage import CONFIGS, DRAWS, SEED, Frame, Random
-from mtu_cli.cli.main import called
+from mtu_cli.cli.main import exit_code
 
 Document = dict[str, Any]
 
@@ -271,7 +271,7 @@ def simulate(folder: Path, study: Study, seed: int) -> Case:
     machine, part = CONFIGS / study.machine, CONFIGS / study.part
     call = ["simulate", "-q", "-m", machine, "-p", part, "--parts", "8", "--repeats", "2"]
     call += [*study.options, "--seed", seed, "--write-cmm", to]
-    assert called([*map(str, call)]) == 0
+    assert exit_code([*map(str, call)]) == 0
     documents = [yaml.safe_load(path.read_text("utf-8")) for path in (part, machine)]
     return Case(pd.read_csv(to, comment="#"), *documents)
 

@@ -20,7 +20,7 @@ from unittest.mock import patch
 
 from support import CONFIGS, SIMULATED
 
-from mtu_cli.cli.main import called
+from mtu_cli.cli.main import exit_code
 
 HERE = Path(__file__).parent
 VALID = HERE / "valid"
@@ -67,7 +67,7 @@ def mtu(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = 
         warnings.resetwarnings()
         # Of numpy's, such as of a division by zero, a user would see the text: they are faults.
         warnings.simplefilter("error", RuntimeWarning)
-        code = called([*map(str, args)])
+        code = exit_code([*map(str, args)])
     said = [stream.buffer.getvalue().decode() for stream in (out, error)]
     return subprocess.CompletedProcess([*map(str, args)], code, *said)
 

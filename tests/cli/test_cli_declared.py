@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from cli_runner import done, mtu, shared
 
-from mtu_cli.reports.document import REPORTS, declared, described, described_columns
+from mtu_cli.reports.document import REPORTS, column_meanings, declaration, meanings
 from mtu_cli.reports.fields import Fields, Group, fields_of
 
 GAUGE, IMPEDANCE = ("gum-h1-end-gauge.yaml", "gum-h2-impedance.yaml")
@@ -70,7 +70,7 @@ def undeclared(known: Any, value: Any, at: str = "") -> set[str]:
 
 @pytest.mark.parametrize("command", REPORTS)
 def test_every_field_and_column_is_declared_once(command: str) -> None:
-    results, row = declared(command)
+    results, row = declaration(command)
     known = tree(results)
     if command == "budget":
         # Of one output its figures stand where `outputs` does for several.
@@ -80,7 +80,7 @@ def test_every_field_and_column_is_declared_once(command: str) -> None:
         assert undeclared(known, made.report["results"]) == set()
         header = next(csv.reader([made.table.partition("\n")[0]]))
         free = ("share_", "coefficient_", "u_coefficient_")
-        columns = {name for name, _ in described_columns(row)}
+        columns = {name for name, _ in column_meanings(row)}
         assert {x for x in header if not x.startswith(free)} <= columns
 
 
@@ -88,6 +88,6 @@ def test_every_field_and_column_is_declared_once(command: str) -> None:
 def test_help_explains_every_field_and_column(command: str) -> None:
     shown = done(mtu("help", command)).stdout
     for name in (each for each in REPORTS if each.partition(" ")[0] == command):
-        results, row = declared(name)
-        for key, meaning in [*described(results), *described_columns(row)]:
+        results, row = declaration(name)
+        for key, meaning in [*meanings(results), *column_meanings(row)]:
             assert f"| `{key}` | {meaning.replace('|', chr(92) + '|')} |" in shown

@@ -9,7 +9,7 @@ from cli_runner import done, listing, mtu, report
 from support import CONFIGS
 
 from mtu_cli.analyses.graph import PARAMETERS
-from mtu_cli.cli.measurement import varied
+from mtu_cli.cli.measurement import variations
 from mtu_cli.findings import InputError
 
 GRAPHS = CONFIGS / "graphs"
@@ -52,7 +52,7 @@ def test_sweep() -> None:
     assert formula["monte_carlo"]["standard_error_percent"] == pytest.approx(2.2, abs=0.2)
     assert set(results["places"]["d_AC"]["value"]) >= FIELDS
     with pytest.raises(InputError, match="appears twice"):
-        varied(["axis_um=1,1"], PARAMETERS)
+        variations(["axis_um=1,1"], PARAMETERS)
 
 
 @pytest.mark.parametrize(

@@ -24,10 +24,10 @@ from mtu_cli.reports.document import (
     REPORTS,
     Document,
     Table,
-    declared,
-    described,
-    described_columns,
+    column_meanings,
+    declaration,
     envelope,
+    meanings,
 )
 from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
 from mtu_cli.reports.tables import Sheet, plain_text
@@ -119,7 +119,7 @@ def test_millimetres_have_decimals_where_any_has() -> None:
 def test_what_needs_detail_is_not_shown_without_it() -> None:
     tables = [Table(title=t, fields=FIELDS, items=[item()], detail=t == "B") for t in "AB"]
     document = Document("t", (FIELDS, item()), tables, None, verdict="It is so.")
-    short, long = (plain_text(document.shown(detail=detail)) for detail in (False, True))
+    short, long = (plain_text(document.blocks(detail=detail)) for detail in (False, True))
     assert short.startswith("It is so.\nA\n")
     assert ("B\n" in short, "B\n" in long) == (False, True)
 
@@ -141,8 +141,8 @@ def test_rows_of_arrays_are_items() -> None:
 
 @pytest.mark.parametrize("name", REPORTS)
 def test_every_figure_is_declared_once_and_explained(name: str) -> None:
-    results, row = declared(name)
-    for known in (list(described(results)), list(described_columns(row))):
+    results, row = declaration(name)
+    for known in (list(meanings(results)), list(column_meanings(row))):
         assert [path for path, meaning in known if not meaning] == []
         assert [path for path, n in Counter(path for path, _ in known).items() if n > 1] == []
 

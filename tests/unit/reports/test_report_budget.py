@@ -27,7 +27,7 @@ CSV_COLUMNS = "output,name,unit,value,u,type,distribution,dof,sensitivity,contri
 
 
 def shown(result: BudgetResult, *, detail: bool = False) -> str:
-    return plain_text(document(result).shown(detail=detail))
+    return plain_text(document(result).blocks(detail=detail))
 
 
 ONE = """
@@ -128,5 +128,5 @@ def test_correlations_of_inputs_are_reported_and_a_footer_explains_no_missing_co
     assert found.record()["input_correlation"]["inputs"] == ["a", "b", "c"]
     matrix = np.array(found.record()["input_correlation"]["matrix"])
     np.testing.assert_allclose(matrix[:2, :2], [[1.0, 0.5], [0.5, 1.0]])
-    assert "share" in plain_text(found.shown())
+    assert "share" in plain_text(found.blocks())
     assert "share" not in shown(evaluated(text.replace("u: 1", "u: 0")))

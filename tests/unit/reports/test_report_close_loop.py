@@ -87,7 +87,7 @@ def test_a_report_is_json_fits_100_columns_and_has_a_picture(name: str) -> None:
     found = document(EXAMPLES[name])
     record = found.record()
     assert json.loads(report_bytes(record)) == record
-    text = plain_text(found.shown(detail=True))
+    text = plain_text(found.blocks(detail=True))
     assert max(map(len, text.splitlines())) <= 100
     assert found.figure is not None
     assert figure_bytes(found.figure(), ".png").startswith(b"\x89PNG")

@@ -54,7 +54,7 @@ def fitted(given: Example) -> FitResult:
 
 
 def text_of(given: Example, *, detail: bool = False) -> str:
-    return plain_text(document(fitted(given)).shown(detail=detail))
+    return plain_text(document(fitted(given)).blocks(detail=detail))
 
 
 def rows_of(made: Document) -> list[dict[str, str]]:

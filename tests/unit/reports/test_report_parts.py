@@ -48,7 +48,7 @@ def recorded(document: Document) -> dict[str, Any]:
 
 
 def shown(document: Document, *, detail: bool = False) -> str:
-    text = plain_text(document.shown(detail=detail))
+    text = plain_text(document.blocks(detail=detail))
     assert max(map(len, text.splitlines())) <= 100
     return text
 

@@ -86,7 +86,7 @@ def test_tables_fit_and_round_to_the_uncertainty(
     ids = tuple("hole_number_" * 4 + str(i) for i in range(24))
     long = replace(points, prediction=replace(points.prediction, ids=ids))
     made = [*documents(given), predict_points.document(long)]
-    texts = [plain_text(each.shown(detail=detail)) for each in made]
+    texts = [plain_text(each.blocks(detail=detail)) for each in made]
     for text in texts:
         assert max(map(len, text.splitlines())) <= 100
     row = next(x for x in texts[1].splitlines() if x.startswith("3-15"))

@@ -108,4 +108,4 @@ def test_details_have_the_gradient_of_every_sensor_at_every_position(fit: Therma
     heads = [column.title for column in sheet.columns]
     values = [row[heads.index("gradient\nper degC")] for row in sheet.rows]
     assert all("±" in value for value in values)
-    assert "Gradients" not in plain_text(document(fit).shown())
+    assert "Gradients" not in plain_text(document(fit).blocks())
