@@ -43,23 +43,23 @@ class Term(NamedTuple):
     lever: Node
 
 
-def without_references(found: Diagnosis) -> Diagnosis:
+def without_references(diagnosis: Diagnosis) -> Diagnosis:
     """A diagnosis without the offsets that say no more than where effects are counted from: with
-    the level these are zero at a value of a covariate that may have been met, or at the temperature
-    of reference (its 95 % interval reaches there), which is reported instead.
+    the level these are zero at a value of a covariate within its range, or at the temperature of
+    reference (the 95 % interval reaches there), which is reported instead.
     """
-    table = found.design.table
+    table = diagnosis.design.table
     values = TableData.of(table).values
-    for offset in found.offsets if found.entries else ():
-        rest = replace(found, offsets=tuple(x for x in found.offsets if x is not offset))
+    for offset in diagnosis.offsets if diagnosis.entries else ():
+        rest = replace(diagnosis, offsets=tuple(x for x in diagnosis.offsets if x is not offset))
         sizes = estimated(rest.models, rest.model, sets=False)
         for each in crossings(described(rest, sizes), sizes.covariance, table):
-            met, (low, high) = values[each.covariate], each.interval95
-            told = low <= met.max() and high >= met.min()
-            told |= is_temperature(each.covariate) and low <= REFERENCE_DEGC <= high
-            if told and each.covariate not in AXES and offset.name == f"offset-{each.axis}":
-                found = rest
-    return found
+            column, (low, high) = values[each.covariate], each.interval95
+            inside = low <= column.max() and high >= column.min()
+            inside |= is_temperature(each.covariate) and low <= REFERENCE_DEGC <= high
+            if inside and each.covariate not in AXES and offset.name == f"offset-{each.axis}":
+                diagnosis = rest
+    return diagnosis
 
 
 def crossings(
@@ -80,7 +80,7 @@ def crossings(
             _terms(effect, f"E{axis}") for effect in effects if f"E{axis}" in effect.equations
         ]
         if len(groups) > 1:
-            groups.insert(0, [x for own in groups for x in own] if all(groups) else [])
+            groups.insert(0, [x for terms in groups for x in terms] if all(groups) else [])
         for name in (name for name in columns if not name.startswith("dir_")):
             for i, group in enumerate(groups):
                 levels = [
@@ -110,7 +110,7 @@ def crossings(
 
 
 def _terms(effect: FoundEffect, key: str) -> list[Term]:
-    """Of an effect that is a sum of sizes times levers, but for sizes of which nothing is left."""
+    """Of an effect that is a sum of sizes times levers, but for sizes that are not estimable."""
     if effect.candidate.over is not None or effect.table is not None:
         return []
     pairs = zip(effect.parameters, effect.rows, strict=True)
@@ -146,7 +146,7 @@ def _zero(
         return None
     U, s, _ = np.linalg.svd(np.hstack([M, R]), full_matrices=False)
     M, R = (U[:, s > 1e-6 * s[0]].T @ X for X in (M, R))
-    # What is zero there whatever its sizes has no zero of its own.
+    # A sum that is zero there whatever the sizes has no zero to estimate.
     if np.linalg.matrix_rank(np.array([M.ravel(), R.ravel()]), tol=1e-6 * s[0]) < 2:
         return None
     b, C = np.array([x.size.value for x in group]) / u, C / u / u[:, None]
@@ -173,8 +173,8 @@ def _zero(
     inside, outside = np.repeat(t, 2), t[0] + np.array([-2.0, 2.0])
     for _ in range(50):
         middle = (inside + outside) / 2
-        held = tests(middle)[0] <= limit
-        inside, outside = np.where(held, middle, inside), np.where(held, outside, middle)
+        accept = tests(middle)[0] <= limit
+        inside, outside = np.where(accept, middle, inside), np.where(accept, outside, middle)
     if np.ptp(inside) > 2:
         return None
     first, last = (centre + half * inside).tolist()

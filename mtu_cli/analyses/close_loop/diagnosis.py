@@ -82,8 +82,8 @@ def diagnosed(
     """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
     there = np.isfinite(table.errors).all(axis=2) & table.there
     hit = outliers(table.errors, there, free_lines(table), steps_of(table))
-    kept = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
-    table = replace(table, errors=kept)
+    errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
+    table = replace(table, errors=errors)
     moving: list[tuple[str, float, float]] = []
     while True:
         likelihood = posed(table, candidates, [name for name, _, _ in moving])
@@ -127,7 +127,7 @@ def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str
         item = best[i]
         if item < 0 or i in {design.members[m].candidate for m in models.members(model)}:
             continue
-        means = design.columns.means[list(design.members[item].own), a]
+        means = design.columns.means[list(design.members[item].terms), a]
         if not np.any(np.abs(means) > 1e-9):
             continue
         level, u, _ = level_of(like, like.fit(models.columns((*model, item))), a)

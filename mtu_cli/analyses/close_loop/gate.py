@@ -26,9 +26,9 @@ CHECKS = ("pattern", "walk", "field")
 AMPLITUDES = np.geomspace(1e-2, 1e4, 30)
 """Variances of a random function over the stratum's, among which the largest likelihood is."""
 LEAST_LEFT = 2e-3
-"""Share of a column's information that must be left beside base and margins."""
+"""Share of a column's information that must remain with base and margins partialled out."""
 LEAST_SHARE = 1e-4
-"""Of a column's information that a stratum has, to be asked."""
+"""Of a column's information, from which on a stratum counts."""
 ALMOST_ONE = 1 - 1e-9
 AT_HAND = 100_000
 """Numbers of null tables that are made at once."""
@@ -53,9 +53,9 @@ class Gate:
         if key not in self._drawn:
             self._drawn[key] = self._tests(columns)
         names, T = self._drawn[key]
-        known = np.isin(names, scatter)
-        p = _adjusted(np.where(known, 0.0, T)).tolist()
-        return {n: x for n, x, out in zip(names, p, known, strict=True) if not out}
+        present = np.isin(names, scatter)
+        p = _adjusted(np.where(present, 0.0, T)).tolist()
+        return {n: x for n, x, out in zip(names, p, present, strict=True) if not out}
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
@@ -81,8 +81,8 @@ class Gate:
 
         Means of parts and features are rotated, all axes alike; cells of the interaction permuted
         among the parts within each feature, so that heavy tails and features that scatter more
-        stay. Where features have no scatter of their own (readings), all are rotated. What is known
-        of the parts' scatter beforehand are further coordinates of the sphere on which they turn.
+        stay. Where features have no scatter (readings), all are rotated. Prior knowledge of the
+        parts' scatter is further coordinates of the sphere on which they turn.
         """
         strata, like, rng = self.strata, self.likelihood, self.rng
         up = np.sqrt(like.n / fit.dof)
@@ -120,18 +120,18 @@ class Gate:
         """
         strata, like, rng = self.strata, self.likelihood, self.rng
         alike = len({int(strata.sizes[s]) for s in group}) == 1
-        for own in [group] if alike else [[s] for s in group]:
-            Z = np.stack([fit.residual[strata.slices[s]] * up[s] for s in own])
-            if more := round(like.extra_dof[own].max()):
-                beside = rng.normal(size=(len(own), more))
-                sizes = np.sqrt(like.extra[own]) * up[own] / np.linalg.norm(beside, axis=1)
-                Z = np.concatenate([Z, beside * sizes[:, None]], axis=1)
+        for block in [group] if alike else [[s] for s in group]:
+            Z = np.stack([fit.residual[strata.slices[s]] * up[s] for s in block])
+            if more := round(like.extra_dof[block].max()):
+                extra = rng.normal(size=(len(block), more))
+                sizes = np.sqrt(like.extra[block]) * up[block] / np.linalg.norm(extra, axis=1)
+                Z = np.concatenate([Z, extra * sizes[:, None]], axis=1)
             g, whole = Z.shape
             R = np.linalg.qr(Z.T)[1]
             frame = np.linalg.qr(rng.normal(size=(len(null), whole, min(g, whole))))[0]
             signs = rng.choice([-1.0, 1.0], size=(len(null), 1, frame.shape[2]))
             turned = np.swapaxes((frame * signs) @ R, 1, 2)
-            for i, s in enumerate(own):
+            for i, s in enumerate(block):
                 null[:, strata.slices[s]] = turned[:, i, : int(strata.sizes[s])]
 
     # Tests.
@@ -148,36 +148,36 @@ class Gate:
         at: list[IntArray] = [np.zeros(0, int)]
         lps: list[FloatArray] = [np.zeros((len(Y), 0))]
         sums = [(Y[:, part] ** 2).sum(axis=1) for part in self.strata.slices]
-        # Where more is known of a stratum than its coordinates, all of it turns on one sphere.
+        # Prior knowledge of a stratum turns with its coordinates on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
         for group in design.groups(base):
-            k, tested = group.k, partial_out(design, group, base, w)
-            whole = tested.information.sum(axis=0)
+            k, partials = group.k, partial_out(design, group, base, w)
+            whole = partials.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
             each = size[:, :, None] * size[:, None, :]
-            good = np.all(size**2 > LEAST_LEFT * tested.alone, axis=1)
+            good = np.all(size**2 > LEAST_LEFT * partials.unadjusted, axis=1)
             good &= np.linalg.eigvalsh(whole / each)[:, 0] > 1e-5
-            # Of what is not separable no score is left.
+            # What is not separable has no score.
             size[~good], each[~good] = np.inf, np.inf
-            information = tested.information / each
+            information = partials.information / each
             inverse = np.linalg.inv(information.sum(axis=0) + ~good[:, None, None] * np.eye(k))
-            known, vectors = np.linalg.eigh(information)
-            y = w[:, None, None, None] * U[:, tested.beside]
-            sizes = tested.inverse @ y.sum(axis=0)
-            explained = np.einsum("mzn,smzn->smn", sizes, 2 * y - tested.inner @ sizes)
-            used = np.einsum("mzy,smyz->sm", tested.inverse, tested.inner)
+            values, vectors = np.linalg.eigh(information)
+            y = w[:, None, None, None] * U[:, partials.nuisance]
+            sizes = partials.inverse @ y.sum(axis=0)
+            explained = np.einsum("mzn,smzn->smn", sizes, 2 * y - partials.inner @ sizes)
+            used = np.einsum("mzy,smyz->sm", partials.inverse, partials.inner)
             total = np.zeros((*size.shape, len(Y)))
-            asked = known > LEAST_SHARE
-            for s in np.flatnonzero(asked.any(axis=(1, 2))).tolist():
-                i = np.flatnonzero(asked[s].any(axis=1))
+            informative = values > LEAST_SHARE
+            for s in np.flatnonzero(informative.any(axis=(1, 2))).tolist():
+                i = np.flatnonzero(informative[s].any(axis=1))
                 m = i if len(sizes) > 1 else slice(None)
-                score = w[s] * U[s][tested.own[i]] - tested.by[i] @ y[s, m]
-                score = (score - tested.rest[s, i] @ sizes[m]) / size[i, :, None]
-                among = np.where(asked[s, i], known[s, i], np.inf)[:, :, None]
-                stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / among, axis=1)
-                left = np.maximum(squares[:, s] - explained[s, m], least[s])
-                ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
+                score = w[s] * U[s][partials.terms[i]] - partials.slopes[i] @ y[s, m]
+                score = (score - partials.rest[s, i] @ sizes[m]) / size[i, :, None]
+                divisor = np.where(informative[s, i], values[s, i], np.inf)[:, :, None]
+                stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
+                residual = np.maximum(squares[:, s] - explained[s, m], least[s])
+                ratio = np.clip(stat / residual, 1e-300, ALMOST_ONE)
                 power = np.maximum(self.likelihood.n[s] - used[s, m] - 1 - k / 2, 0.5)
                 deviance = -power[:, None] * np.log1p(-ratio)
                 total[i] += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
@@ -200,9 +200,9 @@ class Gate:
                 continue
             level, u, _ = level_of(self.likelihood, fit, a)
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
-            own = self.rng.exponential(size=rows)
-            own[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
-            tests[candidate.name] = own
+            lp = self.rng.exponential(size=rows)
+            lp[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
+            tests[candidate.name] = lp
         return tests
 
     def _scatter(self, cells: FloatArray) -> tuple[dict[str, FloatArray], dict[str, float]]:
@@ -234,7 +234,7 @@ class Gate:
                 else:
                     of_parts = flat[drawn].reshape(len(drawn), P, H * A) @ lever
                     result[rows, k] = (of_parts**2).sum(axis=1)
-        n = float(sum(self.likelihood.drawn[s] for s in inner))
+        n = float(sum(self.likelihood.coordinate_dof[s] for s in inner))
         total = max(float(squares.sum()), 1e-300)
         kurtosis = max(float(np.mean((flat * flat * (flat.size / total)) ** 2)) - 3, 0.0)
         result = np.clip(result, 1e-9 * total, ALMOST_ONE * total)
@@ -278,9 +278,9 @@ class Gate:
                 continue
             total = np.zeros(len(Y))
             for s in group:
-                own = Y[:, strata.slices[s]]
-                form = np.einsum("bn,bn->b", own @ near[s], own)
-                total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
+                y = Y[:, strata.slices[s]]
+                form = np.einsum("bn,bn->b", y @ near[s], y)
+                total += form / np.maximum(np.einsum("bn,bn->b", y, y), 1e-300)
             checks[name] = calibrated(total)
         return checks
 
@@ -291,9 +291,9 @@ class Gate:
         """
         lag, places = np.arange(self.strata.shape[0]), self.design.table.mean_places
         places = places[:, np.isfinite(places).all(axis=0)]
-        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        distance = np.linalg.norm(places[:, None] - places[None], axis=-1)
         walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
-        field = np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))
+        field = np.exp(-distance / (0.15 * max(distance.max(), 1e-300)))
         near = dict[str, dict[int, FloatArray]]()
         for name, kind, K in (("walk", PART, walk), ("field", FEATURE, field)):
             bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
@@ -302,42 +302,42 @@ class Gate:
 
 
 class Partial(NamedTuple):
-    """Members' columns x (M, k) less what columns z `beside` them (M or 1, z) explain in all strata
-    at once, by coefficients `by` (M, k, z): their `information` (S, M, k, k) in the strata, `alone`
-    (M, k) without the others, and the products `rest` (S, M, k, z) with these there. These have the
-    products `inner` (S, M or 1, z, z), by the weights of the strata, and the covariance `inverse`.
+    """Members' `terms` x (M, k) less what `nuisance` columns z (M or 1, z) explain in all strata at
+    once, by `slopes` (M, k, z): their `information` (S, M, k, k) in the strata, `unadjusted` (M, k)
+    in all, and the products `rest` (S, M, k, z) with z there. The columns z have the products
+    `inner` (S, M or 1, z, z), by the weights of the strata, and the covariance `inverse`.
     """
 
-    own: IntArray
-    beside: IntArray
-    by: FloatArray
+    terms: IntArray
+    nuisance: IntArray
+    slopes: FloatArray
     information: FloatArray
-    alone: FloatArray
+    unadjusted: FloatArray
     rest: FloatArray
     inner: FloatArray
     inverse: FloatArray
 
 
-def partial_out(design: Design, group: Group, held: Columns, w: FloatArray) -> Partial:
-    """The columns of members beside those that are held, the common ones and their margins, with
-    the weights w (S,) of the strata.
+def partial_out(design: Design, group: Group, base: Columns, w: FloatArray) -> Partial:
+    """The columns of members less what those of `base`, the common ones and their margins explain,
+    with the weights w (S,) of the strata.
     """
     k, members, low = group
     width = k + low.shape[1]
-    own, inner = design.closures[members, :width], design.inner[:, members, :width, :width]
-    own[:, k:] = low
-    models, G = design.columns.crossed(own, (*held, *design.common), inner)
+    closures, inner = design.closures[members, :width], design.inner[:, members, :width, :width]
+    closures[:, k:] = low
+    models, G = design.columns.crossed(closures, (*base, *design.common), inner)
     G *= w[:, None, None, None]
     z, zz = models[: len(low), k:], G[:, : len(low), k:, k:]
     xx, xz = G[:, :, :k, :k], G[:, :, :k, k:]
     A = zz.sum(axis=0)
     diagonal = 1e-10 * np.einsum("mzz->mz", A) + design.columns.precisions[z]
     inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
-    by = xz.sum(axis=0) @ inverse
-    rest = xz - by @ zz
-    information = xx - rest @ _t(by) - _t(xz @ _t(by))
-    alone = np.einsum("smkk->mk", xx)
-    return Partial(own[:, :k], z, by, information, alone, rest, zz, inverse)
+    slopes = xz.sum(axis=0) @ inverse
+    rest = xz - slopes @ zz
+    information = xx - rest @ _t(slopes) - _t(xz @ _t(slopes))
+    unadjusted = np.einsum("smkk->mk", xx)
+    return Partial(closures[:, :k], z, slopes, information, unadjusted, rest, zz, inverse)
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
@@ -366,10 +366,10 @@ def mean_of(
     mean = float(likelihood.grand[a])
     if PART not in m:
         return mean, np.nan, np.nan
-    own = [m[kind] for kind in (PART, FEATURE) if kind in m]
-    inner = [m[INTERACTION]] if len(own) > 1 and INTERACTION in m else []
-    v = max(sum(x for x, _ in own) - sum(x for x, _ in inner), *(x for x, _ in own))
-    nu = v**2 / sum(x**2 / d for x, d in own + inner)
+    outer = [m[kind] for kind in (PART, FEATURE) if kind in m]
+    inner = [m[INTERACTION]] if len(outer) > 1 and INTERACTION in m else []
+    v = max(sum(x for x, _ in outer) - sum(x for x, _ in inner), *(x for x, _ in outer))
+    nu = v**2 / sum(x**2 / d for x, d in outer + inner)
     return mean, float(v / (P * H) + likelihood.design.mean_variance[a]), float(nu)
 
 
