@@ -29,8 +29,8 @@ def factor_of(C: FloatArray) -> FloatArray:
     s = np.sqrt(np.clip(np.diag(C), 0.0, None))
     divisor = np.where(s > 0, s, np.inf)
     values, vectors = np.linalg.eigh(C / divisor / divisor[:, None])
-    kept = values > 1e-14 * values.max(initial=np.finfo(np.float64).eps)
-    root = vectors[:, kept] * np.sqrt(values[kept])
+    positive = values > 1e-14 * values.max(initial=np.finfo(np.float64).eps)
+    root = vectors[:, positive] * np.sqrt(values[positive])
     size = np.sqrt(np.sum(root**2, axis=1))
     scale = np.divide(s, size, out=np.zeros_like(s), where=size > 0)
     return np.ascontiguousarray(scale[:, None] * root)
@@ -88,7 +88,7 @@ def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
 def as_covariance(C: FloatArray) -> FloatArray:
     """C (k, k) where it is a covariance; else the one of the same variances whose correlations are
     C's, their negative part set to zero and scaled to unit variance again: for covariances put
-    together from estimates of their own. What has no variance has no covariance; what is not known
+    together from separate estimates. What has no variance has no covariance; what is not known
     (nan) stays as it is.
     """
     if not np.isfinite(C).all():

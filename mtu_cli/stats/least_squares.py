@@ -102,8 +102,8 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     Q, rest = X.copy(), y.copy()
     R, z, b = np.zeros((k, k, m)), np.empty((k, m)), np.empty((k, m))
     for j in range(k):
-        left = np.linalg.norm(Q[j], axis=0)
-        R[j, j] = np.where(left > least[j], left, np.nan)
+        norm = np.linalg.norm(Q[j], axis=0)
+        R[j, j] = np.where(norm > least[j], norm, np.nan)
         Q[j] /= R[j, j]
         for c in range(j + 1, k):
             R[j, c] = np.einsum("nm,nm->m", Q[j], Q[c])

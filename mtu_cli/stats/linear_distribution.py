@@ -73,10 +73,10 @@ def _gathered(terms: Sequence[Term]) -> list[Term]:
     """Those that vary, with coefficients above 0; all normal ones as one."""
     terms = [(abs(c), item) for c, item in terms if c != 0.0 and item.u > 0.0]
     normal = [c * item.u for c, item in terms if not item.bounded and item.dof >= NORMAL_DOF]
-    others = [(c, item) for c, item in terms if item.bounded or item.dof < NORMAL_DOF]
+    rest = [(c, item) for c, item in terms if item.bounded or item.dof < NORMAL_DOF]
     if not normal:
-        return others
-    return [(1.0, Distribution(kind="normal", u=math.hypot(*normal))), *others]
+        return rest
+    return [(1.0, Distribution(kind="normal", u=math.hypot(*normal))), *rest]
 
 
 def _series(terms: Sequence[Term], sigma: float) -> tuple[FloatArray, FloatArray] | None:

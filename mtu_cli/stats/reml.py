@@ -73,10 +73,10 @@ def _levels(cells: Cells) -> _Levels:
     n = n[n > 0]
     count, mean, squares = np.empty((3, len(cells.n), len(n)))
     for k, repeats in enumerate(n):
-        own = cells.n == repeats
-        count[:, k] = own.sum(axis=1)
-        mean[:, k] = np.where(own, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
-        away = np.where(own, cells.mean - mean[:, k, None], 0.0)
+        mask = cells.n == repeats
+        count[:, k] = mask.sum(axis=1)
+        mean[:, k] = np.where(mask, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
+        away = np.where(mask, cells.mean - mean[:, k, None], 0.0)
         squares[:, k] = np.einsum("ij,ij->i", away, away)
     N, within = cells.n.sum(axis=1), cells.within
     return _Levels(n=n, count=count, mean=mean, squares=squares, within=within, N=N)

@@ -46,7 +46,7 @@ class Combinations(NamedTuple):
 
 
 class SerialFit:
-    """y = X b + e, with a level of its own for each block where `levels`.
+    """y = X b + e, with a level for each block where `levels`.
 
     The errors of a block have the covariance s^2 V, V_ij = (1 - w) [i = j] + w phi^|i - j|: white
     noise and a part with memory, of share w. Generalised least squares for each (phi, w) of a
@@ -55,7 +55,7 @@ class SerialFit:
 
         log L = -(log|V| + log|X'V^-1 X| + nu log e'V^-1 e)/2,  nu = n - rank,
 
-    so that b has the mean covariance and the scatter of the grid's own b.
+    so that b has the mean covariance and the scatter of b over the grid.
 
     b = `transform` beta in r directions that the rows determine, beta (r,) with `covariance`;
     `null` (k, k - r) are directions that they do not. `clusters` hold (R_c, A_c, Q'e_c) of the
@@ -119,11 +119,11 @@ class SerialFit:
         """
         rows = L @ self.transform @ self.attenuated
         a = [A @ rows.T for _, A, _ in self.clusters]
-        scores = np.array([e @ own for (_, _, e), own in zip(self.clusters, a, strict=True)])
-        X = np.array([R.T @ own for (R, _, _), own in zip(self.clusters, a, strict=True)])
+        scores = np.array([e @ a_c for (_, _, e), a_c in zip(self.clusters, a, strict=True)])
+        X = np.array([R.T @ a_c for (R, _, _), a_c in zip(self.clusters, a, strict=True)])
         products = -np.einsum("ciq,ij,djq->qcd", X, self.inverse, X)
-        for c, own in enumerate(a):
-            products[:, c, c] += np.sum(own**2, axis=0)
+        for c, a_c in enumerate(a):
+            products[:, c, c] += np.sum(a_c**2, axis=0)
         trace, square = np.einsum("qcc->q", products), np.sum(products**2, axis=(1, 2))
         between = np.where(square > 0, trace**2 / np.where(square > 0, square, 1.0), 0.0)
         clustered = between >= CLUSTERED_DOF
@@ -152,9 +152,9 @@ def _fitted(
     """
     whitened, log_det = [], 0.0
     roots = {n: cholesky(_covariance(n, phi, w), lower=True) for n in {*map(len, rows)}}
-    for own in rows:
-        L = roots[len(own)]
-        Z = solve_triangular(L, own, lower=True)
+    for block in rows:
+        L = roots[len(block)]
+        Z = solve_triangular(L, block, lower=True)
         log_det += 2 * float(np.sum(np.log(np.diag(L))))
         if levels:
             one = Z[:, :1]
