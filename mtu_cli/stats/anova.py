@@ -118,8 +118,8 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
     parts = cells.present.sum(axis=1).astype(np.float64)
     N = n.sum(axis=1)
     grand = (n * m).sum(axis=1) / N
-    away = np.where(cells.present, m - grand[:, None], 0.0)
-    ss_between = (n * away**2).sum(axis=1)
+    deviation = np.where(cells.present, m - grand[:, None], 0.0)
+    ss_between = (n * deviation**2).sum(axis=1)
     df_between, df_within = parts - 1, N - parts
     ms_between = _ratio(ss_between, df_between)
     ms_within = _ratio(cells.within, df_within)
@@ -199,8 +199,8 @@ def part_interval(cells: Cells, table: OneWay, probability: float = PROBABILITY)
     inverse = np.divide(1.0, cells.n, out=np.zeros_like(cells.n), where=present)
     h = table.parts / inverse.sum(axis=1)
     centre = np.where(present, cells.mean, 0.0).sum(axis=1) / table.parts
-    away = np.where(present, cells.mean - centre[:, None], 0.0)
-    S1, S2 = h * (away**2).sum(axis=1) / n1, table.ms_within
+    deviation = np.where(present, cells.mean - centre[:, None], 0.0)
+    S1, S2 = h * (deviation**2).sum(axis=1) / n1, table.ms_within
     G1, G2 = 1 - n1 / chdtri(n1, tail), 1 - n2 / chdtri(n2, tail)
     H1, H2 = n1 / chdtri(n1, 1 - tail) - 1, n2 / chdtri(n2, 1 - tail) - 1
     upper, lower = fdtri(n1, n2, 1 - tail), fdtri(n1, n2, tail)

@@ -207,19 +207,19 @@ class BlockSummariser:
             exact[1] = getattr(model, "linear_variance", np.nan)
             quantiles: Quantiles | None = getattr(model, "linear_quantiles", None)
             if quantiles is not None:
-                away = quantiles(plan.shares).T
-                exact[2 : 2 + n], exact[2 + n :] = mean + away, mean - away
+                deviation = quantiles(plan.shares).T
+                exact[2 : 2 + n], exact[2 + n :] = mean + deviation, mean - deviation
         self._finite = np.isfinite(exact)
         self._exact = np.where(self._finite, exact, 0.0)
 
     def summarise(self, draws: Draws, h: int) -> BatchSummary:
         """Summary of `h` equal blocks of finite values, one after the other."""
         outputs, count = draws.values.shape
-        drawn, m = [draws.values], count // h
+        arrays, m = [draws.values], count // h
         if draws.linear is not None and self._finite.any():
-            drawn.append(draws.linear)
-        values = self._work.array("values", (len(drawn) * outputs, h, m))
-        np.concatenate(drawn, out=values.reshape(-1, count))
+            arrays.append(draws.linear)
+        values = self._work.array("values", (len(arrays) * outputs, h, m))
+        np.concatenate(arrays, out=values.reshape(-1, count))
         mean = values.mean(axis=2)
         centred = self._work.array("centred", values.shape)
         np.subtract(values, mean[:, :, np.newaxis], out=centred)
@@ -242,6 +242,6 @@ class BlockSummariser:
         ):
             ends[:] = weights(ordered).transpose(1, 2, 0)
         statistics, of_form = summary[:, :, :outputs], summary[:, :, outputs:]
-        controls = (of_form - self._exact) * self._finite if len(drawn) > 1 else 0.0 * statistics
+        controls = (of_form - self._exact) * self._finite if len(arrays) > 1 else 0.0 * statistics
         whole = centred[:outputs].reshape(outputs, count)
         return BatchSummary(m, statistics, controls, whole @ whole.T)

@@ -67,8 +67,8 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     white = np.linalg.solve(L, np.linalg.solve(L, S).T)
     values, vectors = np.linalg.eigh((white + white.T) / 2)
     root = L @ vectors
-    whole = (root * np.clip(values - less, 0.0, None)) @ root.T
-    return (whole + whole.T) / 2
+    D = (root * np.clip(values - less, 0.0, None)) @ root.T
+    return (D + D.T) / 2
 
 
 def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
@@ -80,8 +80,8 @@ def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
     root = scale[:, None] * vectors[:, live] * np.sqrt(values[live])
     inverse = (vectors[:, live] / np.sqrt(values[live])).T / scale
     values, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
-    turned = root @ vectors
-    result: FloatArray = (turned * values.clip(-1.0, 1.0)) @ turned.T
+    basis = root @ vectors
+    result: FloatArray = (basis * values.clip(-1.0, 1.0)) @ basis.T
     return (result + result.T) / 2
 
 
@@ -97,5 +97,5 @@ def as_covariance(C: FloatArray) -> FloatArray:
     units = np.outer(s, s)
     C = np.where(units > 0, (C + C.T) / 2, 0.0)
     F = factor_of(C)
-    whole = F @ F.T
-    return C if np.all(np.abs(whole - C) <= ROUNDING * units) else whole
+    D = F @ F.T
+    return C if np.all(np.abs(D - C) <= ROUNDING * units) else D

@@ -39,17 +39,17 @@ def weights(knots: FloatArray, position: FloatArray) -> FloatArray:
     result: FloatArray = np.linalg.solve(lhs, rhs)[: len(knots)].T
     # At a knot the value itself, without rounding.
     at = np.minimum(np.searchsorted(knots, position), len(knots) - 1)
-    there = knots[at] == position
-    result[there] = np.eye(len(knots))[at[there]]
+    at_knots = knots[at] == position
+    result[at_knots] = np.eye(len(knots))[at[at_knots]]
     return result
 
 
 def left_open(knots: FloatArray, position: FloatArray) -> FloatArray:
     """Covariance (n, n) of f - W f(knots), the error of the interpolation, for tau = 1."""
     center, half = _scale(knots)
-    both = (np.concatenate([knots, position]) - center) / half
+    positions = (np.concatenate([knots, position]) - center) / half
     difference = np.hstack([-weights(knots, position), np.eye(len(position))])
-    K = difference @ wiener(both, both) @ difference.T * half**3
+    K = difference @ wiener(positions, positions) @ difference.T * half**3
     at_knots = np.isin(position, knots)
     K[at_knots] = K[:, at_knots] = 0.0
     return (K + K.T) / 2

@@ -55,7 +55,7 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
     largest = singular[0] if singular.size else 0.0
     rank = int(np.sum(singular > RANK_TOLERANCE * largest)) if largest > 0 else 0
     V = Vt[:rank].T / singular[:rank]
-    b, residuals = _refined(X, y, U[:, :rank], V, scale)
+    b, residuals = _refine(X, y, U[:, :rank], V, scale)
     return LeastSquares(
         coefficients=b,
         unscaled_covariance=V @ V.T / np.outer(scale, scale),
@@ -67,7 +67,7 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
     )
 
 
-def _refined(
+def _refine(
     X: FloatArray, y: FloatArray, U: FloatArray, V: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients (k,) and residuals (n,) of the scaled design S = U V^-T, refined.

@@ -409,8 +409,8 @@ def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
     """
     order = np.lexsort([-sign, runs])
     first, second = order[:-1], order[1:]
-    both = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
-    return np.column_stack([first[both], second[both]]).astype(np.int64)
+    valid = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
+    return np.column_stack([first[valid], second[valid]]).astype(np.int64)
 
 
 def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatArray) -> FloatArray:

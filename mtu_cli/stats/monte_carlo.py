@@ -88,7 +88,7 @@ def monte_carlo(
     Raises InputError for fewer than 2/(1 - p) trials, or model values that are not finite, which
     are counted and never dropped.
     """
-    plan = _planned(model, trials, max_trials, probability)
+    plan = _plan(model, trials, max_trials, probability)
     single, total = plan.blocks == 1, plan.total
     exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
     summariser, pool = None if single else BlockSummariser(model, plan), Pool(exists)
@@ -143,9 +143,7 @@ def monte_carlo(
     )
 
 
-def _planned(
-    model: TrialModel, trials: int | None, max_trials: int, probability: float
-) -> BlockPlan:
+def _plan(model: TrialModel, trials: int | None, max_trials: int, probability: float) -> BlockPlan:
     """The blocks of a fixed count, or of one that adapts and has room for a first look.
 
     Raises InputError for fewer trials than an interval has ends of.
@@ -198,7 +196,7 @@ def _ratio(estimates: Estimates, probability: float, digits: int, fraction: floa
             u = float(estimates.high[i] - estimates.low[i]) / (2.0 * k)
         else:
             errors += [estimates.se_mean[i], estimates.se_u[i]]
-        tolerance, twice = fraction * numerical_tolerance(u, digits), 2.0 * float(max(errors))
-        if twice > 0.0:
-            largest = max(largest, twice / tolerance if tolerance > 0.0 else math.inf)
+        tolerance, bound = fraction * numerical_tolerance(u, digits), 2.0 * float(max(errors))
+        if bound > 0.0:
+            largest = max(largest, bound / tolerance if tolerance > 0.0 else math.inf)
     return largest

@@ -117,12 +117,12 @@ def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolA
     s = math.sqrt(s2 + float(hidden(s2, r)))
     t = -float(stdtrit(max(NEAR_EFFICIENCY * dof, 1.0), OUTLYING_P / (2 * n)))
     beyond = rest > max(GROSS, t) * s
-    far = np.sort(rest[beyond])
+    tail = np.sort(rest[beyond])
     # The outermost gap that is wide enough parts the outliers from the rest.
-    wide = far > FACTOR * np.append(rest[~beyond].max(initial=0.0), far[:-1])[: len(far)]
-    wide[: max(len(far) - int(MOST * n), 0)] = False
+    wide = tail > FACTOR * np.append(rest[~beyond].max(initial=0.0), tail[:-1])[: len(tail)]
+    wide[: max(len(tail) - int(MOST * n), 0)] = False
     if wide.any():
-        result[usable] = rest >= far[wide][0]
+        result[usable] = rest >= tail[wide][0]
     return result, s
 
 
@@ -155,16 +155,16 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
         near = np.flatnonzero(scatter > limit) + 1
         if s == 0 or not len(near):
             break
-        off = np.zeros(len(x) + 4)  # two more at each end
+        deviation = np.zeros(len(x) + 4)  # two more at each end
         before2, before, mid, after, after2 = (
             np.pad(x, 2, constant_values=np.nan)[near + i] for i in range(5)
         )
         ways = (mid - 2 * before + before2, mid - 2 * after + after2, mid - (before + after) / 2,
                 mid - (before2 + after2) / 2)  # fmt: skip
-        off[near + 2] = np.nanmin(np.abs(ways), axis=0)
-        off[off <= limit] = 0.0
-        top = np.max([off[near + i] for i in range(5)], axis=0)
-        worst = near[(off[near + 2] > 0) & (off[near + 2] == top)]
+        deviation[near + 2] = np.nanmin(np.abs(ways), axis=0)
+        deviation[deviation <= limit] = 0.0
+        top = np.max([deviation[near + i] for i in range(5)], axis=0)
+        worst = near[(deviation[near + 2] > 0) & (deviation[near + 2] == top)]
         if not len(worst):
             break
         result[rest[worst]] = True

@@ -137,15 +137,15 @@ def reversal(
     if by_runs(fit):
         level, rank = level[fit.pairs], _ranks(order)[fit.pairs]
         mean, time = level.mean(axis=1), rank.mean(axis=1) - rank.mean()
-        twice, spread = level[:, 0] - level[:, 1], float(time @ time)
+        difference, spread = level[:, 0] - level[:, 1], float(time @ time)
         lag = float(np.mean(rank[:, 1] - rank[:, 0]))
         drift, of_drift = 0.0, 0.0
         if spread > 0:
             drift, of_drift = float(time @ mean) / spread, float(np.var(mean, ddof=1)) / spread
-        s2, moved = float(np.var(twice, ddof=1)), drift * lag
+        s2, shift = float(np.var(difference, ddof=1)), drift * lag
         u2 = s2 / len(level) + lag**2 * of_drift + 2 * float(hidden(max(s2 / 2, fit.s2), r))
-        value = float(twice.mean()) + (moved if timed else 0.0)
-        u = float(np.sqrt(u2 + (0.0 if timed else moved**2)))
+        value = float(difference.mean()) + (shift if timed else 0.0)
+        u = float(np.sqrt(u2 + (0.0 if timed else shift**2)))
         return _shift(value, u, len(level) - 1, fit.rounding)
     value = float(level[forward].mean() - level[reverse].mean())
     count = 1 / forward.sum() + 1 / reverse.sum()

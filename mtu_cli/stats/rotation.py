@@ -84,8 +84,8 @@ def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator)
     square = len(d) ** 2 if len(d) <= DENSE_ROWS else 0
     batch = max(1, IN_CACHE // max(d.size, square, 1))
     for start in range(0, ROTATIONS, batch):
-        turned = rotate(min(batch, ROTATIONS - start))
-        for maxima, item in zip(largest, _statistics(turned, indicator), strict=True):
+        tables = rotate(min(batch, ROTATIONS - start))
+        for maxima, item in zip(largest, _statistics(tables, indicator), strict=True):
             maxima.append(item.max(axis=1))
     # Entries are alike in all columns, the others differ in size from group to group.
     nulls: list[FloatArray] = [np.concatenate(largest[0]).max(axis=1)]

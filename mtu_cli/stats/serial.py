@@ -78,7 +78,7 @@ class SerialFit:
             for b in blocks
         ]
         grid = [(0.0, 0.0), *product(MEMORY, SHARE)]
-        fits = [_fitted(rows, max(self.dof, 1.0), levels, *each) for each in grid]
+        fits = [_fit(rows, max(self.dof, 1.0), levels, *each) for each in grid]
         log_likelihood, betas, covariances = (np.array([x[i] for x in fits]) for i in range(3))
         # Errors without memory are as likely beforehand as all others together.
         log_likelihood[0] += np.log(len(grid) - 1)
@@ -89,7 +89,7 @@ class SerialFit:
         self.covariance += (betas - self.beta).T * weight @ (betas - self.beta)
         i = int(np.argmax(weight))
         *_, self.inverse, Z = fits[i]
-        self.attenuated = _unattenuated(blocks, T, self.inverse, levels, *grid[i])
+        self.attenuated = _disattenuation(blocks, T, self.inverse, levels, *grid[i])
         parts = np.split(Z, np.cumsum([len(b.y) for b in blocks])[:-1])
         self.clusters = [
             self._cluster(
@@ -144,7 +144,7 @@ def _covariance(n: int, phi: float, w: float) -> FloatArray:
     return np.asarray(w * toeplitz(phi ** np.arange(n)) + (1 - w) * np.eye(n))
 
 
-def _fitted(
+def _fit(
     rows: list[FloatArray], nu: float, levels: bool, phi: float, w: float
 ) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Least squares of Z = L^-1 [X, y] with V = L L', less what a level explains of each block: log
@@ -173,7 +173,7 @@ def _fitted(
     return -(log_det + nu * np.log(rss)) / 2, beta, rss / nu * inverse, inverse, Z
 
 
-def _unattenuated(
+def _disattenuation(
     blocks: Sequence[Block], T: FloatArray, M: FloatArray, levels: bool, phi: float, w: float
 ) -> FloatArray:
     """(1 - M N)^-1, the noise's share of no direction taken as more than MOST_NOISE."""
@@ -183,8 +183,8 @@ def _unattenuated(
         n = len(block.y)
         if n not in weights:
             inverse = np.linalg.inv(_covariance(n, phi, w))
-            each = inverse.sum(axis=0)
-            lost = float(each @ each) / float(each.sum()) if levels else 0.0
+            sums = inverse.sum(axis=0)
+            lost = float(sums @ sums) / float(sums.sum()) if levels else 0.0
             weights[n] = float(np.trace(inverse)) - lost
         N += weights[n] * T.T @ block.noise @ T
     root = cholesky(M, lower=True)

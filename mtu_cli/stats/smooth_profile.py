@@ -154,12 +154,12 @@ def averaged(
     weight = np.exp(log - log.max()) if np.isfinite(log.max()) else np.ones(len(log))
     weight = np.where(weight > SLIGHT * weight.sum(), weight, 0.0)
     weight /= weight.sum()
-    turned = B @ V.T
+    basis = B @ V.T
     # Of every amplitude a: mean a^2 s/(1 + a^2 s^2) U'z, variances a^2/(1 + a^2 s^2) of sigma^2.
     means = AMPLITUDES[:, None] ** 2 * s / d * Uz
     variances = AMPLITUDES[:, None] ** 2 / d
     mean = weight @ means
     deviations = means - mean
     spread = (deviations.T * weight) @ deviations / s2 if s2 > 0 else np.zeros((len(s), len(s)))
-    covariance = turned @ (np.diag(weight @ variances) + spread) @ turned.T
-    return turned @ mean, covariance, float(weight @ AMPLITUDES**2)
+    covariance = basis @ (np.diag(weight @ variances) + spread) @ basis.T
+    return basis @ mean, covariance, float(weight @ AMPLITUDES**2)

@@ -50,7 +50,7 @@ def uncertain_variance(squares: FloatArray, dof: FloatArray) -> UncertainVarianc
     whole = positive.sum(axis=0)
     share = np.divide(np.maximum(total, 0.0), whole, out=np.zeros_like(whole), where=whole > 0)
     nodes = [
-        _convolved(rows, dof)
+        _convolution(rows, dof)
         for rows in np.array_split(positive * share, len(whole) // AT_ONCE + 1, axis=1)
     ]
     values, weights = (np.concatenate(each) for each in zip(*nodes, strict=True))
@@ -93,7 +93,7 @@ def f_tails(
     return np.where(valid, high, np.nan), np.where(valid, low, np.nan)
 
 
-def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _convolution(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights (m, NODES) of sum_k c_k nu_k/W_k, one mean square after the other."""
     z, weight = _normal_nodes()
     many = dof >= MANY
@@ -104,16 +104,16 @@ def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
         nu = effective_dof(total, c[many], dof[many])
         values = total[:, None] * _inverse_chi_squared(z, nu)
     for row, nu in zip(c[~many], dof[~many], strict=True):
-        there = np.flatnonzero(row > 0)
-        if not len(there):
+        positive = np.flatnonzero(row > 0)
+        if not len(positive):
             continue
-        more = row[there, None] * _of_dof(float(nu))
-        alone = (values[there] == 0).all(axis=1)
-        values[there[alone]] = more[alone]
-        both = there[~alone]
-        if len(both):
-            sums = values[both, :, None] + more[~alone, None, :]
-            values[both], weights[both] = _gathered(sums, weights[both, :, None] * weight)
+        term = row[positive, None] * _of_dof(float(nu))
+        alone = (values[positive] == 0).all(axis=1)
+        values[positive[alone]] = term[alone]
+        pairs = positive[~alone]
+        if len(pairs):
+            sums = values[pairs, :, None] + term[~alone, None, :]
+            values[pairs], weights[pairs] = _merge(sums, weights[pairs, :, None] * weight)
     return values, weights
 
 
@@ -143,13 +143,13 @@ def _inverse_chi_squared(z: FloatArray, dof: FloatArray) -> FloatArray:
     """nu/W (m, nodes) at the normal quantiles z, from its smallest value to its largest."""
     from scipy.special import gammaincinv, ndtr
 
-    distinct, which = np.unique(np.minimum(dof, 1e9), return_inverse=True)
+    distinct, index = np.unique(np.minimum(dof, 1e9), return_inverse=True)
     nu = distinct[:, None]
     result: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-z)))
-    return np.where(np.isinf(dof)[:, None], 1.0, result[which])
+    return np.where(np.isinf(dof)[:, None], 1.0, result[index])
 
 
-def _gathered(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _merge(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """All pairs (m, NODES, NODES) in the order of their sum; what lies between two quantiles of
     the normal scale becomes one node at its geometric mean.
     """

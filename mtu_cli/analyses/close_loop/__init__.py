@@ -20,11 +20,11 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.analyses.close_loop.crossings import crossings, without_references
-from mtu_cli.analyses.close_loop.describe import described
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
-from mtu_cli.analyses.close_loop.estimate import estimated
+from mtu_cli.analyses.close_loop.describe import effects_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
+from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
-from mtu_cli.analyses.close_loop.held_out import averaged, contribution, corrected, held_out
+from mtu_cli.analyses.close_loop.held_out import contribution, held_out, model_average, remainder
 from mtu_cli.analyses.close_loop.likelihood import Fit
 from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
@@ -79,9 +79,9 @@ def close_loop(
             if progress is not None:
                 progress(number * parts + part, len(large) * parts)
 
-        def diagnose(some: ResidualTable) -> Diagnosis:
-            candidates = candidates_of(some, library, exclude)
-            diagnosis = diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed)
+        def diagnose(subset: ResidualTable) -> Diagnosis:
+            candidates = candidates_of(subset, library, exclude)
+            diagnosis = diagnosis_of(subset, candidates, alpha=rate, most=max_effects, seed=seed)
             return without_references(diagnosis)
 
         advance(0, 1)
@@ -137,12 +137,12 @@ def _result(
     tables: int,
 ) -> TableResult:
     """The diagnosis of one of `tables` at its rate, with the held-out errors as `validation`."""
-    sizes = estimated(diagnosis.models, diagnosis.model)
-    effects = described(diagnosis, sizes, compare=True)
+    sizes = estimates_of(diagnosis.models, diagnosis.model)
+    effects = effects_of(diagnosis, sizes, compare=True)
     effects = tuple(replace(e, p_familywise=min(1.0, e.p_familywise * tables)) for e in effects)
     valid = table.there & ~diagnosis.outliers.any(axis=2)
-    after = corrected(table, contribution(effects, table, written=True), valid)
-    mean = corrected(table, averaged(diagnosis, effects, table), valid)
+    after = remainder(table, contribution(effects, table, written=True), valid)
+    mean = remainder(table, model_average(diagnosis, effects, table), valid)
     by, errors = (None, (table.errors, after, mean)) if validation is None else validation
     variance, floor = _scatter(diagnosis, sizes.fit)
 
@@ -164,7 +164,7 @@ def _result(
         table=table,
         verdict=diagnosis.verdict,
         effects=effects,
-        candidates=_judged(diagnosis, rate, tables),
+        candidates=_candidate_tests(diagnosis, rate, tables),
         checks=tuple((name, min(1.0, p * tables)) for name, p in diagnosis.checks),
         fired=diagnosis.fired,
         nameless=diagnosis.nameless,
@@ -204,7 +204,7 @@ def _scatter(diagnosis: Diagnosis, fit: Fit) -> tuple[FloatArray, float | None]:
     return variance, design.scale * float(np.sqrt(np.mean(mean_squares))) if mean_squares else None
 
 
-def _judged(diagnosis: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
+def _candidate_tests(diagnosis: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
     """All candidates, each added alone to the model of the machine."""
     models, smallest = diagnosis.models, minimum_detectable(diagnosis, rate)
     p = models.gate(()) | {name: p for name, p, _ in diagnosis.scatter}

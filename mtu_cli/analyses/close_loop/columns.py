@@ -81,15 +81,15 @@ class Columns:
         rows, ends = np.zeros((len(self._used), len(units)), int), np.searchsorted(at, self._ends)
         for s in np.flatnonzero(np.diff(ends)):
             block = units[:, ends[s] : ends[s + 1]]
-            there = np.flatnonzero(block.any(axis=1))
-            i = self._used[s] + np.arange(len(there))
-            self._used[s] += len(there)
+            nonzero = np.flatnonzero(block.any(axis=1))
+            i = self._used[s] + np.arange(len(nonzero))
+            self._used[s] += len(nonzero)
             if (room := len(self._values[s])) < self._used[s]:
                 # Columns come one by one in a search.
-                more = self._used[s] + self._used[s] // 4 - room
-                self._values[s] = np.pad(self._values[s], ((0, more), (0, 0)))
-            self._values[s][i[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[there]
-            rows[s, there] = i
+                growth = self._used[s] + self._used[s] // 4 - room
+                self._values[s] = np.pad(self._values[s], ((0, growth), (0, 0)))
+            self._values[s][i[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[nonzero]
+            rows[s, nonzero] = i
         first = self.count
         self._rows = np.concatenate([self._rows, rows], axis=1)
         self.means = np.concatenate([self.means, means])
@@ -101,9 +101,9 @@ class Columns:
         one, other = np.broadcast_arrays(one, other)
         result = np.zeros((len(self._values), *one.shape))
         for values, rows, products in zip(self._values, self._rows, result, strict=True):
-            there = np.argwhere((rows[one] > 0) & (rows[other] > 0))
-            for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
-                at = tuple(some.T)
+            cells = np.argwhere((rows[one] > 0) & (rows[other] > 0))
+            for chunk in np.array_split(cells, 1 + len(cells) * values.shape[1] // AT_ONCE):
+                at = tuple(chunk.T)
                 pairs = values[rows[one[at]]], values[rows[other[at]]]
                 products[at] = np.einsum("kn,kn->k", *pairs)
         return result
@@ -118,11 +118,11 @@ class Columns:
         w, common = added.shape[1], np.array(shared, int)
         if inner is None:
             inner = self.cross(added[:, :, None], added[:, None])
-        there = added != PADDING
+        nonzero = added != PADDING
         across = self.gram(added, common)
         G = np.empty((*inner.shape[:2], w + len(common), w + len(common)))
         G[:, :, :w, :w], G[:, :, :w, w:], G[:, :, w:, :w] = inner, across, np.swapaxes(across, 2, 3)
-        G[:, :, :w, :w] *= there[:, :, None] & there[:, None]
+        G[:, :, :w, :w] *= nonzero[:, :, None] & nonzero[:, None]
         G[:, :, w:, w:] = self.gram(common, common)[:, None]
         return np.hstack([added, np.tile(common, (len(added), 1))]), G
 
@@ -145,11 +145,11 @@ class Columns:
     def _times(self, s: int, columns: IntArray, Z: FloatArray) -> FloatArray:
         """Products (..., m) in a stratum of columns (...) with Z (n, m), in Z's precision."""
         values, rows = self._values[s][: self._used[s]], self._rows[s, columns]
-        there = rows > 0
-        if 2 * there.sum() > len(values):  # Of most of them: without a copy.
+        nonzero = rows > 0
+        if 2 * nonzero.sum() > len(values):  # Of most of them: without a copy.
             return np.asarray((values.astype(Z.dtype, copy=False) @ Z)[rows])
         result = np.zeros((*rows.shape, Z.shape[1]))
-        result[there] = values[rows[there]].astype(Z.dtype) @ Z
+        result[nonzero] = values[rows[nonzero]].astype(Z.dtype) @ Z
         return result
 
     def dense(self, indices: Sequence[int]) -> FloatArray:

@@ -26,7 +26,7 @@ ALIAS = 0.999
 """R^2 of the columns of two effects from which on they are the same whatever the errors."""
 
 
-def described(
+def effects_of(
     diagnosis: Diagnosis, sizes: Estimates, *, compare: bool = False
 ) -> tuple[FoundEffect, ...]:
     """All effects of a diagnosis, the strongest first; `compare`: with the share of squares that
@@ -34,8 +34,8 @@ def described(
     """
     design, table = diagnosis.design, diagnosis.design.table
     candidates = {candidate.name: candidate for candidate in design.candidates}
-    both = zip(sizes.effects, sizes.members, strict=True)
-    estimates = dict(zip(diagnosis.models.members(diagnosis.model), both, strict=True))
+    pairs = zip(sizes.effects, sizes.members, strict=True)
+    estimates = dict(zip(diagnosis.models.members(diagnosis.model), pairs, strict=True))
     effects, offsets = list[FoundEffect](), list[FoundEffect]()
     for entry in diagnosis.entries:
         if entry.item in estimates:
@@ -169,8 +169,8 @@ def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> floa
 def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, ...]:
     """Other candidates with a member whose columns span the same, whatever the errors."""
     cross, terms = design.columns.cross, np.array(member.terms)
-    among = design.members[: design.tested]
-    rivals = [m for m in among if m.candidate != member.candidate and len(m.terms) == len(terms)]
+    members = design.members[: design.tested]
+    rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == len(terms)]
     if not rivals:
         return ()
     rival_terms = np.array([m.terms for m in rivals])
@@ -179,9 +179,9 @@ def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, .
         (terms[:, None], rival_terms[:, None]),
         (rival_terms[..., None], rival_terms[:, None]),
     )
-    whole, across, inner = (np.tensordot(weights, cross(*pair), 1) for pair in pairs)
+    gram, across, inner = (np.tensordot(weights, cross(*pair), 1) for pair in pairs)
     inner = across @ np.linalg.solve(inner, np.swapaxes(across, 1, 2))
-    share = np.trace(np.linalg.solve(whole, inner), axis1=1, axis2=2)
+    share = np.trace(np.linalg.solve(gram, inner), axis1=1, axis2=2)
     same = np.array(rivals, object)[share > ALIAS * len(terms)]
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in same))
 

@@ -147,11 +147,11 @@ class Design:
         for c, candidate in enumerate(candidates):
             if candidate.kind in ("scatter", "offset"):
                 continue
-            distinct = _distinct(
+            distinct = _distinct_members(
                 [
                     item
                     for form in candidate.forms
-                    for item in _spaced(evaluated(self, form, grid_values(form)))
+                    for item in _at_equal_angles(members_at(self, form, grid_values(form)))
                 ]
             )
             total = sum(item.prior for item in distinct)
@@ -194,7 +194,7 @@ class Design:
         if m not in self._around:
             parent = self.members[m]
             values = np.array(parent.around)
-            finer = evaluated(self, parent.form, values) if parent.around else []
+            finer = members_at(self, parent.form, values) if parent.around else []
             self._around[m] = add(self, parent.candidate, finer)
         return self._around[m]
 
@@ -210,7 +210,7 @@ def fitted_powers(table: ResidualTable) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
 
 
-def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Member]:
+def members_at(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Member]:
     """The members of a form at some values; those that the data cannot estimate are left out."""
     terms = form.columns(values)
     levers: list[Levers] = [*terms, *(lever for x in form.margins for lever in x.columns(values))]
@@ -220,17 +220,17 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
     gaps = design.gaps
     means, norms = _means(levers, G, design.table)
     if design.table.motions:
-        levers = [_freed(lever, design.table) for lever in levers]
-    whole = gaps.there.shape
+        levers = [_freed_lever(lever, design.table) for lever in levers]
+    shape = gaps.measured.shape
     levers = [
-        {a: gaps.filled(v) if v.shape[-2:] == whole else v for a, v in lever.items()}
+        {a: gaps.filled(v) if v.shape[-2:] == shape else v for a, v in lever.items()}
         for lever in levers
     ]
     at, X = design.strata.of_levers(levers, G)
     X[np.linalg.norm(X, axis=2) <= EMPTY * norms] = 0.0
     # What no column has is no direction: most columns are of one stratum.
-    there = X.any(axis=(0, 1))
-    at, X = at[there], X[:, :, there]
+    live = X.any(axis=(0, 1))
+    at, X = at[live], X[:, :, live]
     sizes = np.linalg.norm(X[:, : len(terms)], axis=2)
     sound, inner = _bases(X[:, : len(terms)], X[:, len(terms) :])
     nonzero: BoolArray = np.any(inner, axis=2)
@@ -263,7 +263,7 @@ def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[Floa
     return mean, np.sqrt(square)
 
 
-def _freed(lever: Levers, table: ResidualTable) -> Levers:
+def _freed_lever(lever: Levers, table: ResidualTable) -> Levers:
     """What a table's datum leaves of a column."""
     _, H, A = table.errors.shape
     G, p = (max(values.shape[d] for values in lever.values()) for d in (0, 1))
@@ -280,13 +280,13 @@ def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
     if not members:
         return ()
     names = ("columns", "means", "norms")
-    whole = (np.concatenate([getattr(member, name) for member in members]) for name in names)
-    indices, factors = design.columns.add(members[0].at, *whole)
+    arrays = (np.concatenate([getattr(member, name) for member in members]) for name in names)
+    indices, factors = design.columns.add(members[0].at, *arrays)
     k, first, shape = len(members[0].form.parameters), len(design.members), (len(members), -1)
     of_members = zip(indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True)
     for member, (at, units) in zip(members, of_members, strict=True):
         member.indices, member.factors = tuple(at), tuple(units)
-        terms, low = (dict.fromkeys(i for i in some if i != NONE) for some in (at[:k], at[k:]))
+        terms, low = (dict.fromkeys(i for i in ids if i != NONE) for ids in (at[:k], at[k:]))
         member.terms, member.low = tuple(terms), tuple(i for i in low if i not in terms)
         member.candidate = c
         # Thousands of members would fill the memory with what the columns hold.
@@ -301,16 +301,16 @@ def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
     """
     sizes = (np.linalg.norm(columns, axis=2)[..., None] for columns in (X, Z))
     X, Z = (x / np.where(size > 0, size, 1.0) for x, size in zip((X, Z), sizes, strict=True))
-    there: BoolArray = np.any(X, axis=2)
+    nonzero: BoolArray = np.any(X, axis=2)
     if Z.shape[1]:
-        turned = Z.transpose(0, 2, 1)
-        gram = Z @ turned + 1e-12 * np.eye(Z.shape[1])
+        Zt = Z.transpose(0, 2, 1)
+        gram = Z @ Zt + 1e-12 * np.eye(Z.shape[1])
         X = X - np.linalg.solve(gram, Z @ X.transpose(0, 2, 1)).transpose(0, 2, 1) @ Z
     rest = np.einsum("gkn,gkn->gk", X, X)
-    sound = there.any(axis=1) & np.all((rest > LEAST_LEFT) | ~there, axis=1)
+    sound = nonzero.any(axis=1) & np.all((rest > LEAST_LEFT) | ~nonzero, axis=1)
     values, vectors = np.linalg.eigh(X @ X.transpose(0, 2, 1))
     # Zero columns are zero eigenvalues, which stand first.
-    zero = np.arange(X.shape[1]) < (~there).sum(axis=1)[:, None]
+    zero = np.arange(X.shape[1]) < (~nonzero).sum(axis=1)[:, None]
     sound &= np.all((values > DEPENDENT**2) | zero, axis=1)
     scale = np.where(zero | (values <= 0), 0.0, 1 / np.sqrt(np.maximum(values, 1e-300)))
     return sound, (vectors * scale[:, None, :]).transpose(0, 2, 1) @ X
@@ -344,7 +344,7 @@ def neighbours(items: Sequence[Member]) -> tuple[list[Member], FloatArray, Float
     return items, arcs, (ends[1:] + ends[:-1]) / 2
 
 
-def _spaced(members: list[Member]) -> list[Member]:
+def _at_equal_angles(members: list[Member]) -> list[Member]:
     """Members at equal angles along what is searched; few stay all, weighed by their arcs."""
     if len(members) < 2 or members[0].value is None:
         return members
@@ -353,39 +353,39 @@ def _spaced(members: list[Member]) -> list[Member]:
         for item, weight in zip(members, weights.tolist(), strict=True):
             item.prior = weight
         return members
-    along = np.concatenate([[0.0], np.cumsum(arcs)])
-    at = np.linspace(0, along[-1], max(2, round(along[-1] / STEP_RAD) + 1))
-    chosen = np.unique(np.minimum(np.searchsorted(along, at - 1e-9), len(members) - 1))
-    for j, i in enumerate(chosen):
-        low = (chosen[j - 1] + i) // 2 if j else i
-        high = (chosen[j + 1] + i) // 2 if j + 1 < len(chosen) else i
-        near = np.unique(np.linspace(low, high, AROUND).astype(int))
-        members[i].around = tuple(float(members[q].value or 0.0) for q in near)
-    return [members[i] for i in chosen]
+    angle = np.concatenate([[0.0], np.cumsum(arcs)])
+    at = np.linspace(0, angle[-1], max(2, round(angle[-1] / STEP_RAD) + 1))
+    selection = np.unique(np.minimum(np.searchsorted(angle, at - 1e-9), len(members) - 1))
+    for j, i in enumerate(selection):
+        low = (selection[j - 1] + i) // 2 if j else i
+        high = (selection[j + 1] + i) // 2 if j + 1 < len(selection) else i
+        window = np.unique(np.linspace(low, high, AROUND).astype(int))
+        members[i].around = tuple(float(members[q].value or 0.0) for q in window)
+    return [members[i] for i in selection]
 
 
-def _distinct(placed: list[Member]) -> list[Member]:
+def _distinct_members(members: list[Member]) -> list[Member]:
     """Without members that span what an earlier one spans."""
-    if not placed:
+    if not members:
         return []
-    used = np.unique(np.concatenate([item.at for item in placed]))
-    widths = np.array([len(item.basis) for item in placed])
-    single = np.ones(len(placed), bool)
+    coordinates = np.unique(np.concatenate([item.at for item in members]))
+    widths = np.array([len(item.basis) for item in members])
+    distinct = np.ones(len(members), bool)
     for k in np.unique(widths):
         group = np.flatnonzero(widths == k)
         # Thousands of them are compared, and single precision tells the same from others.
-        bases = np.zeros((len(group), k, len(used)), np.float32)
+        bases = np.zeros((len(group), k, len(coordinates)), np.float32)
         for basis, i in zip(bases, group, strict=True):
-            basis[:, np.searchsorted(used, placed[i].at)] = placed[i].basis
-        rows = bases.reshape(-1, len(used))
+            basis[:, np.searchsorted(coordinates, members[i].at)] = members[i].basis
+        rows = bases.reshape(-1, len(coordinates))
         products = (rows @ rows.T).reshape(len(group), k, len(group), k)
         squares = np.einsum("gkhl,gkhl->gh", products, products)
         for n, i in enumerate(group):
-            least = STEP_RAD / 2 if placed[i].around else SAME_RAD
+            least = STEP_RAD / 2 if members[i].around else SAME_RAD
             # The least cosine of all is at most their root mean square.
-            near = single[group[:n]] & (squares[n, :n] > k * np.cos(least) ** 2)
-            single[i] = not near.any() or _angles(products[:n, :, n][near]).min() >= least
-    return [item for item, alone in zip(placed, single, strict=True) if alone]
+            overlap = distinct[group[:n]] & (squares[n, :n] > k * np.cos(least) ** 2)
+            distinct[i] = not overlap.any() or _angles(products[:n, :, n][overlap]).min() >= least
+    return [item for item, keep in zip(members, distinct, strict=True) if keep]
 
 
 # Kernels.
@@ -405,9 +405,9 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
         distance = np.linalg.norm(places[:, None, axes] - places[None, :, axes], axis=-1)
         nameless.append((features, np.exp(-0.5 * (distance / (0.3 * distance.max())) ** 2)))
     for of_kind, K in nameless:
-        made = {s: _directions(strata, s, K) for s in of_kind}
+        bases = {s: _directions(strata, s, K) for s in of_kind}
         for group in [[s] for s in of_kind] + [of_kind] * (len(of_kind) > 1):
-            yield Kernel(strata=tuple(group), directions=tuple(made[s] for s in group))
+            yield Kernel(strata=tuple(group), directions=tuple(bases[s] for s in group))
     for i in axes:
         if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
             continue

@@ -17,8 +17,8 @@ from mtu_cli.analyses.close_loop.design import (
     Kernel,
     Member,
     add,
-    evaluated,
     grid_values,
+    members_at,
     neighbours,
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
@@ -74,19 +74,19 @@ def searched_set(models: ModelSet, model: Model, item: int) -> tuple[tuple[float
         return ()
     rest = tuple(x for x in models.members(model) if x != item)
     base = like.fit(like.closure(rest))
-    items = evaluated(design, member.form, grid_values(member.form))
-    items, _, arcs = neighbours(sorted(items, key=lambda one: one.value or 0.0))
-    values = np.array([one.value for one in items], float)
+    items = members_at(design, member.form, grid_values(member.form))
+    items, _, arcs = neighbours(sorted(items, key=lambda m: m.value or 0.0))
+    values = np.array([m.value for m in items], float)
     gains = _gains(like, base, items)
     logs = gains / 2 + np.log(np.maximum(arcs, 1e-12))
     shares = np.exp(logs - logsumexp(logs))
-    near = gains.max() - gains <= chdtri(1, 1 - COVERED)
+    credible = gains.max() - gains <= chdtri(1, 1 - COVERED)
     ranked = np.argsort(-shares, kind="stable")
-    near[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
+    credible[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
     # Runs of values; a gap of one value is bridged, as the grid may miss a peak.
-    inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
+    places, ends = np.flatnonzero(credible), np.pad(values, 1, mode="edge")
     edges = (ends[1:] + ends[:-1]) / 2
-    runs = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
+    runs = np.split(places, np.flatnonzero(np.diff(places) > 2) + 1)
     return tuple((float(edges[run[0]]), float(edges[run[-1] + 1])) for run in runs)
 
 
@@ -101,8 +101,8 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
         axis = models.design.candidates[models.design.members[item].candidate].axis
         smooth = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
         total, best = models.additions(tuple(x for x in model if x != item))
-        near = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
-        model = tuple(next((k for k in smooth if k in near), x) if x == item else x for x in model)
+        top = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
+        model = tuple(next((k for k in smooth if k in top), x) if x == item else x for x in model)
     return model
 
 
@@ -140,7 +140,7 @@ def _inverse(K: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.pinv(K, rcond=DEPENDENT**2, hermitian=True)) if K.size else K
 
 
-def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:
+def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:
     """The member of an effect at the likeliest value of what is searched (Gauss-Newton from the
     grid's best), and its derivative there.
     """
@@ -158,7 +158,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
         closure = like.closure((*rest, best))
         change = like.fit((*closure, tangent.index)).beta[len(closure)] / tangent.norm
         new = design.members[best].value * np.exp(np.clip(change, -0.3, 0.3))
-        items = evaluated(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
+        items = members_at(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
         if not items:
             break
         (m,) = add(design, member.candidate, items)
@@ -174,8 +174,8 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     member = design.members[m]
     assert member.value is not None
     sizes = like.fit(like.closure((*rest, m))).sizes(member)
-    near = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
-    items = evaluated(design, member.form, near)
+    values = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
+    items = members_at(design, member.form, values)
     if len(items) != 2:
         return None
     weights = sizes[: len(member.form.parameters)] / (2 * STEP)
@@ -188,21 +188,21 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     return Tangent(index=int(index), norm=float(norm), sizes=sizes)
 
 
-def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates:
+def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates:
     """Generalised least squares of all effects of a model at once; with the 95 % `sets` of what was
     searched, if required.
     """
     design, like = models.design, models.likelihood
     items = models.members(model)
-    optima = [polished(models, model, item) for item in items]
+    optima = [optimum_of(models, model, item) for item in items]
     smooth = (item for item in model if item < 0)
     closure = models.columns((*(best for best, _ in optima), *smooth))
     tangents = [tangent.index for _, tangent in optima if tangent is not None]
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
-    whole, labels, starts = _map(design, fit.columns, optima)
-    covariance, values = whole @ fit.covariance @ whole.T, whole @ fit.beta
+    J, labels, starts = _map(design, fit.columns, optima)
+    covariance, values = J @ fit.covariance @ J.T, J @ fit.beta
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
-    parts = np.abs(whole) * np.sqrt(np.diag(fit.covariance))
+    parts = np.abs(J) * np.sqrt(np.diag(fit.covariance))
     dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
     for a, row in enumerate(range(starts[-1], len(labels))):
         mean, variance, nu = mean_of(like, fit.weights, fit.dof, a)
@@ -285,8 +285,8 @@ def _equations(
     """
     bound, value = member.form, member.value
     terms: dict[str, list[str]] = {}
-    for each in (bound, *bound.margins):
-        for key, text in each.texts(value).items():
+    for form in (bound, *bound.margins):
+        for key, text in form.texts(value).items():
             terms.setdefault(key, []).append(text)
     # Two effects that have the same change have it once.
     changed = any(size.role == "searched" for size in sizes)

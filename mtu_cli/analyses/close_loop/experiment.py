@@ -73,8 +73,8 @@ def experiment(diagnosis: Diagnosis, entry: Entry, weights: FloatArray) -> Exper
                 continue
             Q, R = np.linalg.qr(columns.T)
             Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(), 1e-300)]
-            distance, whole = np.linalg.norm([signal - Q @ (Q.T @ signal), signal], axis=1).tolist()
-            distances.append(distance if distance > 1e-9 * whole else 0.0)
+            distance, norm = np.linalg.norm([signal - Q @ (Q.T @ signal), signal], axis=1).tolist()
+            distances.append(distance if distance > 1e-9 * norm else 0.0)
         d = float(np.average(distances, weights=[posteriors[m] for m in items[1:]]))
         if not best.do or d > ENOUGH * best.predicted_d:
             best = Experiment(do, d)
@@ -101,19 +101,19 @@ def follow_ups(
     forms = [rival.form for rival in rivals]
     used = {name for form in forms for name in form.used}
     used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
-    yield f"{make} {MORE} more {noun} as before", extended(table, {})
+    yield f"{make} {MORE} more {noun} as before", with_more_parts(table, {})
     names = [name for name in table.covariates if name in used]
     reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
     if reverse and not readings:
-        yield "run the program in the reverse direction", extended(table, reverse)
-    again = [name for name in COUNTING if name in table.covariates and name != "sequence"]
-    if again and used & {*COUNTING}:
+        yield "run the program in the reverse direction", with_more_parts(table, reverse)
+    counters = [name for name in COUNTING if name in table.covariates and name != "sequence"]
+    if counters and used & {*COUNTING}:
         rest = "after a cold start" if "time_min" in used else "with a new tool"
-        yield f"{make} {MORE} more {noun} {rest}", extended(table, dict.fromkeys(again))
+        yield f"{make} {MORE} more {noun} {rest}", with_more_parts(table, dict.fromkeys(counters))
     hot = [name for name in names if is_temperature(name)]
     warmer: dict[str, Change] = dict.fromkeys(hot, partial(np.add, OTHER_DAY_K))
     if warmer:
-        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", extended(table, warmer)
+        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", with_more_parts(table, warmer)
     pitch = next((rival.value for rival in rivals if rival.form.scale == "frequency"), None)
     for i, axis in enumerate(AXES):
         places = table.places[..., i][np.isfinite(table.places[..., i])]
@@ -121,36 +121,36 @@ def follow_ups(
         if axis in used and span > 0:
             shift = SHIFT * (pitch or span)
             what = "the positions" if readings else "the fixture"
-            shifted = extended(table, {}, shift * np.eye(len(AXES))[i])
+            shifted = with_more_parts(table, {}, shift * np.eye(len(AXES))[i])
             yield f"shift {what} by {shift:.3g} mm along {axis}", shifted
 
 
-def extended(
+def with_more_parts(
     table: ResidualTable, changes: Mapping[str, Change | None], shift: FloatArray | float = 0.0
 ) -> ResidualTable:
     """The table with further parts, which repeat the last ones but for `changes` of columns (None:
     as the first parts were) and a `shift` (3,) mm of places; those that count parts or time go on.
     """
     P = len(table.parts)
-    again = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
+    source = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
     covariates = dict(table.covariates)
     for name, values in table.covariates.items():
         if name in changes or len(values) == P > 1:
             rows = np.broadcast_to(values, (P, values.shape[1]))
-            further = rows[again]
+            extension = rows[source]
             if name in COUNTING:
                 step = np.diff(rows, axis=0)
                 rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-                further = rows[-1:] + rise * np.arange(1, MORE + 1)[:, None]
+                extension = rows[-1:] + rise * np.arange(1, MORE + 1)[:, None]
             change = changes.get(name, np.asarray)
-            further = np.resize(values, further.shape) if change is None else change(further)
-            covariates[name] = np.concatenate([rows, further])
+            extension = np.resize(values, extension.shape) if change is None else change(extension)
+            covariates[name] = np.concatenate([rows, extension])
     return replace(
         table,
         parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
         errors=np.zeros((P + MORE, *table.errors.shape[1:])),
         repeats=np.ones((P + MORE, len(table.features)), np.int64),
-        places=np.concatenate([table.places, table.places[again] + shift]),
+        places=np.concatenate([table.places, table.places[source] + shift]),
         covariates=covariates,
     )
 

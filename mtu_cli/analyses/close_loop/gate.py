@@ -43,19 +43,19 @@ class Gate:
         self.strata = self.design.strata
         self.ratios: dict[Columns, dict[str, float]] = {}
         """Beside each model that was tested how many times the rest's a scatter effect's is."""
-        self._drawn: dict[Columns, tuple[list[str], FloatArray]] = {}
+        self._cache: dict[Columns, tuple[list[str], FloatArray]] = {}
 
     def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> dict[str, float]:
         """Adjusted p beside a model of these columns and scatter effects, by name: of candidates,
         named random functions, offsets, scatter effects and checks.
         """
         key = tuple(sorted(columns))
-        if key not in self._drawn:
-            self._drawn[key] = self._tests(columns)
-        names, T = self._drawn[key]
-        present = np.isin(names, scatter)
-        p = _adjusted(np.where(present, 0.0, T)).tolist()
-        return {n: x for n, x, out in zip(names, p, present, strict=True) if not out}
+        if key not in self._cache:
+            self._cache[key] = self._tests(columns)
+        names, T = self._cache[key]
+        base = np.isin(names, scatter)
+        p = _adjusted_p(np.where(base, 0.0, T)).tolist()
+        return {n: x for n, x, in_base in zip(names, p, base, strict=True) if not in_base}
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
@@ -85,13 +85,13 @@ class Gate:
         parts' scatter is further coordinates of the sphere on which they turn.
         """
         strata, like, rng = self.strata, self.likelihood, self.rng
-        up = np.sqrt(like.n / fit.dof)
+        ratio = np.sqrt(like.n / fit.dof)
         Y = np.zeros((PERMUTATIONS + 1, len(fit.residual)))
         crossed = bool(strata.of(FEATURE))
         for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
-            self._rotated(Y[1:], strata.of(kind), fit, up)
+            self._rotate(Y[1:], strata.of(kind), fit, ratio)
         inner = np.isin(strata.labels(), strata.of(INTERACTION))
-        cells = strata.table(np.where(inner, fit.residual * up[strata.labels()], 0.0))
+        cells = strata.table(np.where(inner, fit.residual * ratio[strata.labels()], 0.0))
         w = fit.weights[strata.labels()]
         X = self.design.columns.dense(fit.columns)
         P, H, _A = strata.shape
@@ -114,25 +114,25 @@ class Gate:
         for first in range(1, PERMUTATIONS + 1, step):
             yield slice(first, min(first + step, PERMUTATIONS + 1))
 
-    def _rotated(self, null: FloatArray, group: list[int], fit: Fit, up: FloatArray) -> None:
+    def _rotate(self, null: FloatArray, group: list[int], fit: Fit, ratio: FloatArray) -> None:
         """Fills strata of null tables, those of one size alike: a random rotation takes an
         orthonormal basis of g vectors to a random g-frame.
         """
         strata, like, rng = self.strata, self.likelihood, self.rng
-        alike = len({int(strata.sizes[s]) for s in group}) == 1
-        for block in [group] if alike else [[s] for s in group]:
-            Z = np.stack([fit.residual[strata.slices[s]] * up[s] for s in block])
-            if more := round(like.extra_dof[block].max()):
-                extra = rng.normal(size=(len(block), more))
-                sizes = np.sqrt(like.extra[block]) * up[block] / np.linalg.norm(extra, axis=1)
+        same_size = len({int(strata.sizes[s]) for s in group}) == 1
+        for block in [group] if same_size else [[s] for s in group]:
+            Z = np.stack([fit.residual[strata.slices[s]] * ratio[s] for s in block])
+            if count := round(like.extra_dof[block].max()):
+                extra = rng.normal(size=(len(block), count))
+                sizes = np.sqrt(like.extra[block]) * ratio[block] / np.linalg.norm(extra, axis=1)
                 Z = np.concatenate([Z, extra * sizes[:, None]], axis=1)
-            g, whole = Z.shape
+            g, n = Z.shape
             R = np.linalg.qr(Z.T)[1]
-            frame = np.linalg.qr(rng.normal(size=(len(null), whole, min(g, whole))))[0]
+            frame = np.linalg.qr(rng.normal(size=(len(null), n, min(g, n))))[0]
             signs = rng.choice([-1.0, 1.0], size=(len(null), 1, frame.shape[2]))
-            turned = np.swapaxes((frame * signs) @ R, 1, 2)
+            rotations = np.swapaxes((frame * signs) @ R, 1, 2)
             for i, s in enumerate(block):
-                null[:, strata.slices[s]] = turned[:, i, : int(strata.sizes[s])]
+                null[:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
 
     # Tests.
 
@@ -155,18 +155,18 @@ class Gate:
             k, partials = group.k, partial_out(design, group, base, w)
             whole = partials.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
-            each = size[:, :, None] * size[:, None, :]
-            good = np.all(size**2 > LEAST_LEFT * partials.unadjusted, axis=1)
-            good &= np.linalg.eigvalsh(whole / each)[:, 0] > 1e-5
+            scale = size[:, :, None] * size[:, None, :]
+            valid = np.all(size**2 > LEAST_LEFT * partials.unadjusted, axis=1)
+            valid &= np.linalg.eigvalsh(whole / scale)[:, 0] > 1e-5
             # What is not separable has no score.
-            size[~good], each[~good] = np.inf, np.inf
-            information = partials.information / each
-            inverse = np.linalg.inv(information.sum(axis=0) + ~good[:, None, None] * np.eye(k))
+            size[~valid], scale[~valid] = np.inf, np.inf
+            information = partials.information / scale
+            inverse = np.linalg.inv(information.sum(axis=0) + ~valid[:, None, None] * np.eye(k))
             values, vectors = np.linalg.eigh(information)
             y = w[:, None, None, None] * U[:, partials.nuisance]
             sizes = partials.inverse @ y.sum(axis=0)
             explained = np.einsum("mzn,smzn->smn", sizes, 2 * y - partials.inner @ sizes)
-            used = np.einsum("mzy,smyz->sm", partials.inverse, partials.inner)
+            leverage = np.einsum("mzy,smyz->sm", partials.inverse, partials.inner)
             total = np.zeros((*size.shape, len(Y)))
             informative = values > LEAST_SHARE
             for s in np.flatnonzero(informative.any(axis=(1, 2))).tolist():
@@ -178,11 +178,11 @@ class Gate:
                 stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
                 residual = np.maximum(squares[:, s] - explained[s, m], least[s])
                 ratio = np.clip(stat / residual, 1e-300, ALMOST_ONE)
-                power = np.maximum(self.likelihood.n[s] - used[s, m] - 1 - k / 2, 0.5)
+                power = np.maximum(self.likelihood.n[s] - leverage[s, m] - 1 - k / 2, 0.5)
                 deviance = -power[:, None] * np.log1p(-ratio)
                 total[i] += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
-            D = np.sum(total * (inverse @ total), axis=1).T[:, good]
-            at.append(group.members[good])
+            D = np.sum(total * (inverse @ total), axis=1).T[:, valid]
+            at.append(group.members[valid])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
@@ -221,18 +221,18 @@ class Gate:
                 levers[c.name] = None
             elif (lever := lever_of(c.name, table.axes, table.mean_places)) is not None:
                 levers[c.name] = lever.ravel()
-        chosen = np.broadcast_to(table.operation == 1, (P, H)).ravel()
+        operation = np.broadcast_to(table.operation == 1, (P, H)).ravel()
         flat = cells.reshape(P * H, A)
         squares = (flat * flat).sum(axis=1)
         result = np.zeros((PERMUTATIONS + 1, len(levers)))
         for rows in (slice(0, 1), *self._blocks()) if levers else ():
-            drawn = np.tile(np.arange(P * H), (rows.stop - rows.start, 1))
-            drawn = self.rng.permuted(drawn, axis=1) if rows.start else drawn
+            order = np.tile(np.arange(P * H), (rows.stop - rows.start, 1))
+            order = self.rng.permuted(order, axis=1) if rows.start else order
             for k, lever in enumerate(levers.values()):
                 if lever is None:
-                    result[rows, k] = squares[drawn] @ chosen
+                    result[rows, k] = squares[order] @ operation
                 else:
-                    of_parts = flat[drawn].reshape(len(drawn), P, H * A) @ lever
+                    of_parts = flat[order].reshape(len(order), P, H * A) @ lever
                     result[rows, k] = (of_parts**2).sum(axis=1)
         n = float(sum(self.likelihood.coordinate_dof[s] for s in inner))
         total = max(float(squares.sum()), 1e-300)
@@ -240,12 +240,12 @@ class Gate:
         result = np.clip(result, 1e-9 * total, ALMOST_ONE * total)
         tests, ratios = {}, {}
         for k, (name, lever) in enumerate(levers.items()):
-            share = float(chosen.mean())
+            share = float(operation.mean())
             a, b = (n * share, n * (1 - share)) if lever is None else (P - 1.0, n - (P - 1.0))
-            one, other = result[:, k], total - result[:, k]
-            L = n * np.log(total / n) - a * np.log(one / a) - b * np.log(other / b)
-            L = L / (1 + kurtosis / 2) if lever is None else np.where(one / a > other / b, L, 0.0)
-            ratios[name] = float(np.sqrt(one[0] / a / (other[0] / b)))
+            part, rest = result[:, k], total - result[:, k]
+            L = n * np.log(total / n) - a * np.log(part / a) - b * np.log(rest / b)
+            L = L / (1 + kurtosis / 2) if lever is None else np.where(part / a > rest / b, L, 0.0)
+            ratios[name] = float(np.sqrt(part[0] / a / (rest[0] / b)))
             tests[name] = one_sided(L)
         return tests, ratios
 
@@ -271,21 +271,21 @@ class Gate:
                 E = E if P <= H else np.swapaxes(E, 2, 3)
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
-            checks["pattern"] = calibrated(share)
-        for name, near in self._near.items():
-            group = [s for s in near if rough[s]]
+            checks["pattern"] = gamma_log_p(share)
+        for name, kernels in self._kernels.items():
+            group = [s for s in kernels if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
                 continue
             total = np.zeros(len(Y))
             for s in group:
                 y = Y[:, strata.slices[s]]
-                form = np.einsum("bn,bn->b", y @ near[s], y)
+                form = np.einsum("bn,bn->b", y @ kernels[s], y)
                 total += form / np.maximum(np.einsum("bn,bn->b", y, y), 1e-300)
-            checks[name] = calibrated(total)
+            checks[name] = gamma_log_p(total)
         return checks
 
     @cached_property
-    def _near(self) -> dict[str, dict[int, FloatArray]]:
+    def _kernels(self) -> dict[str, dict[int, FloatArray]]:
         """Covariances (n, n) of the coordinates of strata, if parts walk or features near one
         another err alike.
         """
@@ -294,11 +294,11 @@ class Gate:
         distance = np.linalg.norm(places[:, None] - places[None], axis=-1)
         walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
         field = np.exp(-distance / (0.15 * max(distance.max(), 1e-300)))
-        near = dict[str, dict[int, FloatArray]]()
+        result = dict[str, dict[int, FloatArray]]()
         for name, kind, K in (("walk", PART, walk), ("field", FEATURE, field)):
             bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
-            near[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
-        return near
+            result[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
+        return result
 
 
 class Partial(NamedTuple):
@@ -380,7 +380,7 @@ def one_sided(ratio: FloatArray) -> FloatArray:
     return np.asarray(-log_ndtr(-np.sqrt(np.maximum(ratio, 0.0))))
 
 
-def calibrated(x: FloatArray) -> FloatArray:
+def gamma_log_p(x: FloatArray) -> FloatArray:
     """-log p (rows,) of a statistic by a gamma law fitted to its null rows."""
     mean, var = x[1:].mean(), max(float(x[1:].var()), 1e-300)
     low = x[1:].min() - 0.1 * abs(x[1:].min())
@@ -391,7 +391,7 @@ def calibrated(x: FloatArray) -> FloatArray:
     return -np.log(np.maximum(gammaincc(shape, np.maximum(x - low, 0.0) / scale), 1e-300))
 
 
-def _adjusted(T: FloatArray) -> FloatArray:
+def _adjusted_p(T: FloatArray) -> FloatArray:
     """Family-wise p of each column of -log p T (B + 1, k), the first row observed.
 
     The best of many members is calibrated by their effective number, 1/mean(p) - 1, as Sidak would.

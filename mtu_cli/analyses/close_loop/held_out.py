@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.describe import described
+from mtu_cli.analyses.close_loop.describe import effects_of
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import estimated
+from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.missing import BoolArray
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.files.effects import CHOSEN
@@ -49,22 +49,22 @@ def held_out(
     errors = np.full((3, *table.errors.shape), np.nan)
 
     def predict(fold: int) -> None:
-        out = number == fold
-        cells = np.broadcast_to(out[:, None] if by == "parts" else out, (P, H))
-        diagnosis = diagnose(only(table, ~out, by))
-        effects = described(diagnosis, estimated(diagnosis.models, diagnosis.model))
+        test = number == fold
+        cells = np.broadcast_to(test[:, None] if by == "parts" else test, (P, H))
+        diagnosis = diagnose(subset(table, ~test, by))
+        effects = effects_of(diagnosis, estimates_of(diagnosis.models, diagnosis.model))
         predicted = (np.zeros(table.errors.shape), contribution(effects, table, written=True))
-        for i, values in enumerate((*predicted, averaged(diagnosis, effects, table))):
-            errors[i][cells] = corrected(table, values, ~cells)[cells]
+        for i, values in enumerate((*predicted, model_average(diagnosis, effects, table))):
+            errors[i][cells] = remainder(table, values, ~cells)[cells]
 
     with workers(min(count + 1, available_threads())) as executor:
-        whole = executor.submit(diagnose, table)
+        future = executor.submit(diagnose, table)
         for fold, _ in enumerate(executor.map(predict, range(count))):
             progress(fold + 1, count)
-    return whole.result(), (by, errors)
+    return future.result(), (by, errors)
 
 
-def corrected(table: ResidualTable, predicted: FloatArray, cells: BoolArray) -> FloatArray:
+def remainder(table: ResidualTable, predicted: FloatArray, cells: BoolArray) -> FloatArray:
     """Errors (P, H, A) less what is predicted, and less the components' polynomial fitted anew to
     the rest in the `cells` (P, H): the residuals of readings that were fitted are too small.
     """
@@ -79,13 +79,13 @@ def corrected(table: ResidualTable, predicted: FloatArray, cells: BoolArray) -> 
     return rest
 
 
-def only(table: ResidualTable, mask: BoolArray, by: str) -> ResidualTable:
+def subset(table: ResidualTable, mask: BoolArray, by: str) -> ResidualTable:
     """The table of some of its parts, or of its columns."""
     axis, names = (0, "parts") if by == "parts" else (1, "features")
 
     def cut(values: FloatArray) -> FloatArray:
-        whole = values.shape[axis] == len(mask)  # Or alike in all parts, or columns.
-        return np.compress(mask, values, axis=axis) if whole else values
+        full = values.shape[axis] == len(mask)  # Or alike in all parts, or columns.
+        return np.compress(mask, values, axis=axis) if full else values
 
     of_cells = ("errors", "repeats", "places", "common", "of_part")
     fields: dict[str, Any] = {name: cut(getattr(table, name)) for name in of_cells}
@@ -121,7 +121,7 @@ def contribution(
     return table.freed(total[..., None])[..., 0]
 
 
-def averaged(
+def model_average(
     diagnosis: Diagnosis, effects: Sequence[FoundEffect], table: ResidualTable
 ) -> FloatArray:
     """The contribution (P, H, A) of the effects averaged over the names of each one's class by
@@ -131,14 +131,14 @@ def averaged(
     best = contribution(effects, table)
     total = best.copy()
     for i, entry in enumerate(diagnosis.entries):
-        whole = sum(p for _, _, p in entry.credible)
+        norm = sum(p for _, _, p in entry.credible)
         for name, item, p in entry.credible:
             if item == entry.item:
                 continue
             model = tuple(item if x == entry.item else x for x in diagnosis.model)
             entries = list(diagnosis.entries)
             entries[i] = replace(entry, item=item, name=name)
-            other = replace(diagnosis, model=model, entries=tuple(entries))
-            instead = described(other, estimated(diagnosis.models, model, sets=False))
-            total += p / whole * (contribution(instead, table) - best)
+            rival = replace(diagnosis, model=model, entries=tuple(entries))
+            alternative = effects_of(rival, estimates_of(diagnosis.models, model, sets=False))
+            total += p / norm * (contribution(alternative, table) - best)
     return total

@@ -83,8 +83,8 @@ class Likelihood:
         """Products (S, K) of the errors with all columns."""
         columns = self.design.columns
         if (count := self._b.shape[1]) < columns.count:
-            more = columns.products(self.y[None], count)[:, :, 0]
-            self._b = np.concatenate([self._b, more], axis=1)
+            products = columns.products(self.y[None], count)[:, :, 0]
+            self._b = np.concatenate([self._b, products], axis=1)
         return self._b
 
     def closure(self, members: Sequence[int]) -> Columns:
@@ -107,9 +107,9 @@ class Likelihood:
         return tuple(result)
 
     def weights(self, R: FloatArray, dof: FloatArray) -> FloatArray:
-        """1/variance of the strata from their sums of squares; 0 where nothing of one is left."""
-        least, there = (x.reshape(-1, *[1] * (R.ndim - 1)) for x in (self.least, self.n > 0))
-        return np.asarray(np.where(there, dof / np.maximum(R, dof * least + TINY**3), 0.0))
+        """1/variance of the strata from their sums of squares; 0 of one that is not estimable."""
+        least, estimable = (x.reshape(-1, *[1] * (R.ndim - 1)) for x in (self.least, self.n > 0))
+        return np.asarray(np.where(estimable, dof / np.maximum(R, dof * least + TINY**3), 0.0))
 
     def profile(
         self,
@@ -168,14 +168,14 @@ class Likelihood:
         R, number = self.profile(columns, smooth, added, inner)
         if smooth not in self._none:
             self._none[smooth] = self.profile((), smooth)[0]
-        whole = self._none[smooth][None]
-        there = np.pad(added != PADDING, ((0, 0), (0, len(columns))), constant_values=True)
-        k = there.sum(axis=1)
-        n = (number * there).sum(axis=1) / np.maximum(k, 1)
+        total = self._none[smooth][None]
+        nonzero = np.pad(added != PADDING, ((0, 0), (0, len(columns))), constant_values=True)
+        k = nonzero.sum(axis=1)
+        n = (number * nonzero).sum(axis=1) / np.maximum(k, 1)
         g = n * ZELLNER_SIOW[:, None]
         floor = (self.least * self.n)[None, :, None] + TINY**2
-        shrunk = np.maximum(R + (whole - R) / (1 + g[:, None]), floor)
-        logs = -0.5 * np.einsum("s,gsm->gm", self.n, np.log(shrunk / np.maximum(whole, floor)))
+        rss = np.maximum(R + (total - R) / (1 + g[:, None]), floor)
+        logs = -0.5 * np.einsum("s,gsm->gm", self.n, np.log(rss / np.maximum(total, floor)))
         logs -= 0.5 * k * np.log1p(g)
         return np.asarray(logsumexp(logs, axis=0) - np.log(len(g)))
 
@@ -193,8 +193,8 @@ class Likelihood:
             V = np.linalg.inv(A + ridge + TINY * np.diag(np.diag(A)))
             beta = V @ (w @ b)
             R = self.R0 - 2 * b @ beta + np.einsum("i,sij,j->s", beta, G, beta)
-            used = w * np.einsum("ij,sji->s", V, G)
-            dof = np.maximum(self.n - used, 1.0)
+            leverage = w * np.einsum("ij,sji->s", V, G)
+            dof = np.maximum(self.n - leverage, 1.0)
             w = self.weights(np.maximum(R, TINY * self.R0), dof)
         shares = w[:, None] * np.einsum("ij,sjk,ki->si", V, G, V) / np.diag(V)[None, :]
         residual = self.y - beta @ units.dense(columns) if columns else self.y

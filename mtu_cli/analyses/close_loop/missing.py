@@ -23,19 +23,19 @@ class Missing:
     features are free. `lines` (H, k), orthonormal, are what each part is free in.
     """
 
-    def __init__(self, there: BoolArray, lines: FloatArray) -> None:
-        self.there, self.lines = there, lines
-        self.cells = p, h = np.nonzero(~there)
+    def __init__(self, measured: BoolArray, lines: FloatArray) -> None:
+        self.measured, self.lines = measured, lines
+        self.cells = p, h = np.nonzero(~measured)
         within = (np.eye(len(lines)) - lines @ lines.T)[h[:, None], h[None]]
-        M = ((p[:, None] == p[None]) - 1 / len(there)) * within
+        M = ((p[:, None] == p[None]) - 1 / len(measured)) * within
         self.inverse = np.linalg.pinv(M, rcond=1e-9, hermitian=True) if len(p) else M
 
     def filled(self, table: FloatArray) -> FloatArray:
         """Tables (..., P, H) with their missing cells filled in, whatever stood there."""
-        if self.there.all():
+        if self.measured.all():
             return table
         p, h = self.cells
-        Y = np.where(self.there, table, 0.0)
+        Y = np.where(self.measured, table, 0.0)
         E = interaction(Y, self.lines)[..., p, h]
         result = Y.copy()
         result[..., p, h] = -E @ self.inverse
@@ -49,25 +49,25 @@ def interaction(table: FloatArray, lines: FloatArray) -> FloatArray:
 
 
 def outliers(
-    errors: FloatArray, there: BoolArray, lines: FloatArray, least: FloatArray
+    errors: FloatArray, measured: BoolArray, lines: FloatArray, least: FloatArray
 ) -> BoolArray:
     """Where (P, H, A) single entries are further from what part and feature predict than `GROSS`
     robust standard deviations of the interaction; `least` (A,) deviations that rounding gives.
 
     The search is repeated without them, as outliers hide others.
     """
-    hit = np.zeros(errors.shape, bool)
+    mask = np.zeros(errors.shape, bool)
     if errors.shape[0] < FEWEST_FOR_OUTLIERS or errors.shape[1] < 2:
-        return hit
+        return mask
     for a in range(errors.shape[2]):
         for _ in range(ROUNDS):
-            valid = there & ~hit[..., a]
+            valid = measured & ~mask[..., a]
             filled = Missing(valid, lines).filled(np.nan_to_num(errors[..., a]))
             fitted = filled - interaction(filled, lines)
-            deviation = np.where(there, np.nan_to_num(errors[..., a]) - fitted, 0.0)
-            spread = max(1.4826 * float(np.median(np.abs(deviation[there]))), float(least[a]))
-            new = (np.abs(deviation) > GROSS * spread) & there & ~hit[..., a]
-            if not new.any() or (hit[..., a] | new).sum() > MOST_SHARE * there.sum():
+            deviation = np.where(measured, np.nan_to_num(errors[..., a]) - fitted, 0.0)
+            spread = max(1.4826 * float(np.median(np.abs(deviation[measured]))), float(least[a]))
+            new = (np.abs(deviation) > GROSS * spread) & measured & ~mask[..., a]
+            if not new.any() or (mask[..., a] | new).sum() > MOST_SHARE * measured.sum():
                 break
-            hit[..., a] |= new
-    return hit
+            mask[..., a] |= new
+    return mask

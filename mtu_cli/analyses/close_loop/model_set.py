@@ -127,13 +127,13 @@ class ModelSet:
         value = self.value(model)
         base = value - float(like.evidence(columns, smooth)[0])
         with np.errstate(divide="ignore"):
-            weighed = base + np.log(design.prior)
-        weighed += like.evidence(columns, smooth, design.closures, design.inner)
+            logs = base + np.log(design.prior)
+        logs += like.evidence(columns, smooth, design.closures, design.inner)
         total = np.full(len(self.names), -np.inf)
         best = [0] * len(self.names)
         for c in np.unique(design.of):
-            some = np.flatnonzero(design.of == c)
-            total[c], best[c] = logsumexp(weighed[some]), int(some[np.argmax(weighed[some])])
+            members = np.flatnonzero(design.of == c)
+            total[c], best[c] = logsumexp(logs[members]), int(members[np.argmax(logs[members])])
         present = {self.place(item) for item in model}
         for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE):
             m = best[c]
@@ -141,7 +141,7 @@ class ModelSet:
             if fine:
                 share = np.log(design.members[m].prior / len(fine))
                 finer = like.evidence(columns, smooth, design.closures_of(fine)) + base + share
-                rest = weighed[(design.of == c) & (np.arange(design.tested) != m)]
+                rest = logs[(design.of == c) & (np.arange(design.tested) != m)]
                 total[c] = logsumexp(np.concatenate([rest, finer]))
                 best[c] = fine[int(np.argmax(finer))]
         first = len(design.candidates)
@@ -161,7 +161,7 @@ class ModelSet:
         total[[self.place(item) for item in model]] = -np.inf
         return total, best
 
-    def _passing(self, model: Model) -> list[Item]:
+    def _entrants(self, model: Model) -> list[Item]:
         """Items that pass the gate beside a model, the likeliest first; beside others only those
         that make the model likelier, their prior counted: each of them is one more test.
         """
@@ -181,27 +181,27 @@ class ModelSet:
         """The likeliest model that only effects which pass the gate lead to: forward from the
         first few, each model refined by drop and swap.
         """
-        stack: list[tuple[Model, Model]] = [((item,), ()) for item in self._passing(())[:BEAM]]
-        done: set[Model] = set()
-        closed: set[Model] = set()
+        stack: list[tuple[Model, Model]] = [((item,), ()) for item in self._entrants(())[:BEAM]]
+        history: set[Model] = set()
+        ends: set[Model] = set()
         while stack:
             model, before = stack.pop(0)
-            model = self._refined(model)
+            model = self._refine(model)
             key = tuple(sorted(model))
-            if key in done:
+            if key in history:
                 # What was added leads back: the model before has no further effect.
-                closed |= {before} & done
+                ends |= {before} & history
                 continue
-            done.add(key)
-            more = self._passing(model)[:1]
-            if more and len(model) >= self.most:
-                self.stopped, more = True, []
-            stack += [((*model, item), key) for item in more]
-            if not more:
-                closed.add(key)
-        return max(sorted(closed), key=self.evidence, default=())
+            history.add(key)
+            items = self._entrants(model)[:1]
+            if items and len(model) >= self.most:
+                self.stopped, items = True, []
+            stack += [((*model, item), key) for item in items]
+            if not items:
+                ends.add(key)
+        return max(sorted(ends), key=self.evidence, default=())
 
-    def _refined(self, model: Model) -> Model:
+    def _refine(self, model: Model) -> Model:
         """Drops what no longer passes the gate and swaps single effects for the likeliest that
         passes in their place, until nothing improves.
         """
@@ -245,8 +245,8 @@ class ModelSet:
                 low = set(self.design.members[best[i]].low if best[i] >= 0 else ())
                 if terms <= low and p.get(self.names[i], 1.0) > self.alpha:
                     total[i] = -np.inf
-            both = np.concatenate([total, smooth])
-            posterior = np.exp(both - logsumexp(both))
+            logs = np.concatenate([total, smooth])
+            posterior = np.exp(logs - logsumexp(logs))
             order = np.argsort(-posterior, kind="stable").tolist()
             count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
             best[c], rivals = item, [i for i in order[:count] if i < len(self.names) and i != c]
@@ -271,9 +271,9 @@ class ModelSet:
         if not self.nameless:
             return False
         prior = -np.log(len(self.names))
-        whole = self.value(model) if model else 0.0
+        value = self.value(model) if model else 0.0
         return any(
-            self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > whole
+            self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > value
             for n in range(max(len(model) - 1, 0))
             for rest in combinations(model, n)
         )

@@ -22,7 +22,7 @@ SAME = 1e-6
 """Of a direction; less is rounding."""
 
 
-def posed(
+def likelihood_of(
     table: ResidualTable,
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
@@ -30,8 +30,8 @@ def posed(
     """The likelihood of a table's errors in its strata with the columns of its candidates, beside
     motions of whole parts that `scatter`, each a line, the last of each axis.
     """
-    there = np.isfinite(table.errors).all(axis=2) & table.there
-    gaps = Missing(there, free_lines(table))
+    measured = np.isfinite(table.errors).all(axis=2) & table.there
+    gaps = Missing(measured, free_lines(table))
     errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
     steps = steps_of(table)
     inner = max(float(np.std(interaction(E, gaps.lines))) for E in np.moveaxis(errors, 2, 0))
@@ -44,7 +44,7 @@ def posed(
     # Degrees of freedom: less the missing cells and what a datum freed.
     P, _, A = strata.shape
     n, axis = strata.sizes.copy(), np.array(strata.axis)
-    n[strata.of(INTERACTION)] -= np.sum(~there)
+    n[strata.of(INTERACTION)] -= np.sum(~measured)
     of_axis, _, j = strata.cells
     lost = np.zeros(len(n))
     for motion in table.motions:
@@ -85,7 +85,7 @@ def _prior(
     for s in (*strata.of(PART), *strata.of(LINE)):
         a, first = strata.axis[s], strata.place[strata.slices[s].start]
         line = int(first) % strata.shape[1]
-        lines = sum(strata.axis[other] == a for other in strata.of(LINE))
+        lines = sum(strata.axis[t] == a for t in strata.of(LINE))
         if n[s] == 0 or line > lines - moving:
             continue
         direction = strata.of_features[a][:, line]
@@ -168,9 +168,9 @@ def _lines(table: ResidualTable) -> list[FloatArray]:
         return [free_lines(table)[:, 1:]] * A
     result = []
     for F in np.moveaxis(table.of_part.mean(axis=0), 1, 0):
-        whole = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
+        size = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
         U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)
-        result.append(U[:, s**2 > NOTABLE * whole][:, :2])
+        result.append(U[:, s**2 > NOTABLE * size][:, :2])
     return result
 
 
@@ -181,8 +181,8 @@ def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray
     q = places[:, [AXES.index(axis) for axis in axes]]
     q = q - q.mean(axis=0)
     if "rotation" in name:
-        turned, (i, j) = np.zeros_like(q), map(axes.index, "xy")
-        turned[:, i], turned[:, j] = -q[:, j], q[:, i]
-        q = turned
+        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
+        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
+        q = rotation
     size = np.linalg.norm(q)
     return q / size if size > 0 else None

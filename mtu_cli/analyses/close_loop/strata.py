@@ -85,23 +85,23 @@ class Strata:
     def coordinates(self, table: FloatArray) -> FloatArray:
         """Coordinates (..., N) of tables (..., P, H, A)."""
         axes = range(self.shape[2])
-        turned = np.stack([self._turned(a, table[..., a]) for a in axes], axis=-3)
-        return np.asarray(turned.reshape(*turned.shape[:-3], -1)[..., self.place] / self.spread)
+        result = np.stack([self._in_bases(a, table[..., a]) for a in axes], axis=-3)
+        return np.asarray(result.reshape(*result.shape[:-3], -1)[..., self.place] / self.spread)
 
-    def _turned(self, a: int, values: FloatArray) -> FloatArray:
+    def _in_bases(self, a: int, values: FloatArray) -> FloatArray:
         """Values (..., P or 1, H or 1) along an axis in the bases: what is alike in all parts, or
         features, has the first coordinate alone.
         """
         P, H, _ = self.shape
         p, h = values.shape[-2:]
         if h < H:
-            turned = values * np.sqrt(H)
+            result = values * np.sqrt(H)
         elif (short := self.short[a]) is None:
-            turned = values @ self.of_features[a]
+            result = values @ self.of_features[a]
         else:
             signs, L, R = short
-            turned = values * signs - (values @ L) @ R
-        return to_contrasts(turned) if p > 1 else turned * np.sqrt(P)
+            result = values * signs - (values @ L) @ R
+        return to_contrasts(result) if p > 1 else result * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) that columns can reach, given by axis in compact shapes (G or 1,
@@ -116,9 +116,9 @@ class Strata:
         for k, lever in enumerate(columns):
             for a, column in lever.items():
                 cells = self.at[a, : column.shape[1], : column.shape[2]]
-                there = cells != NONE
-                places = cells[there]
-                values = self._turned(a, column)[:, there] / self.spread[places]
+                valid = cells != NONE
+                places = cells[valid]
+                values = self._in_bases(a, column)[:, valid] / self.spread[places]
                 result[:, k, np.searchsorted(at, places)] = values
         return at, result
 
@@ -173,16 +173,16 @@ def strata_of(
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
     first, shorts = 1 if features_scatter else 0, list[Short | None]()
     for a, directions in enumerate(lines):
-        bases[a], short = _completed(np.column_stack([np.full(H, 1 / np.sqrt(H)), directions]))
+        bases[a], short = _full_basis(np.column_stack([np.full(H, 1 / np.sqrt(H)), directions]))
         k = directions.shape[1] + 1
         if roughness is not None and k < H:
             values, turn = np.linalg.eigh(bases[a, :, k:].T @ roughness @ bases[a, :, k:])
             bases[a, :, k:] = bases[a, :, k:] @ turn[:, ::-1]
             bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
         shorts.append(short if roughness is None else None)
-        beyond, rows = slice(1, None), [first] * (k - moving) + [0] * moving
-        groups = [(PART, (beyond, slice(0, 1)))]
-        groups += [(FEATURE, (slice(0, 1), beyond))] if features_scatter else []
+        rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
+        groups = [(PART, (rest, slice(0, 1)))]
+        groups += [(FEATURE, (slice(0, 1), rest))] if features_scatter else []
         numbers = range(1, k) if lines_known else ()
         groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in numbers]
         groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
@@ -210,7 +210,7 @@ def strata_of(
     )
 
 
-def _completed(begin: FloatArray) -> tuple[FloatArray, Short | None]:
+def _full_basis(begin: FloatArray) -> tuple[FloatArray, Short | None]:
     """An orthonormal basis (H, H) whose first columns are `begin` (H, k), and its short form."""
     H, k = begin.shape
     basis, R = np.linalg.qr(begin, mode="complete")
