@@ -160,7 +160,7 @@ class Design:
                     self.members[m].prior /= total
         tested = self.members[:]
         self.tested = len(tested)
-        self.of = np.array([member.candidate for member in tested], int)
+        self.owner = np.array([member.candidate for member in tested], int)
         self.prior = np.array([member.prior for member in tested])
         self.closures = self.closures_of(range(self.tested))
         _, self.inner = self.columns.crossed(self.closures)
@@ -297,7 +297,7 @@ def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
 
 def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
     """Of columns X (G, k, n) beside margins Z (G, m, n) orthonormal bases (G, k, n), zero where a
-    column is; and whether (G,) they are independent and something of each is left.
+    column is; and whether (G,) they are independent and none is rounding.
     """
     sizes = (np.linalg.norm(columns, axis=2)[..., None] for columns in (X, Z))
     X, Z = (x / np.where(size > 0, size, 1.0) for x, size in zip((X, Z), sizes, strict=True))

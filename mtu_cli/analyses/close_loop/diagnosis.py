@@ -119,7 +119,7 @@ def diagnosis_of(
 
 
 def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str, float]:
-    """The offset, and effects that would make the same mean: beside them no level need be left."""
+    """The offset, and effects that would make the same mean: with them the level may be 0."""
     design, like, a = models.design, models.likelihood, models.design.axis(offset)
     total, best = models.additions(model)
     logs = {offset.name: 0.0}
@@ -131,7 +131,7 @@ def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str
         if not np.any(np.abs(means) > 1e-9):
             continue
         level, u, _ = level_of(like, like.fit(models.columns((*model, item))), a)
-        # Of the offset its own column is paid for, as of the effect its.
+        # The offset pays for its column, as the effect does.
         paid = 0.5 * np.log1p(design.strata.shape[0])
         logs[models.names[i]] = float(
             total[i] - models.value(model) - 0.5 * (level / u) ** 2 + paid

@@ -107,7 +107,7 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
 
 
 def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
-    """The chi^2 that each of some members of a form explains beside a fitted model, its margins and
+    """The chi^2 that each of some members of a form adds to a fitted model, its margins and
     the common columns, the strata's variances those of the fit with the best of them.
     """
     labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].form.parameters)
@@ -305,7 +305,7 @@ def _equations(
 
 
 def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEffect:
-    """The profile of a random function beside a fitted model (BLUP), its amplitude averaged over
+    """The profile of a random function given a fitted model (BLUP), its amplitude averaged over
     its posterior, so that future values between the places are covered at any amplitude.
     """
     design, strata = likelihood.design, likelihood.design.strata

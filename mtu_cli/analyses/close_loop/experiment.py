@@ -169,7 +169,7 @@ def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
     design, strata = diagnosis.design, diagnosis.design.strata
     fit = diagnosis.likelihood.fit(diagnosis.models.columns(diagnosis.model))
     P, H, _ = strata.shape
-    of = design.of[: design.tested]
+    of = design.owner[: design.tested]
     counts = np.bincount(of)
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)

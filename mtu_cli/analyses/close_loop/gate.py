@@ -1,7 +1,7 @@
-"""The gate: one family-wise test of every effect that may be lacking beside a model.
+"""The gate: one family-wise test of every effect that a model may lack.
 
 Westfall-Young min-p over candidates, random functions, offsets, scatter effects and remainder
-checks, on null tables made from the model's own residual.
+checks, on null tables made from the model's residual.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class Gate:
         self._cache: dict[Columns, tuple[list[str], FloatArray]] = {}
 
     def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> dict[str, float]:
-        """Adjusted p beside a model of these columns and scatter effects, by name: of candidates,
+        """Adjusted p given a model of these columns and scatter effects, by name: of candidates,
         named random functions, offsets, scatter effects and checks.
         """
         key = tuple(sorted(columns))
@@ -58,11 +58,11 @@ class Gate:
         return {n: x for n, x, in_base in zip(names, p, base, strict=True) if not in_base}
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
-        """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
+        """Names of all tests of a model, and their -log p (B + 1, k), observed first."""
         design, fit = self.design, self.likelihood.fit(columns)
         Y, cells = self._null(fit)
         at, lp = self._members(columns, fit, Y)
-        of = design.of[at]
+        of = design.owner[at]
         tests = {design.candidates[c].name: lp[:, of == c].max(axis=1) for c in np.unique(of)}
         for kernel in design.kernels:
             if kernel.name:
@@ -137,9 +137,9 @@ class Gate:
     # Tests.
 
     def _members(self, base: Columns, fit: Fit, Y: FloatArray) -> tuple[IntArray, FloatArray]:
-        """-log p of every member (B + 1, M): score statistics beside base and margins at the fitted
-        null, in each stratum as a normal deviate, with the variance that is left there beside what
-        the margins explain; together by the strata's information (Liptak 1958).
+        """-log p of every member (B + 1, M): score statistics given base and margins at the fitted
+        null, in each stratum as a normal deviate, with the variance there less what the margins
+        explain; pooled by the strata's information (Liptak 1958).
         """
         design, w = self.design, fit.weights
         # Of the null tables, which are random, single precision is enough.
@@ -251,7 +251,7 @@ class Gate:
 
     def _checks(self, fit: Fit, Y: FloatArray) -> dict[str, FloatArray]:
         """Remainder checks: one pattern part x feature, a walk of the parts, a smooth
-        field, both; where more is left than rounding.
+        field, both; where the residual is more than rounding.
         """
         strata, like = self.strata, self.likelihood
         P, H, A = strata.shape
@@ -385,7 +385,7 @@ def gamma_log_p(x: FloatArray) -> FloatArray:
     mean, var = x[1:].mean(), max(float(x[1:].var()), 1e-300)
     low = x[1:].min() - 0.1 * abs(x[1:].min())
     shape, scale = (mean - low) ** 2 / var, var / max(mean - low, 1e-300)
-    # Null rows that are all alike, as of readings without any scatter, say nothing.
+    # Null rows that are all alike, as of readings without any scatter, are no null.
     if mean <= low:
         return np.zeros(len(x))
     return -np.log(np.maximum(gammaincc(shape, np.maximum(x - low, 0.0) / scale), 1e-300))

@@ -44,7 +44,7 @@ class Fit:
         return float(1 / np.sum(share**2 / self.dof)) if share.any() else np.inf
 
     def sizes(self, member: Member) -> FloatArray:
-        """Of a member's parameters and then its margins'; 0 where nothing is left of one."""
+        """Of a member's parameters and then its margins'; 0 of one that is not estimable."""
         sizes = dict(zip(self.columns, self.beta.tolist(), strict=True))
         pairs = zip(member.indices, member.factors, strict=True)
         return np.array([sizes[i] / factor if i in sizes else 0.0 for i, factor in pairs])
@@ -94,7 +94,7 @@ class Likelihood:
         return tuple(terms | dict.fromkeys(i for item in items for i in item.low))
 
     def smooth(self, fit: Fit, kernel: Kernel) -> Columns:
-        """The directions of a random function as columns; its variance is the likeliest beside a
+        """The directions of a random function as columns; its variance is the likeliest given a
         fit.
         """
         _, amplitude = self.kernel_gain(fit, kernel)
@@ -206,7 +206,7 @@ class Likelihood:
     def kernel_deviance(
         self, fit: Fit, kernel: Kernel, Y: FloatArray, variances: FloatArray
     ) -> FloatArray:
-        """Twice the log likelihood ratio (c, B) of one more variance component beside a fitted
+        """Twice the log likelihood ratio (c, B) of one more variance component given a fitted
         model, on coordinates Y (B, N), at some variances (c,) over the stratum's.
         """
         result = np.zeros((len(variances), len(Y)))
@@ -221,7 +221,7 @@ class Likelihood:
         return result
 
     def kernel_gain(self, fit: Fit, kernel: Kernel) -> tuple[float, float]:
-        """Log Bayes factor of a random function beside a fitted model, its amplitude averaged over
+        """Log Bayes factor of a random function given a fitted model, its amplitude averaged over
         the law that sizes of columns have, a Cauchy law in units of the information of one
         coordinate; and its likeliest variance.
         """

@@ -104,7 +104,7 @@ class ModelSet:
         return base + sum(self._gains(columns, [-1 - item for item in model if item < 0]))
 
     def _gains(self, columns: Columns, kernels: Sequence[int]) -> list[float]:
-        """Log Bayes factors of random functions beside a model of these columns."""
+        """Log Bayes factors of random functions given a model of these columns."""
         if not kernels:
             return []
         like, fit = self.likelihood, self.likelihood.fit(columns)
@@ -131,8 +131,8 @@ class ModelSet:
         logs += like.evidence(columns, smooth, design.closures, design.inner)
         total = np.full(len(self.names), -np.inf)
         best = [0] * len(self.names)
-        for c in np.unique(design.of):
-            members = np.flatnonzero(design.of == c)
+        for c in np.unique(design.owner):
+            members = np.flatnonzero(design.owner == c)
             total[c], best[c] = logsumexp(logs[members]), int(members[np.argmax(logs[members])])
         present = {self.place(item) for item in model}
         for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE):
@@ -141,7 +141,7 @@ class ModelSet:
             if fine:
                 share = np.log(design.members[m].prior / len(fine))
                 finer = like.evidence(columns, smooth, design.closures_of(fine)) + base + share
-                rest = logs[(design.of == c) & (np.arange(design.tested) != m)]
+                rest = logs[(design.owner == c) & (np.arange(design.tested) != m)]
                 total[c] = logsumexp(np.concatenate([rest, finer]))
                 best[c] = fine[int(np.argmax(finer))]
         first = len(design.candidates)
@@ -151,7 +151,7 @@ class ModelSet:
         return total.copy(), list(best)
 
     def without_name(self, model: Model) -> FloatArray:
-        """Log marginal likelihood, with their odds, of nameless random functions beside a model."""
+        """Log marginal likelihood, with their odds, of nameless random functions given a model."""
         gains = self._gains(self.likelihood.closure(self.members(model)), self.nameless)
         return self.value(model) + np.array(gains) + np.log(ODDS)
 
@@ -162,8 +162,8 @@ class ModelSet:
         return total, best
 
     def _entrants(self, model: Model) -> list[Item]:
-        """Items that pass the gate beside a model, the likeliest first; beside others only those
-        that make the model likelier, their prior counted: each of them is one more test.
+        """Items that pass the gate given a model, the likeliest first; unless it is empty only
+        those that make it likelier, their prior counted: each of them is one more test.
         """
         p = self.gate(self.columns(model))
         total, best = self._new_additions(model)
@@ -236,7 +236,7 @@ class ModelSet:
             total, best = self._new_additions(rest)
             smooth = self.without_name(rest) if self.nameless else np.zeros(0)
             without, c = self.value(rest), self.place(item)
-            # What is less likely than nothing explains nothing.
+            # What is less likely than no effect explains nothing.
             total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
             # One that holds the effect as a margin says more than it: it has to pass by itself.
             p = self.gate(self.columns(rest))
@@ -279,7 +279,7 @@ class ModelSet:
         )
 
     def scatter(self, model: Model, base: Sequence[str]) -> list[tuple[str, float, float]]:
-        """Scatter effects that pass beside a model and those of `base`, one after another, with
+        """Scatter effects that pass given a model and those of `base`, one after another, with
         their p and how many times the rest's their deviation is.
         """
         result: list[tuple[str, float, float]] = []

@@ -27,7 +27,7 @@ def likelihood_of(
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
 ) -> Likelihood:
-    """The likelihood of a table's errors in its strata with the columns of its candidates, beside
+    """The likelihood of a table's errors in its strata with the columns of its candidates, given
     motions of whole parts that `scatter`, each a line, the last of each axis.
     """
     measured = np.isfinite(table.errors).all(axis=2) & table.there

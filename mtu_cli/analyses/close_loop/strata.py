@@ -161,8 +161,8 @@ def strata_of(
 ) -> Strata:
     """The strata of P parts with H features.
 
-    `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with a variance of its
-    own over the parts; along the last, which are `moving`, so has their mean, which scatters more
+    `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with one variance over
+    the parts; along the last, which are `moving`, so has their mean, which scatters more
     than the features; where not `lines_known`, they are in no stratum. `features_scatter`: the
     features' means have one; where not, they belong to the strata of the parts (V = I_P x S). The
     mean of all is in none: every effect has an offset beside it. `roughness` (H, H) is the
