@@ -64,8 +64,8 @@ class OneWay:
 
 def only(of: OfTables, rows: Any) -> OfTables:
     """The tables at `rows`, indices or a mask, of a dataclass of arrays (tables, ...)."""
-    kept = {field.name: getattr(of, field.name)[rows] for field in fields(of)}
-    return replace(of, **kept)
+    arrays = {field.name: getattr(of, field.name)[rows] for field in fields(of)}
+    return replace(of, **arrays)
 
 
 def cells_of(
@@ -90,12 +90,12 @@ def cells_of(
     mean = np.divide(total, n, out=np.zeros(size), where=n > 0)
     for block in blocks:
         shifted[block] -= mean[cell[block]]
-    # A second pass takes up what rounding left in the means.
-    left = np.bincount(cell, shifted, minlength=size)
-    step = np.divide(left, n, out=np.zeros(size), where=n > 0)
+    # A second pass takes up the rounding of the means.
+    rest = np.bincount(cell, shifted, minlength=size)
+    step = np.divide(rest, n, out=np.zeros(size), where=n > 0)
     mean += step
     np.square(shifted, out=shifted)
-    each = np.bincount(cell, shifted, minlength=size) - left * step
+    each = np.bincount(cell, shifted, minlength=size) - rest * step
     within = np.asarray(each, np.float64).reshape(tables, parts)
     squares: FloatArray = within.sum(axis=1)
     # What equal repeats leave of a sum of squares, their mean being rounded.
@@ -118,8 +118,8 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
     parts = cells.present.sum(axis=1).astype(np.float64)
     N = n.sum(axis=1)
     grand = (n * m).sum(axis=1) / N
-    away = np.where(cells.present, m - grand[:, None], 0.0)
-    ss_between = (n * away**2).sum(axis=1)
+    deviation = np.where(cells.present, m - grand[:, None], 0.0)
+    ss_between = (n * deviation**2).sum(axis=1)
     df_between, df_within = parts - 1, N - parts
     ms_between = _ratio(ss_between, df_between)
     ms_within = _ratio(cells.within, df_within)
@@ -127,8 +127,8 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
     n0 = _ratio(N - squares / N, df_between)
     noise = ms_within + np.nan_to_num(n0) * hidden(ms_within, rounding)
     F = np.where(ms_within > 0, _ratio(ms_between, noise), np.nan)
-    known = np.isfinite(F) & (df_between > 0)
-    safe_b, safe_w = np.where(known, df_between, 1), np.where(known, df_within, 1)
+    valid = np.isfinite(F) & (df_between > 0)
+    safe_b, safe_w = np.where(valid, df_between, 1), np.where(valid, df_within, 1)
     return OneWay(
         parts=parts,
         N=N,
@@ -138,8 +138,8 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
         df_between=df_between,
         df_within=df_within,
         F=F,
-        F_critical_95=np.where(known, fdtri(safe_b, safe_w, 0.95), np.nan),
-        p=np.where(known, fdtrc(safe_b, safe_w, np.where(known, F, 1.0)), np.nan),
+        F_critical_95=np.where(valid, fdtri(safe_b, safe_w, 0.95), np.nan),
+        p=np.where(valid, fdtrc(safe_b, safe_w, np.where(valid, F, 1.0)), np.nan),
         n0=n0,
         share=squares / N**2,
     )
@@ -194,13 +194,13 @@ def part_interval(cells: Cells, table: OneWay, probability: float = PROBABILITY)
     present = cells.present
     tail = (1 - probability) / 2
     n1 = table.df_between
-    known = (n1 > 0) & (table.df_within > 0)
-    n1, n2 = np.where(known, n1, 1.0), np.where(known, table.df_within, 1.0)
+    valid = (n1 > 0) & (table.df_within > 0)
+    n1, n2 = np.where(valid, n1, 1.0), np.where(valid, table.df_within, 1.0)
     inverse = np.divide(1.0, cells.n, out=np.zeros_like(cells.n), where=present)
     h = table.parts / inverse.sum(axis=1)
     centre = np.where(present, cells.mean, 0.0).sum(axis=1) / table.parts
-    away = np.where(present, cells.mean - centre[:, None], 0.0)
-    S1, S2 = h * (away**2).sum(axis=1) / n1, table.ms_within
+    deviation = np.where(present, cells.mean - centre[:, None], 0.0)
+    S1, S2 = h * (deviation**2).sum(axis=1) / n1, table.ms_within
     G1, G2 = 1 - n1 / chdtri(n1, tail), 1 - n2 / chdtri(n2, tail)
     H1, H2 = n1 / chdtri(n1, 1 - tail) - 1, n2 / chdtri(n2, 1 - tail) - 1
     upper, lower = fdtri(n1, n2, 1 - tail), fdtri(n1, n2, tail)
@@ -211,4 +211,4 @@ def part_interval(cells: Cells, table: OneWay, probability: float = PROBABILITY)
     low = (S1 - S2 - np.sqrt(np.maximum(down, 0.0))) / h
     high = (S1 - S2 + np.sqrt(np.maximum(up, 0.0))) / h
     limits = np.maximum(np.column_stack([low, high]), 0.0)
-    return np.where(known[:, None], limits, np.nan)
+    return np.where(valid[:, None], limits, np.nan)

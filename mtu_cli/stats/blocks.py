@@ -207,25 +207,25 @@ class BlockSummariser:
             exact[1] = getattr(model, "linear_variance", np.nan)
             quantiles: Quantiles | None = getattr(model, "linear_quantiles", None)
             if quantiles is not None:
-                away = quantiles(plan.shares).T
-                exact[2 : 2 + n], exact[2 + n :] = mean + away, mean - away
-        self._known = np.isfinite(exact)
-        self._exact = np.where(self._known, exact, 0.0)
+                deviation = quantiles(plan.shares).T
+                exact[2 : 2 + n], exact[2 + n :] = mean + deviation, mean - deviation
+        self._finite = np.isfinite(exact)
+        self._exact = np.where(self._finite, exact, 0.0)
 
     def summarise(self, draws: Draws, h: int) -> BatchSummary:
         """Summary of `h` equal blocks of finite values, one after the other."""
         outputs, count = draws.values.shape
-        drawn, m = [draws.values], count // h
-        if draws.linear is not None and self._known.any():
-            drawn.append(draws.linear)
-        values = self._work.array("values", (len(drawn) * outputs, h, m))
-        np.concatenate(drawn, out=values.reshape(-1, count))
+        arrays, m = [draws.values], count // h
+        if draws.linear is not None and self._finite.any():
+            arrays.append(draws.linear)
+        values = self._work.array("values", (len(arrays) * outputs, h, m))
+        np.concatenate(arrays, out=values.reshape(-1, count))
         mean = values.mean(axis=2)
         centred = self._work.array("centred", values.shape)
         np.subtract(values, mean[:, :, np.newaxis], out=centred)
-        found = np.empty((h, len(self._exact), len(values)))
-        found[:, 0] = mean.T
-        found[:, 1] = np.einsum("ijk,ijk->ji", centred, centred) / (m - 1)
+        summary = np.empty((h, len(self._exact), len(values)))
+        summary[:, 0] = mean.T
+        summary[:, 1] = np.einsum("ijk,ijk->ji", centred, centred) / (m - 1)
         weights = weights_of(self.plan, m)
         tail = weights.tail
         lower, upper = values[:, :, :tail], values[:, :, m - tail :]
@@ -238,10 +238,10 @@ class BlockSummariser:
         else:
             values.sort(axis=2)
         for ends, ordered in zip(
-            np.split(found[:, 2:], 2, axis=1), (lower, upper[:, :, ::-1]), strict=True
+            np.split(summary[:, 2:], 2, axis=1), (lower, upper[:, :, ::-1]), strict=True
         ):
             ends[:] = weights(ordered).transpose(1, 2, 0)
-        statistics, of_form = found[:, :, :outputs], found[:, :, outputs:]
-        controls = (of_form - self._exact) * self._known if len(drawn) > 1 else 0.0 * statistics
+        statistics, of_form = summary[:, :, :outputs], summary[:, :, outputs:]
+        controls = (of_form - self._exact) * self._finite if len(arrays) > 1 else 0.0 * statistics
         whole = centred[:outputs].reshape(outputs, count)
         return BatchSummary(m, statistics, controls, whole @ whole.T)

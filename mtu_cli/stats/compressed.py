@@ -53,8 +53,8 @@ class Compressed:
     def inner(self, columns: Sequence[int]) -> FloatArray:
         """The factor (r - 1, l) of some columns about their means; 0 where only rounding is."""
         chosen = self.factor[:, columns]
-        known = np.linalg.norm(chosen[1:], axis=0) > RANK_TOLERANCE * np.linalg.norm(chosen, axis=0)
-        return np.where(known, chosen[1:], 0.0)
+        live = np.linalg.norm(chosen[1:], axis=0) > RANK_TOLERANCE * np.linalg.norm(chosen, axis=0)
+        return np.where(live, chosen[1:], 0.0)
 
     def only(self, columns: Sequence[int]) -> Compressed:
         """Some of the columns."""
@@ -144,10 +144,10 @@ def ridge(X: FloatArray, y: FloatArray, n: int, penalties: FloatArray) -> RidgeP
     scale = np.linalg.norm(X, axis=0) / np.sqrt(n)
     divisor = np.where(scale > 0, scale, np.inf)
     U, singular, Vt = np.linalg.svd(X / divisor, full_matrices=False)
-    kept = singular > RANK_TOLERANCE * singular.max(initial=0.0)
-    singular, directions = singular[kept], Vt[kept].T / divisor[:, None]
+    nonzero = singular > RANK_TOLERANCE * singular.max(initial=0.0)
+    singular, directions = singular[nonzero], Vt[nonzero].T / divisor[:, None]
     gains = singular / (singular**2 + n * np.asarray(penalties, float)[:, None])
-    b = (gains * (U[:, kept].T @ y)) @ directions.T
+    b = (gains * (U[:, nonzero].T @ y)) @ directions.T
     return RidgePath(b, (gains * singular).sum(axis=1), directions, gains)
 
 
@@ -170,21 +170,21 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
 
     def p(count: int, gain: float, before: float) -> float:
         """Of the F by which one of `count` columns lowers the sum of squares `before`."""
-        dof, left = number - count - 1, before - gain
+        dof, rss = number - count - 1, before - gain
         if dof <= 0 or before <= least:
             return 1.0
-        return float(fdtrc(1, dof, gain / left * dof)) if left > _NOTHING_LEFT * before else 0.0
+        return float(fdtrc(1, dof, gain / rss * dof)) if rss > _NOTHING_LEFT * before else 0.0
 
     chosen: list[int] = []
-    seen = set[frozenset[int]]()
+    history = set[frozenset[int]]()
     # A set of columns that was there before would come back for ever.
-    while frozenset(chosen) not in seen:
-        seen.add(frozenset(chosen))
-        others = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
-        gains, before = _gains(Z, chosen, others)
-        if not others or p(len(chosen) + 1, float(gains.max()), before) >= enter:
+    while frozenset(chosen) not in history:
+        history.add(frozenset(chosen))
+        candidates = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
+        gains, before = _gains(Z, chosen, candidates)
+        if not candidates or p(len(chosen) + 1, float(gains.max()), before) >= enter:
             break
-        chosen.append(others[int(np.argmax(gains))])
+        chosen.append(candidates[int(np.argmax(gains))])
         while len(chosen) > 1:
             fit = least_squares(Z[:, [0, *chosen]], Z[:, -1])
             loss = fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
@@ -195,13 +195,13 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     return tuple(sorted(chosen))
 
 
-def _gains(Z: FloatArray, chosen: list[int], others: list[int]) -> tuple[FloatArray, float]:
-    """What each of the others takes off the sum of squares that the chosen leave, and that sum."""
+def _gains(Z: FloatArray, chosen: list[int], candidates: list[int]) -> tuple[FloatArray, float]:
+    """What each candidate takes off the residual sum of squares of the chosen, and that sum."""
     p = len(chosen) + 1
-    # R of constant, chosen, others, target: what the chosen leave of the rest is below them.
-    R = triangle(Z[:, [0, *chosen, *others, -1]])
-    left, residual = R[p:, p:-1], R[p:, -1]
-    squares = np.sum(left**2, axis=0)
+    # R of constant, chosen, candidates, target: residuals on the chosen stand below them.
+    R = triangle(Z[:, [0, *chosen, *candidates, -1]])
+    rest, residual = R[p:, p:-1], R[p:, -1]
+    squares = np.sum(rest**2, axis=0)
     usable = squares > _NOTHING_LEFT * np.sum(R[:, p:-1] ** 2, axis=0)
-    gains = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    gains = np.where(usable, (rest.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
     return gains, float(residual @ residual)

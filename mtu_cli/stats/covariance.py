@@ -29,8 +29,8 @@ def factor_of(C: FloatArray) -> FloatArray:
     s = np.sqrt(np.clip(np.diag(C), 0.0, None))
     divisor = np.where(s > 0, s, np.inf)
     values, vectors = np.linalg.eigh(C / divisor / divisor[:, None])
-    kept = values > 1e-14 * values.max(initial=np.finfo(np.float64).eps)
-    root = vectors[:, kept] * np.sqrt(values[kept])
+    positive = values > 1e-14 * values.max(initial=np.finfo(np.float64).eps)
+    root = vectors[:, positive] * np.sqrt(values[positive])
     size = np.sqrt(np.sum(root**2, axis=1))
     scale = np.divide(s, size, out=np.zeros_like(s), where=size > 0)
     return np.ascontiguousarray(scale[:, None] * root)
@@ -67,8 +67,8 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     white = np.linalg.solve(L, np.linalg.solve(L, S).T)
     values, vectors = np.linalg.eigh((white + white.T) / 2)
     root = L @ vectors
-    whole = (root * np.clip(values - less, 0.0, None)) @ root.T
-    return (whole + whole.T) / 2
+    D = (root * np.clip(values - less, 0.0, None)) @ root.T
+    return (D + D.T) / 2
 
 
 def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
@@ -80,15 +80,15 @@ def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
     root = scale[:, None] * vectors[:, live] * np.sqrt(values[live])
     inverse = (vectors[:, live] / np.sqrt(values[live])).T / scale
     values, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
-    turned = root @ vectors
-    result: FloatArray = (turned * values.clip(-1.0, 1.0)) @ turned.T
+    basis = root @ vectors
+    result: FloatArray = (basis * values.clip(-1.0, 1.0)) @ basis.T
     return (result + result.T) / 2
 
 
 def as_covariance(C: FloatArray) -> FloatArray:
     """C (k, k) where it is a covariance; else the one of the same variances whose correlations are
     C's, their negative part set to zero and scaled to unit variance again: for covariances put
-    together from estimates of their own. What has no variance has no covariance; what is not known
+    together from separate estimates. What has no variance has no covariance; what is not known
     (nan) stays as it is.
     """
     if not np.isfinite(C).all():
@@ -97,5 +97,5 @@ def as_covariance(C: FloatArray) -> FloatArray:
     units = np.outer(s, s)
     C = np.where(units > 0, (C + C.T) / 2, 0.0)
     F = factor_of(C)
-    whole = F @ F.T
-    return C if np.all(np.abs(whole - C) <= ROUNDING * units) else whole
+    D = F @ F.T
+    return C if np.all(np.abs(D - C) <= ROUNDING * units) else D

@@ -15,7 +15,7 @@ Key = TypeVar("Key")
 
 
 def significant(p_values: Mapping[Key, float]) -> dict[Key, float]:
-    """The tests that hold out among all of their kind, at the family-wise rate (Bonferroni;
+    """The significant ones among all tests of their kind, at the family-wise rate (Bonferroni;
     Dunn, J. Am. Stat. Assoc. 56 (1961) 52).
     """
     return {key: p for key, p in p_values.items() if p * len(p_values) <= FAMILY_RATE}
@@ -27,9 +27,9 @@ def holm(p: FloatArray) -> FloatArray:
     A test that was not made has p = nan; it stays nan and does not count.
     """
     adjusted = np.full(len(p), np.nan)
-    known = np.flatnonzero(np.isfinite(p))
-    order = known[np.argsort(p[known], kind="stable")]
-    steps = len(known) - np.arange(len(known))
+    valid = np.flatnonzero(np.isfinite(p))
+    order = valid[np.argsort(p[valid], kind="stable")]
+    steps = len(valid) - np.arange(len(valid))
     adjusted[order] = np.maximum.accumulate(np.minimum(p[order] * steps, 1.0))
     return adjusted
 
@@ -40,11 +40,11 @@ ENDLESS = 1e9
 
 def hotelling_p(square: float, k: int, dof: float) -> float:
     """p of T^2 of k estimates that are all 0 whose covariance is estimated entry by entry, with
-    `dof` nu degrees of freedom: (nu - k + 1) T^2 / (nu k) is F(k, nu - k + 1); 1 without any left
+    `dof` nu degrees of freedom: (nu - k + 1) T^2 / (nu k) is F(k, nu - k + 1); 1 where that is 0
     (Hotelling, Ann. Math. Stat. 2 (1931) 360).
     """
     from scipy.special import fdtrc
 
     nu = min(dof, ENDLESS)
-    left = nu - k + 1
-    return float(fdtrc(k, left, square * left / (nu * k))) if left > 0 else 1.0
+    df2 = nu - k + 1
+    return float(fdtrc(k, df2, square * df2 / (nu * k))) if df2 > 0 else 1.0

@@ -34,24 +34,24 @@ def weights(knots: FloatArray, position: FloatArray) -> FloatArray:
     center, half = _scale(knots)
     a, b = (knots - center) / half, (position - center) / half
     fixed = line(a, 0.0)
-    left = np.block([[wiener(a, a), fixed], [fixed.T, np.zeros((2, 2))]])
-    right = np.vstack([wiener(a, b), line(b, 0.0).T])
-    result: FloatArray = np.linalg.solve(left, right)[: len(knots)].T
+    lhs = np.block([[wiener(a, a), fixed], [fixed.T, np.zeros((2, 2))]])
+    rhs = np.vstack([wiener(a, b), line(b, 0.0).T])
+    result: FloatArray = np.linalg.solve(lhs, rhs)[: len(knots)].T
     # At a knot the value itself, without rounding.
     at = np.minimum(np.searchsorted(knots, position), len(knots) - 1)
-    there = knots[at] == position
-    result[there] = np.eye(len(knots))[at[there]]
+    at_knots = knots[at] == position
+    result[at_knots] = np.eye(len(knots))[at[at_knots]]
     return result
 
 
 def left_open(knots: FloatArray, position: FloatArray) -> FloatArray:
-    """Covariance (n, n) of f - W f(knots), what the knots leave open, for tau = 1."""
+    """Covariance (n, n) of f - W f(knots), the error of the interpolation, for tau = 1."""
     center, half = _scale(knots)
-    both = (np.concatenate([knots, position]) - center) / half
-    apart = np.hstack([-weights(knots, position), np.eye(len(position))])
-    K = apart @ wiener(both, both) @ apart.T * half**3
-    known = np.isin(position, knots)
-    K[known] = K[:, known] = 0.0
+    positions = (np.concatenate([knots, position]) - center) / half
+    difference = np.hstack([-weights(knots, position), np.eye(len(position))])
+    K = difference @ wiener(positions, positions) @ difference.T * half**3
+    at_knots = np.isin(position, knots)
+    K[at_knots] = K[:, at_knots] = 0.0
     return (K + K.T) / 2
 
 

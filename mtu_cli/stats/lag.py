@@ -23,8 +23,8 @@ def first_order_lag(signal: FloatArray, time: FloatArray, time_constants: FloatA
     T, first = signal, signal[starts]
     if len(starts) < len(signal):
         # About the first of them: equal rows keep their value to the last digit.
-        more = np.add.reduceat(signal - first[moment], starts, axis=0)
-        T = first + more / np.bincount(moment)[:, None]
+        sums = np.add.reduceat(signal - first[moment], starts, axis=0)
+        T = first + sums / np.bincount(moment)[:, None]
     tau = np.asarray(time_constants, float)
     slow = tau[tau > 0][:, None]
     lagged = np.repeat(T[None], len(slow), axis=0)

@@ -55,7 +55,7 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
     largest = singular[0] if singular.size else 0.0
     rank = int(np.sum(singular > RANK_TOLERANCE * largest)) if largest > 0 else 0
     V = Vt[:rank].T / singular[:rank]
-    b, residuals = _refined(X, y, U[:, :rank], V, scale)
+    b, residuals = _refine(X, y, U[:, :rank], V, scale)
     return LeastSquares(
         coefficients=b,
         unscaled_covariance=V @ V.T / np.outer(scale, scale),
@@ -67,7 +67,7 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
     )
 
 
-def _refined(
+def _refine(
     X: FloatArray, y: FloatArray, U: FloatArray, V: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients (k,) and residuals (n,) of the scaled design S = U V^-T, refined.
@@ -102,8 +102,8 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     Q, rest = X.copy(), y.copy()
     R, z, b = np.zeros((k, k, m)), np.empty((k, m)), np.empty((k, m))
     for j in range(k):
-        left = np.linalg.norm(Q[j], axis=0)
-        R[j, j] = np.where(left > least[j], left, np.nan)
+        norm = np.linalg.norm(Q[j], axis=0)
+        R[j, j] = np.where(norm > least[j], norm, np.nan)
         Q[j] /= R[j, j]
         for c in range(j + 1, k):
             R[j, c] = np.einsum("nm,nm->m", Q[j], Q[c])

@@ -47,7 +47,7 @@ def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
     varies, or the sum has corners that its series does not follow, as an arcsine distribution with
     little beside it. The distribution function is right to about 1e-6.
     """
-    terms = _gathered(terms)
+    terms = _gathered_terms(terms)
     if not terms:
         return None
     if len(terms) == 1 and terms[0][1].inexact == 0.0:
@@ -69,14 +69,14 @@ def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
     return lambda p: np.sign(p - 0.5) * np.interp(np.abs(p - 0.5), half, at)
 
 
-def _gathered(terms: Sequence[Term]) -> list[Term]:
+def _gathered_terms(terms: Sequence[Term]) -> list[Term]:
     """Those that vary, with coefficients above 0; all normal ones as one."""
     terms = [(abs(c), item) for c, item in terms if c != 0.0 and item.u > 0.0]
     normal = [c * item.u for c, item in terms if not item.bounded and item.dof >= NORMAL_DOF]
-    others = [(c, item) for c, item in terms if item.bounded or item.dof < NORMAL_DOF]
+    rest = [(c, item) for c, item in terms if item.bounded or item.dof < NORMAL_DOF]
     if not normal:
-        return others
-    return [(1.0, Distribution(kind="normal", u=math.hypot(*normal))), *others]
+        return rest
+    return [(1.0, Distribution(kind="normal", u=math.hypot(*normal))), *rest]
 
 
 def _series(terms: Sequence[Term], sigma: float) -> tuple[FloatArray, FloatArray] | None:
@@ -112,9 +112,9 @@ def characteristic(item: Distribution, omega: FloatArray) -> FloatArray:
     half = item.inexact * phase
     wide = half > SLIGHT
     # To the fourth order in the range: f + f'' half^2/6, the mean of both at half/sqrt(3).
-    off = half[~wide] / math.sqrt(3.0)
+    step = half[~wide] / math.sqrt(3.0)
     result = np.empty_like(omega)
-    result[~wide] = 0.5 * (_shape(item, phase[~wide] + off) + _shape(item, phase[~wide] - off))
+    result[~wide] = 0.5 * (_shape(item, phase[~wide] + step) + _shape(item, phase[~wide] - step))
     if wide.any():
         h = PHASE_STEP
         f = _shape(item, np.arange(0.0, (phase + half).max() + 2.0 * h, h))

@@ -39,7 +39,7 @@ from mtu_cli.stats.least_squares import (
 )
 
 ROUNDING = 1e-12
-"""Share of the terms of a sum below which it is what rounding left of them."""
+"""Share of the terms of a sum below which it is rounding."""
 ARITHMETIC = 32 * float(np.finfo(np.float64).eps)
 """Scatter below this share of the largest reading is arithmetic, not measurement."""
 FEWEST_ROUNDINGS = 32
@@ -128,7 +128,7 @@ def _separated(
     """Pass-to-pass scatter beside repeatability; None where the readings cannot."""
     rows, G = design.rows, len(design.ids)
     Z, common = design.Z[rows], design.X[rows, design.Z.shape[1] :]
-    result = _between_lines(y[rows], Z, common, design.own, design.fixed)
+    result = _between_lines(y[rows], Z, common, design.row_codes, design.fixed)
     if result is None:
         return None
     s2, between = result.rss / max(result.dof, 1), result.S
@@ -142,7 +142,7 @@ def _separated(
         # both passes of every run differ by the same it is 0, which rounding may make negative.
         halves = as_covariance((moment + within - 2 * len(design.pairs) / G * K) / 2)
     # One line a direction takes all passes of it as one.
-    lines = [Z * column[design.own, None] for column in design.fixed.T]
+    lines = [Z * column[design.row_codes, None] for column in design.fixed.T]
     pooled = least_squares(np.column_stack([*lines, common]), y[rows])
     choices = ((moment, K), (D, K), (D, bounded(K, D)))
     return PassFit(
@@ -227,14 +227,14 @@ def _coefficient_covariance(
 
 
 class _PassDesign(NamedTuple):
-    """Columns X (n, k) and Z (n, q) of all readings, and the passes that tell of all of Z.
+    """Columns X (n, k) and Z (n, q) of all readings, and the passes that determine all of Z.
 
-    Passes that broke off early have no slope of their own: they count in the coefficients
-    and their covariance, but say nothing of how slopes scatter. `codes` (n,) are the passes of
-    all readings, `all_pairs` (P, 2) those there and back; `rows` (n,) the readings of passes that
-    tell; `own` (rows,) number those passes, `ids` and `sign` (G,) are theirs, `pairs` those of
-    them there and back, `fixed` (G, 1 or 2) the columns of direction: 1, and +-1/2 where both
-    were read; `dof` are the degrees of freedom of the scatter between them.
+    Passes that broke off early have no slope: they count in the coefficients and their
+    covariance, but not in the scatter of slopes. `codes` (n,) are the passes of all readings,
+    `all_pairs` (P, 2) those there and back; `rows` (n,) the readings of passes that determine Z;
+    `row_codes` (rows,) number those passes, `ids` and `sign` (G,) are theirs, `pairs` those of them
+    there and back, `fixed` (G, 1 or 2) the columns of direction: 1, and +-1/2 where both were read;
+    `dof` are the degrees of freedom of the scatter between them.
     """
 
     X: FloatArray
@@ -242,7 +242,7 @@ class _PassDesign(NamedTuple):
     codes: IntArray
     all_pairs: IntArray
     rows: BoolArray
-    own: IntArray
+    row_codes: IntArray
     ids: IntArray
     sign: FloatArray
     pairs: IntArray
@@ -274,24 +274,24 @@ def _pass_design(
     rows = whole[codes]
     sign = np.zeros(G) if direction is None else direction[first]
     run = np.arange(G) if runs is None else runs[first]
-    own_sign = sign[whole]
-    fixed = np.ones((len(own_sign), 1))
-    if (own_sign > 0).any() and (own_sign < 0).any() and len(own_sign) > 2:
-        fixed = np.column_stack([fixed, own_sign / 2])
-    pairs = pairs_of(run[whole], own_sign)
-    dof = len(own_sign) - fixed.shape[1]
+    signs = sign[whole]
+    fixed = np.ones((len(signs), 1))
+    if (signs > 0).any() and (signs < 0).any() and len(signs) > 2:
+        fixed = np.column_stack([fixed, signs / 2])
+    pairs = pairs_of(run[whole], signs)
+    dof = len(signs) - fixed.shape[1]
     if len(pairs) >= FEWEST_RUNS:
         # Runs are the units. The two passes of a single run differ by S_h at least: independent.
-        dof = min(dof, len(own_sign) - len(pairs) - 1)
+        dof = min(dof, len(signs) - len(pairs) - 1)
     return _PassDesign(
         X=polynomial(position, degree),
         Z=polynomial(position - center, int(sloped)),
         codes=codes,
         all_pairs=pairs_of(run, sign),
         rows=rows,
-        own=(np.cumsum(whole) - 1)[codes[rows]],
+        row_codes=(np.cumsum(whole) - 1)[codes[rows]],
         ids=ids[whole].astype(np.int64),
-        sign=own_sign,
+        sign=signs,
         pairs=pairs,
         fixed=fixed,
         dof=dof,
@@ -337,7 +337,7 @@ def _between_lines(
     shared = least_squares(residual[:, :k], residual[:, k])
     rounding = len(y) * float(ARITHMETIC * np.abs(y).max()) ** 2
     dof = len(y) - G * Z.shape[1] - shared.rank
-    # What is left of passes beside `fixed`, without a matrix of all by all of them.
+    # Residuals of the passes' lines on `fixed`, without a matrix of all by all of them.
     by_fixed = np.linalg.solve(fixed.T @ fixed, fixed.T)
     coefficients = lines[:, :, k] - lines[:, :, :k] @ shared.coefficients
     deviations = coefficients - fixed @ (by_fixed @ coefficients)
@@ -347,8 +347,8 @@ def _between_lines(
     if (np.abs(carried @ null) > 1e-9 * (most @ np.abs(null))).any():
         return None
     precisions = _products(Z, Z, codes, G)
-    apart = 1.0 - np.einsum("gf,fg->g", fixed, by_fixed)
-    of_lines = np.einsum("g,gij->ij", apart, np.linalg.inv(precisions))
+    redundancy = 1.0 - np.einsum("gf,fg->g", fixed, by_fixed)
+    of_lines = np.einsum("g,gij->ij", redundancy, np.linalg.inv(precisions))
     of_powers = np.einsum("gia,ab,gjb->ij", carried, shared.unscaled_covariance, carried)
     if np.einsum("gi,gij,gj->", deviations, precisions, deviations) <= rounding:
         deviations = np.zeros_like(deviations)
@@ -409,8 +409,8 @@ def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
     """
     order = np.lexsort([-sign, runs])
     first, second = order[:-1], order[1:]
-    both = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
-    return np.column_stack([first[both], second[both]]).astype(np.int64)
+    valid = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
+    return np.column_stack([first[valid], second[valid]]).astype(np.int64)
 
 
 def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatArray) -> FloatArray:
@@ -422,7 +422,7 @@ def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatAr
     q = deviations.shape[1]
     if len(pairs) < FEWEST_RUNS:
         return np.zeros((q, q))
-    there, back = (own - own.mean(axis=0) for own in (deviations[way] for way in pairs.T))
+    there, back = (passes - passes.mean(axis=0) for passes in (deviations[way] for way in pairs.T))
     product = there.T @ back / (len(pairs) - 1)
     K: FloatArray = (product + product.T) / 2
     return K if 2 * len(pairs) == len(deviations) else bounded(K, between)

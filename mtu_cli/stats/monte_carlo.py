@@ -49,7 +49,7 @@ class MonteCarloResult(Estimates):
     (7.7). `se_*`: the Monte Carlo's own standard uncertainty of mean, u, low, high.
     `converged`: 2 se is within the tolerance asked for, for every output and statistic.
     `blocks`: how many blocks the standard errors come from; 1 where they are asymptotic. `samples`
-    (outputs, kept): the first trials.
+    (outputs, n): the first trials.
     """
 
     names: tuple[str, ...]
@@ -88,18 +88,18 @@ def monte_carlo(
     Raises InputError for fewer than 2/(1 - p) trials, or model values that are not finite, which
     are counted and never dropped.
     """
-    plan = _planned(model, trials, max_trials, probability)
+    plan = _plan(model, trials, max_trials, probability)
     single, total = plan.blocks == 1, plan.total
     exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
     summariser, pool = None if single else BlockSummariser(model, plan), Pool(exists)
     # Untouched pages of an empty array take no memory. Of a single block all are needed.
-    kept = plan.size if single else min(keep, max_trials if total is None else total)
-    samples = np.empty((len(model.names), kept))
+    capacity = plan.size if single else min(keep, max_trials if total is None else total)
+    samples = np.empty((len(model.names), capacity))
 
     def batch(blocks: range) -> tuple[range, int, IntArray, BatchSummary | None]:
         m, start = len(blocks) * plan.trials_in(blocks.start), plan.first_trial(blocks.start)
         draws = model.draw(batch_generator(seed, blocks), m)
-        not_finite, room = _not_finite(draws), kept - start
+        not_finite, room = _not_finite(draws), capacity - start
         if room > 0:
             samples[:, start : start + m] = draws.values[:, :room]
         if summariser is None or np.any(not_finite):
@@ -123,9 +123,9 @@ def monte_carlo(
                         pool.add(summary)
                     if progress is not None:
                         progress(done, total)
-            found = single_block_estimates(samples, probability, exists) if single else None
-            found = found or pool.estimates()
-            ratio = _ratio(found, probability, digits, tolerance_fraction)
+            estimates = single_block_estimates(samples, probability, exists) if single else None
+            estimates = estimates or pool.estimates()
+            ratio = _ratio(estimates, probability, digits, tolerance_fraction)
             converged = ratio * few_blocks_factor(blocks) <= 1.0
             if goal >= largest or converged:
                 break
@@ -139,13 +139,11 @@ def monte_carlo(
         converged=converged,
         probability=probability,
         samples=samples[:, : min(keep, done)],
-        **{field.name: getattr(found, field.name) for field in fields(Estimates)},
+        **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
     )
 
 
-def _planned(
-    model: TrialModel, trials: int | None, max_trials: int, probability: float
-) -> BlockPlan:
+def _plan(model: TrialModel, trials: int | None, max_trials: int, probability: float) -> BlockPlan:
     """The blocks of a fixed count, or of one that adapts and has room for a first look.
 
     Raises InputError for fewer trials than an interval has ends of.
@@ -198,7 +196,7 @@ def _ratio(estimates: Estimates, probability: float, digits: int, fraction: floa
             u = float(estimates.high[i] - estimates.low[i]) / (2.0 * k)
         else:
             errors += [estimates.se_mean[i], estimates.se_u[i]]
-        tolerance, twice = fraction * numerical_tolerance(u, digits), 2.0 * float(max(errors))
-        if twice > 0.0:
-            largest = max(largest, twice / tolerance if tolerance > 0.0 else math.inf)
+        tolerance, bound = fraction * numerical_tolerance(u, digits), 2.0 * float(max(errors))
+        if bound > 0.0:
+            largest = max(largest, bound / tolerance if tolerance > 0.0 else math.inf)
     return largest

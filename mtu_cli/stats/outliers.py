@@ -14,7 +14,7 @@ FEWEST = 3
 GROSS = 8.0
 """Standard deviations of the others from which on a value is no part of them."""
 MOST = 0.2
-"""Share of the readings beyond which they are their own distribution."""
+"""Share of the readings beyond which they are another distribution, no outliers."""
 NORMAL_MAD = 1.4826
 LEAST_DOF = 0.1
 """Share of the degrees of freedom that medians leave at least."""
@@ -29,9 +29,9 @@ def deviation_p(d: FloatArray, count: FloatArray) -> FloatArray:
     from scipy.special import stdtr
 
     n = np.maximum(count, float(FEWEST))
-    left = (n - 1) ** 2 - n * d**2
+    divisor = (n - 1) ** 2 - n * d**2
     with np.errstate(over="ignore"):
-        t = np.abs(d) * np.sqrt(n * (n - 2) / np.maximum(left, np.finfo(np.float64).tiny))
+        t = np.abs(d) * np.sqrt(n * (n - 2) / np.maximum(divisor, np.finfo(np.float64).tiny))
     return np.where(count >= FEWEST, 2 * stdtr(n - 2, -t), 1.0)
 
 
@@ -76,14 +76,14 @@ def polished(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
     median of those of all pairs (Theil 1950, Sen 1968). Rows of FEWEST values or fewer keep their
     level.
     """
-    left = table - medians(table, 0)
+    rest = table - medians(table, 0)
     if x is not None and np.ptp(x) > 0:
         i, j = np.triu_indices(len(x), 1)
         i, j = i[x[j] > x[i]], j[x[j] > x[i]]
-        left = left - medians((left[:, j] - left[:, i]) / (x[j] - x[i]), 1) * (x - np.median(x))
+        rest = rest - medians((rest[:, j] - rest[:, i]) / (x[j] - x[i]), 1) * (x - np.median(x))
     several = np.isfinite(table).sum(axis=1, keepdims=True) > FEWEST
-    left = left - np.where(several, medians(left, 1), 0.0)
-    return left - medians(left, 0)
+    rest = rest - np.where(several, medians(rest, 1), 0.0)
+    return rest - medians(rest, 0)
 
 
 def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolArray, float]:
@@ -104,12 +104,12 @@ def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolA
 
     result = np.zeros(values.shape, bool)
     usable = np.isfinite(values)
-    known = values[usable]
-    n, dof = len(known), len(known) - fitted - 1
+    finite = values[usable]
+    n, dof = len(finite), len(finite) - fitted - 1
     if dof < FEWEST:
         return result, 0.0
-    middle = np.median(known[:: n // SAMPLED + 1])
-    rest = np.abs(known - middle)
+    middle = np.median(finite[:: n // SAMPLED + 1])
+    rest = np.abs(finite - middle)
     sample = rest[:: n // SAMPLED + 1]
     count = max(int(NEAR * len(sample)), 1)
     near = np.partition(sample, count - 1)[:count]
@@ -117,12 +117,12 @@ def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolA
     s = math.sqrt(s2 + float(hidden(s2, r)))
     t = -float(stdtrit(max(NEAR_EFFICIENCY * dof, 1.0), OUTLYING_P / (2 * n)))
     beyond = rest > max(GROSS, t) * s
-    far = np.sort(rest[beyond])
+    tail = np.sort(rest[beyond])
     # The outermost gap that is wide enough parts the outliers from the rest.
-    wide = far > FACTOR * np.append(rest[~beyond].max(initial=0.0), far[:-1])[: len(far)]
-    wide[: max(len(far) - int(MOST * n), 0)] = False
+    wide = tail > FACTOR * np.append(rest[~beyond].max(initial=0.0), tail[:-1])[: len(tail)]
+    wide[: max(len(tail) - int(MOST * n), 0)] = False
     if wide.any():
-        result[usable] = rest >= far[wide][0]
+        result[usable] = rest >= tail[wide][0]
     return result, s
 
 
@@ -155,16 +155,16 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
         near = np.flatnonzero(scatter > limit) + 1
         if s == 0 or not len(near):
             break
-        off = np.zeros(len(x) + 4)  # two more at each end
-        before2, before, own, after, after2 = (
+        deviation = np.zeros(len(x) + 4)  # two more at each end
+        before2, before, mid, after, after2 = (
             np.pad(x, 2, constant_values=np.nan)[near + i] for i in range(5)
         )
-        ways = (own - 2 * before + before2, own - 2 * after + after2, own - (before + after) / 2,
-                own - (before2 + after2) / 2)  # fmt: skip
-        off[near + 2] = np.nanmin(np.abs(ways), axis=0)
-        off[off <= limit] = 0.0
-        top = np.max([off[near + i] for i in range(5)], axis=0)
-        worst = near[(off[near + 2] > 0) & (off[near + 2] == top)]
+        ways = (mid - 2 * before + before2, mid - 2 * after + after2, mid - (before + after) / 2,
+                mid - (before2 + after2) / 2)  # fmt: skip
+        deviation[near + 2] = np.nanmin(np.abs(ways), axis=0)
+        deviation[deviation <= limit] = 0.0
+        top = np.max([deviation[near + i] for i in range(5)], axis=0)
+        worst = near[(deviation[near + 2] > 0) & (deviation[near + 2] == top)]
         if not len(worst):
             break
         result[rest[worst]] = True

@@ -57,7 +57,7 @@ def f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | 
 
 
 def _shift(value: float, u: float, dof: int, rounding: float) -> Shift | None:
-    """None where nothing scatters, or where both value and u are what rounding left of 0: the
+    """None where nothing scatters, or where both value and u are rounding errors of 0: the
     errors of sums depend on their order, and look as steady as any trend.
     """
     from scipy.special import stdtr
@@ -119,7 +119,7 @@ def reversal(
 ) -> Shift | None:
     """Mean reversal value (forward minus reverse, ISO 230-2) at the mean position.
 
-    Of runs there and back it is the mean of their own differences 2 h_r, less what a steady drift
+    Of runs there and back it is the mean of their differences 2 h_r, less what a steady drift
     b of the runs' means m_r makes of them, whose passes are d apart in `order` (G,):
 
         2 h + b d,    u^2 = 4 S_h/P + d^2 S_m/sum (t_r - t)^2,    P - 1 degrees of freedom,
@@ -137,15 +137,15 @@ def reversal(
     if by_runs(fit):
         level, rank = level[fit.pairs], _ranks(order)[fit.pairs]
         mean, time = level.mean(axis=1), rank.mean(axis=1) - rank.mean()
-        twice, spread = level[:, 0] - level[:, 1], float(time @ time)
-        apart = float(np.mean(rank[:, 1] - rank[:, 0]))
+        difference, spread = level[:, 0] - level[:, 1], float(time @ time)
+        lag = float(np.mean(rank[:, 1] - rank[:, 0]))
         drift, of_drift = 0.0, 0.0
         if spread > 0:
             drift, of_drift = float(time @ mean) / spread, float(np.var(mean, ddof=1)) / spread
-        s2, moved = float(np.var(twice, ddof=1)), drift * apart
-        u2 = s2 / len(level) + apart**2 * of_drift + 2 * float(hidden(max(s2 / 2, fit.s2), r))
-        value = float(twice.mean()) + (moved if timed else 0.0)
-        u = float(np.sqrt(u2 + (0.0 if timed else moved**2)))
+        s2, shift = float(np.var(difference, ddof=1)), drift * lag
+        u2 = s2 / len(level) + lag**2 * of_drift + 2 * float(hidden(max(s2 / 2, fit.s2), r))
+        value = float(difference.mean()) + (shift if timed else 0.0)
+        u = float(np.sqrt(u2 + (0.0 if timed else shift**2)))
         return _shift(value, u, len(level) - 1, fit.rounding)
     value = float(level[forward].mean() - level[reverse].mean())
     count = 1 / forward.sum() + 1 / reverse.sum()
@@ -157,8 +157,8 @@ def reversal(
 def lack_of_fit(
     y: FloatArray, position: FloatArray, degree: int, group: IntArray | None, r: float = 0.0
 ) -> FTest | None:
-    """Does a free mean at each position fit better than the polynomial? Every pass keeps its own
-    intercept (and slope, from degree 1), so that drift does not count as error (Draper & Smith,
+    """Does a free mean at each position fit better than the polynomial? Every pass has an
+    intercept (and a slope, from degree 1), so that drift does not count as error (Draper & Smith,
     Applied Regression Analysis, 1.5, within passes); what the last digit hides of n readings a
     position, n r, does.
     """
@@ -169,19 +169,19 @@ def lack_of_fit(
     codes = np.zeros(len(y), np.int64)
     if group is not None:
         codes = np.unique(group, return_inverse=True)[1].astype(np.int64)
-    own = min(degree, 1)
+    slope = min(degree, 1)
     centred = (position - position.mean()) / float(np.ptp(position))
     columns = np.column_stack([np.eye(m)[at], polynomial(centred, degree), y])
-    _, free = lines_by_pass(columns, polynomial(centred, own), codes, int(codes.max()) + 1)
-    powers, response = free[:, m:-1], free[:, -1]
+    _, residual = lines_by_pass(columns, polynomial(centred, slope), codes, int(codes.max()) + 1)
+    powers, response = residual[:, m:-1], residual[:, -1]
     # Columns that the passes' lines absorbed count as 0.
     line, means = (
         least_squares(X[:, np.abs(X).max(axis=0) > 1e-9], response)
-        for X in (powers, np.column_stack([powers, free[:, :m]]))
+        for X in (powers, np.column_stack([powers, residual[:, :m]]))
     )
-    # Parameters of one line a pass: own + 1, 1 where a pass has one position only.
+    # Parameters of one line a pass: slope + 1, 1 where a pass has one position only.
     per_pass = np.bincount(np.unique(codes * m + at) // m)
-    df_pure = len(y) - int(np.minimum(per_pass, own + 1).sum()) - means.rank
+    df_pure = len(y) - int(np.minimum(per_pass, slope + 1).sum()) - means.rank
     df_lack = means.rank - line.rank
     rounding = len(y) * float(ARITHMETIC * np.abs(y).max()) ** 2
     if df_pure < 1 or means.rss <= rounding:

@@ -68,11 +68,11 @@ class Pool:
             self._shift, self._squares = np.zeros(len(self.u_exists)), np.zeros_like(batch.squares)
             self._sums = np.zeros((5, *self._origin.shape))
             self._groups = np.zeros((GROUPS, 5, len(ENDS), len(self.u_exists)))
-        away, c = batch.statistics - self._origin, batch.controls
-        means = away[:, 0]
+        deviations, c = batch.statistics - self._origin, batch.controls
+        means = deviations[:, 0]
         self._shift += batch.size * means.sum(axis=0)
         self._squares += batch.squares + batch.size * (means.T @ means)
-        products = np.stack([away, away * away, c, c * c, away * c], axis=1)
+        products = np.stack([deviations, deviations * deviations, c, c * c, deviations * c], axis=1)
         self._sums += products.sum(axis=0)
         groups = np.arange(self.blocks, self.blocks + len(c)) % GROUPS
         np.add.at(self._groups, groups, products[:, :, ENDS])
@@ -203,7 +203,7 @@ def single_block_estimates(
     r = max(1, (trials - q + 1) // 2)
     widths = ordered[:, q:] - ordered[:, : trials - q]
     best = np.argmin(widths, axis=1)
-    each = np.arange(outputs)
+    rows = np.arange(outputs)
     undefined = np.where(u_exists, 1.0, np.nan)
     fourth = np.mean(centred**4, axis=1) - variance**2 * (trials - 3) / (trials - 1)
     of_variance = np.sqrt(np.maximum(fourth, 0.0) / trials)
@@ -216,8 +216,8 @@ def single_block_estimates(
         se_u=np.divide(of_variance, 2.0 * u, out=np.zeros(outputs), where=u != 0.0),
         se_low=_end_error(ordered, r, probability),
         se_high=_end_error(ordered, r + q, probability),
-        shortest_low=ordered[each, best],
-        shortest_high=ordered[each, best + q],
+        shortest_low=ordered[rows, best],
+        shortest_high=ordered[rows, best + q],
         covariance=covariance * np.outer(undefined, undefined),
     )
 

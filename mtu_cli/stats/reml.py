@@ -73,11 +73,11 @@ def _levels(cells: Cells) -> _Levels:
     n = n[n > 0]
     count, mean, squares = np.empty((3, len(cells.n), len(n)))
     for k, repeats in enumerate(n):
-        own = cells.n == repeats
-        count[:, k] = own.sum(axis=1)
-        mean[:, k] = np.where(own, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
-        away = np.where(own, cells.mean - mean[:, k, None], 0.0)
-        squares[:, k] = np.einsum("ij,ij->i", away, away)
+        mask = cells.n == repeats
+        count[:, k] = mask.sum(axis=1)
+        mean[:, k] = np.where(mask, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
+        deviation = np.where(mask, cells.mean - mean[:, k, None], 0.0)
+        squares[:, k] = np.einsum("ij,ij->i", deviation, deviation)
     N, within = cells.n.sum(axis=1), cells.within
     return _Levels(n=n, count=count, mean=mean, squares=squares, within=within, N=N)
 
@@ -85,8 +85,8 @@ def _levels(cells: Cells) -> _Levels:
 def _fit(levels: _Levels, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Weights w and squares (m - mu)^2 summed (tables, levels), and Q (tables,), at r (tables,)."""
     w = levels.n / (1 + levels.n * r[:, None])
-    counted = levels.count * w
-    mu = (counted * levels.mean).sum(axis=1) / counted.sum(axis=1)
+    weights = levels.count * w
+    mu = (weights * levels.mean).sum(axis=1) / weights.sum(axis=1)
     squares = levels.squares + levels.count * (levels.mean - mu[:, None]) ** 2
     return w, squares, levels.within + (w * squares).sum(axis=1)
 

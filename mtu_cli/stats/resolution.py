@@ -33,12 +33,12 @@ def step_of(values: FloatArray) -> float:
     >>> step_of(np.array([0.25, 0.3, 0.0])), step_of(np.array([10.0, 30.0, 20.0, 50.0, 70.0]))
     (0.01, 10.0)
     """
-    known = np.unique(values.ravel()[:: values.size // SEEN + 1])
-    known = known[np.isfinite(known) & (known != 0)]
-    if not len(known):
+    distinct = np.unique(values.ravel()[:: values.size // SEEN + 1])
+    distinct = distinct[np.isfinite(distinct) & (distinct != 0)]
+    if not len(distinct):
         return 0.0
     for decimals in range(MOST_DECIMALS):
-        count = known * 10.0**decimals
+        count = distinct * 10.0**decimals
         whole = np.round(count)
         slack = SLACK + 16 * np.finfo(np.float64).eps * np.abs(count)
         if (np.abs(count - whole) < slack).all():
@@ -49,7 +49,7 @@ def step_of(values: FloatArray) -> float:
 
 
 def rounding_variance(values: FloatArray, unit: float = 1.0) -> float:
-    """r = step^2/12 of `values` (n,) that were printed in a `unit` of so many of their own."""
+    """r = step^2/12 of `values` (n,) that were printed in a unit of `unit` times theirs."""
     return (step_of(values / unit) * unit) ** 2 / 12
 
 

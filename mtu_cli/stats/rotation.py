@@ -60,10 +60,10 @@ def outstanding_rows(
     side; rows of unequal repeats should be scaled to equal variance before. `rounding` (columns,)
     is the variance that the last digit hides from entries that are alike (`resolution.hidden`).
     """
-    known = np.isfinite(table)
-    count = known.sum(axis=0).astype(np.float64)
-    mean = np.where(known, table, 0.0).sum(axis=0) / np.maximum(count, 1)
-    d = np.where(known, table - mean, 0.0)
+    finite = np.isfinite(table)
+    count = finite.sum(axis=0).astype(np.float64)
+    mean = np.where(finite, table, 0.0).sum(axis=0) / np.maximum(count, 1)
+    d = np.where(finite, table - mean, 0.0)
     s2 = np.einsum("ij,ij->j", d, d) / np.maximum(count - 1, 1)
     s = np.sqrt(s2 + hidden(s2, rounding))
     d /= np.where(s > 0, s, 1.0)
@@ -84,9 +84,9 @@ def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator)
     square = len(d) ** 2 if len(d) <= DENSE_ROWS else 0
     batch = max(1, IN_CACHE // max(d.size, square, 1))
     for start in range(0, ROTATIONS, batch):
-        turned = rotate(min(batch, ROTATIONS - start))
-        for found, item in zip(largest, _statistics(turned, indicator), strict=True):
-            found.append(item.max(axis=1))
+        tables = rotate(min(batch, ROTATIONS - start))
+        for maxima, item in zip(largest, _statistics(tables, indicator), strict=True):
+            maxima.append(item.max(axis=1))
     # Entries are alike in all columns, the others differ in size from group to group.
     nulls: list[FloatArray] = [np.concatenate(largest[0]).max(axis=1)]
     values = [observed[0]]
@@ -97,8 +97,8 @@ def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator)
     p = [_tail(value, null) for value, null in zip(values, nulls, strict=True)]
     # The three kinds are tested side by side: the smallest p of a table under the null is
     # itself referred to its distribution.
-    own = np.array([_tail(null, null) for null in nulls])
-    smallest = own.min(axis=0)
+    tails = np.array([_tail(null, null) for null in nulls])
+    smallest = tails.min(axis=0)
     entries, distance, mean = (_lower_tail(item, smallest) for item in p)
     by_row = np.minimum(distance.min(axis=1), mean.min(axis=1))
     return Outstanding(by_row=by_row, by_cell=entries)

@@ -46,7 +46,7 @@ class Combinations(NamedTuple):
 
 
 class SerialFit:
-    """y = X b + e, with a level of its own for each block where `levels`.
+    """y = X b + e, with a level for each block where `levels`.
 
     The errors of a block have the covariance s^2 V, V_ij = (1 - w) [i = j] + w phi^|i - j|: white
     noise and a part with memory, of share w. Generalised least squares for each (phi, w) of a
@@ -55,7 +55,7 @@ class SerialFit:
 
         log L = -(log|V| + log|X'V^-1 X| + nu log e'V^-1 e)/2,  nu = n - rank,
 
-    so that b has the mean covariance and the scatter of the grid's own b.
+    so that b has the mean covariance and the scatter of b over the grid.
 
     b = `transform` beta in r directions that the rows determine, beta (r,) with `covariance`;
     `null` (k, k - r) are directions that they do not. `clusters` hold (R_c, A_c, Q'e_c) of the
@@ -78,7 +78,7 @@ class SerialFit:
             for b in blocks
         ]
         grid = [(0.0, 0.0), *product(MEMORY, SHARE)]
-        fits = [_fitted(rows, max(self.dof, 1.0), levels, *each) for each in grid]
+        fits = [_fit(rows, max(self.dof, 1.0), levels, *each) for each in grid]
         log_likelihood, betas, covariances = (np.array([x[i] for x in fits]) for i in range(3))
         # Errors without memory are as likely beforehand as all others together.
         log_likelihood[0] += np.log(len(grid) - 1)
@@ -89,7 +89,7 @@ class SerialFit:
         self.covariance += (betas - self.beta).T * weight @ (betas - self.beta)
         i = int(np.argmax(weight))
         *_, self.inverse, Z = fits[i]
-        self.attenuated = _unattenuated(blocks, T, self.inverse, levels, *grid[i])
+        self.attenuated = _disattenuation(blocks, T, self.inverse, levels, *grid[i])
         parts = np.split(Z, np.cumsum([len(b.y) for b in blocks])[:-1])
         self.clusters = [
             self._cluster(
@@ -119,11 +119,11 @@ class SerialFit:
         """
         rows = L @ self.transform @ self.attenuated
         a = [A @ rows.T for _, A, _ in self.clusters]
-        scores = np.array([e @ own for (_, _, e), own in zip(self.clusters, a, strict=True)])
-        X = np.array([R.T @ own for (R, _, _), own in zip(self.clusters, a, strict=True)])
+        scores = np.array([e @ a_c for (_, _, e), a_c in zip(self.clusters, a, strict=True)])
+        X = np.array([R.T @ a_c for (R, _, _), a_c in zip(self.clusters, a, strict=True)])
         products = -np.einsum("ciq,ij,djq->qcd", X, self.inverse, X)
-        for c, own in enumerate(a):
-            products[:, c, c] += np.sum(own**2, axis=0)
+        for c, a_c in enumerate(a):
+            products[:, c, c] += np.sum(a_c**2, axis=0)
         trace, square = np.einsum("qcc->q", products), np.sum(products**2, axis=(1, 2))
         between = np.where(square > 0, trace**2 / np.where(square > 0, square, 1.0), 0.0)
         clustered = between >= CLUSTERED_DOF
@@ -144,7 +144,7 @@ def _covariance(n: int, phi: float, w: float) -> FloatArray:
     return np.asarray(w * toeplitz(phi ** np.arange(n)) + (1 - w) * np.eye(n))
 
 
-def _fitted(
+def _fit(
     rows: list[FloatArray], nu: float, levels: bool, phi: float, w: float
 ) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Least squares of Z = L^-1 [X, y] with V = L L', less what a level explains of each block: log
@@ -152,9 +152,9 @@ def _fitted(
     """
     whitened, log_det = [], 0.0
     roots = {n: cholesky(_covariance(n, phi, w), lower=True) for n in {*map(len, rows)}}
-    for own in rows:
-        L = roots[len(own)]
-        Z = solve_triangular(L, own, lower=True)
+    for block in rows:
+        L = roots[len(block)]
+        Z = solve_triangular(L, block, lower=True)
         log_det += 2 * float(np.sum(np.log(np.diag(L))))
         if levels:
             one = Z[:, :1]
@@ -173,7 +173,7 @@ def _fitted(
     return -(log_det + nu * np.log(rss)) / 2, beta, rss / nu * inverse, inverse, Z
 
 
-def _unattenuated(
+def _disattenuation(
     blocks: Sequence[Block], T: FloatArray, M: FloatArray, levels: bool, phi: float, w: float
 ) -> FloatArray:
     """(1 - M N)^-1, the noise's share of no direction taken as more than MOST_NOISE."""
@@ -183,8 +183,8 @@ def _unattenuated(
         n = len(block.y)
         if n not in weights:
             inverse = np.linalg.inv(_covariance(n, phi, w))
-            each = inverse.sum(axis=0)
-            lost = float(each @ each) / float(each.sum()) if levels else 0.0
+            sums = inverse.sum(axis=0)
+            lost = float(sums @ sums) / float(sums.sum()) if levels else 0.0
             weights[n] = float(np.trace(inverse)) - lost
         N += weights[n] * T.T @ block.noise @ T
     root = cholesky(M, lower=True)

@@ -3,8 +3,8 @@
     y = line of the pass + f(x) + g_run(x) + e,    e ~ N(0, sigma^2),
 
 f and the runs' own bends g are integrated Wiener processes (`kernels`). With a free line a pass
-projected out, drift and reversal cannot enter; of T targets m = T - 2 numbers z = G f + noise are
-left beside a pure error (sse, nu), to which no profile can contribute. On a balanced design this
+projected out, drift and reversal cannot enter; of T targets m = T - 2 numbers z = G f + noise
+remain, and a pure error (sse, nu), to which no profile can contribute. On a balanced design this
 is REML. The amplitude of f has no good point estimate of few targets: f is averaged over its
 posterior, which holds at any amplitude, 0 included. Spline weights do not depend on the amplitude:
 the average is again a table of values at the targets.
@@ -21,9 +21,9 @@ from mtu_cli.stats.least_squares import FloatArray, IntArray, polynomial
 from mtu_cli.stats.mixed_model import lines_by_pass
 
 FEWEST_TARGETS = 4
-"""Two bends are left beside a line."""
+"""Two bends remain beside a line."""
 FEWEST_RUNS = 3
-"""For bends of the runs' own."""
+"""For bends of single runs."""
 AMPLITUDES = np.geomspace(0.03, 300.0, 18)
 """Root mean square of f over the readings, in sigma of one reading."""
 _EDGES = np.concatenate([[0.0], np.sqrt(AMPLITUDES[1:] * AMPLITUDES[:-1]), [np.inf]])
@@ -39,7 +39,7 @@ SLIGHT = 1e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmoothProfile:
-    """`bend` (T,) at the `knots` (T,) with its `covariance` (T, T), its line left out; f has the
+    """`bend` (T,) at the `knots` (T,) with its `covariance` (T, T), without its line; f has the
     variance `roughness` tau^2 (per mm^3), the runs' own bends `own`, estimated with `own_dof`.
     `s2` is the variance of one reading, pure error with `rss` and `dof`.
     """
@@ -74,8 +74,8 @@ def smooth_profile(
     B /= np.sqrt(scale)
     shapes, sizes, _ = np.linalg.svd(B, full_matrices=False)
     runs, of_run = np.unique(run, return_inverse=True)
-    own_columns = (shapes * sizes)[at, :OWN_SHAPES]
-    bends = np.einsum("nr,nk->nrk", np.eye(len(runs))[of_run], own_columns).reshape(len(y), -1)
+    run_columns = (shapes * sizes)[at, :OWN_SHAPES]
+    bends = np.einsum("nr,nk->nrk", np.eye(len(runs))[of_run], run_columns).reshape(len(y), -1)
     # What the line of every pass leaves, and how many numbers the lines take.
     codes = np.unique(group, return_inverse=True)[1].astype(np.int64)
     passes, line = int(codes.max()) + 1, polynomial(position - position.mean(), 1)
@@ -85,23 +85,23 @@ def smooth_profile(
     T = len(knots)
     MN, My, MF = columns[:, :T], columns[:, T], columns[:, T + 1 :]
     values, vectors = np.linalg.eigh(N.T @ MN)
-    kept = values > 1e-9 * values[-1]
-    G = (vectors[:, kept] * np.sqrt(values[kept])).T
-    to_z = (vectors[:, kept] / np.sqrt(values[kept])).T @ N.T
+    nonzero = values > 1e-9 * values[-1]
+    G = (vectors[:, nonzero] * np.sqrt(values[nonzero])).T
+    to_z = (vectors[:, nonzero] / np.sqrt(values[nonzero])).T @ N.T
     z = to_z @ My
     nu = len(y) - lines - len(z)
     if nu < 1:
         return None
     sse = max(float(My @ My - z @ z), 0.0)
-    own, own_dof = 0.0, np.inf
+    ratio, run_dof = 0.0, np.inf
     if len(runs) >= FEWEST_RUNS:
-        own_z = to_z @ MF
-        beside = MF - MN @ np.linalg.lstsq(MN, MF, rcond=1e-9)[0]
-        own, own_dof, sse = _own_bends(beside, My, sse, nu)
+        run_z = to_z @ MF
+        pure = MF - MN @ np.linalg.lstsq(MN, MF, rcond=1e-9)[0]
+        ratio, run_dof, sse = _run_bends(pure, My, sse, nu)
         # What the runs differ in is compared between them, whatever their noise leaves of it.
-        own_dof = max(own_dof, len(runs) - 1.0)
-        if own:
-            values, vectors = np.linalg.eigh(np.eye(len(z)) + own * own_z @ own_z.T)
+        run_dof = max(run_dof, len(runs) - 1.0)
+        if ratio:
+            values, vectors = np.linalg.eigh(np.eye(len(z)) + ratio * run_z @ run_z.T)
             white = (vectors / np.sqrt(values)) @ vectors.T
             G, z = white @ G, white @ z
     s2 = sse / nu
@@ -111,29 +111,29 @@ def smooth_profile(
         bend=bend,
         covariance=covariance * s2,
         roughness=amplitude2 * s2 / scale,
-        own=own * s2 / scale,
-        own_dof=own_dof,
+        own=ratio * s2 / scale,
+        own_dof=run_dof,
         s2=s2,
         rss=sse,
         dof=nu,
     )
 
 
-def _own_bends(left: FloatArray, y: FloatArray, sse: float, nu: int) -> tuple[float, float, float]:
-    """REML of the variance of the runs' own bends over sigma^2, by what they add to the pure error
-    (`left`, the bends' columns in it); its degrees of freedom, and the pure error beside it.
+def _run_bends(X: FloatArray, y: FloatArray, sse: float, nu: int) -> tuple[float, float, float]:
+    """REML of the variance of the runs' bends over sigma^2, by what they add to the pure error
+    (`X`, the bends' columns in it); its degrees of freedom, and the pure error without them.
     """
-    U, s, _ = np.linalg.svd(left, full_matrices=False)
-    kept = s > 1e-6 * s[0]
-    U, s = U[:, kept], s[kept]
+    U, s, _ = np.linalg.svd(X, full_matrices=False)
+    nonzero = s > 1e-6 * s[0]
+    U, s = U[:, nonzero], s[nonzero]
     e2 = (U.T @ y) ** 2
     d = 1 + np.outer(OWN, s**2)
-    beside = (1 / d) @ e2 + max(sse - float(e2.sum()), 0.0)
+    rss = (1 / d) @ e2 + max(sse - float(e2.sum()), 0.0)
     with np.errstate(divide="ignore"):
-        best = int(np.argmin(np.log(d).sum(axis=1) + nu * np.log(beside)))
+        best = int(np.argmin(np.log(d).sum(axis=1) + nu * np.log(rss)))
     share = OWN[best] * s**2 / d[best]
     dof = float((share**2).sum()) if best else np.inf
-    return float(OWN[best]), dof, float(beside[best])
+    return float(OWN[best]), dof, float(rss[best])
 
 
 def averaged(
@@ -145,21 +145,21 @@ def averaged(
     s2 = sse / nu
     U, sizes, V = np.linalg.svd(G @ B)
     # What no reading sees of f (too few passes at its targets) keeps its prior variance.
-    s, seen = np.zeros((2, len(V)))
-    s[: len(sizes)], seen[: len(U)] = sizes, U.T @ z
+    s, Uz = np.zeros((2, len(V)))
+    s[: len(sizes)], Uz[: len(U)] = sizes, U.T @ z
     d = 1 + np.outer(AMPLITUDES**2, s**2)
     with np.errstate(divide="ignore"):
-        rest = np.log((1 / d) @ seen**2 + sse)
+        rest = np.log((1 / d) @ Uz**2 + sse)
     log = LOG_PRIOR - np.log(d).sum(axis=1) / 2 - (len(z) + nu) / 2 * rest
     weight = np.exp(log - log.max()) if np.isfinite(log.max()) else np.ones(len(log))
     weight = np.where(weight > SLIGHT * weight.sum(), weight, 0.0)
     weight /= weight.sum()
-    turned = B @ V.T
+    basis = B @ V.T
     # Of every amplitude a: mean a^2 s/(1 + a^2 s^2) U'z, variances a^2/(1 + a^2 s^2) of sigma^2.
-    means = AMPLITUDES[:, None] ** 2 * s / d * seen
+    means = AMPLITUDES[:, None] ** 2 * s / d * Uz
     variances = AMPLITUDES[:, None] ** 2 / d
     mean = weight @ means
-    apart = means - mean
-    spread = (apart.T * weight) @ apart / s2 if s2 > 0 else np.zeros((len(s), len(s)))
-    covariance = turned @ (np.diag(weight @ variances) + spread) @ turned.T
-    return turned @ mean, covariance, float(weight @ AMPLITUDES**2)
+    deviations = means - mean
+    spread = (deviations.T * weight) @ deviations / s2 if s2 > 0 else np.zeros((len(s), len(s)))
+    covariance = basis @ (np.diag(weight @ variances) + spread) @ basis.T
+    return basis @ mean, covariance, float(weight @ AMPLITUDES**2)

@@ -1,4 +1,4 @@
-"""Random numbers of their own for every quantity that is simulated."""
+"""An independent stream of random numbers for every quantity that is simulated."""
 
 from __future__ import annotations
 

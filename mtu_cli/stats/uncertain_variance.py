@@ -49,11 +49,11 @@ def uncertain_variance(squares: FloatArray, dof: FloatArray) -> UncertainVarianc
     total, positive = squares.sum(axis=0), np.maximum(squares, 0.0)
     whole = positive.sum(axis=0)
     share = np.divide(np.maximum(total, 0.0), whole, out=np.zeros_like(whole), where=whole > 0)
-    found = [
-        _convolved(rows, dof)
+    nodes = [
+        _convolution(rows, dof)
         for rows in np.array_split(positive * share, len(whole) // AT_ONCE + 1, axis=1)
     ]
-    values, weights = (np.concatenate(each) for each in zip(*found, strict=True))
+    values, weights = (np.concatenate(each) for each in zip(*nodes, strict=True))
     return UncertainVariance(values=values, weights=weights)
 
 
@@ -81,19 +81,19 @@ def f_tails(
     """
     from scipy.special import chdtr, chdtrc
 
-    known = np.isfinite(mean_square) & (dof > 0)
-    d = np.where(known, dof, 1.0)[:, None]
-    ms = np.where(known, mean_square, 1.0)[:, None]
+    valid = np.isfinite(mean_square) & (dof > 0)
+    d = np.where(valid, dof, 1.0)[:, None]
+    ms = np.where(valid, mean_square, 1.0)[:, None]
     exact = ~(variance.values > 0).any(axis=1)
     x = d * ms / np.where(variance.values > 0, variance.values, 1.0)
     high = (chdtrc(d, x) * variance.weights).sum(axis=1)
     low = (chdtr(d, x) * variance.weights).sum(axis=1)
     high = np.where(exact, np.where(mean_square > 0, 0.0, np.nan), high)
     low = np.where(exact, np.where(mean_square > 0, 1.0, np.nan), low)
-    return np.where(known, high, np.nan), np.where(known, low, np.nan)
+    return np.where(valid, high, np.nan), np.where(valid, low, np.nan)
 
 
-def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _convolution(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights (m, NODES) of sum_k c_k nu_k/W_k, one mean square after the other."""
     z, weight = _normal_nodes()
     many = dof >= MANY
@@ -103,17 +103,17 @@ def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
         total = c[many].sum(axis=0)
         nu = effective_dof(total, c[many], dof[many])
         values = total[:, None] * _inverse_chi_squared(z, nu)
-    for own, nu in zip(c[~many], dof[~many], strict=True):
-        there = np.flatnonzero(own > 0)
-        if not len(there):
+    for row, nu in zip(c[~many], dof[~many], strict=True):
+        positive = np.flatnonzero(row > 0)
+        if not len(positive):
             continue
-        more = own[there, None] * _of_dof(float(nu))
-        alone = (values[there] == 0).all(axis=1)
-        values[there[alone]] = more[alone]
-        both = there[~alone]
-        if len(both):
-            sums = values[both, :, None] + more[~alone, None, :]
-            values[both], weights[both] = _gathered(sums, weights[both, :, None] * weight)
+        term = row[positive, None] * _of_dof(float(nu))
+        alone = (values[positive] == 0).all(axis=1)
+        values[positive[alone]] = term[alone]
+        pairs = positive[~alone]
+        if len(pairs):
+            sums = values[pairs, :, None] + term[~alone, None, :]
+            values[pairs], weights[pairs] = _merge(sums, weights[pairs, :, None] * weight)
     return values, weights
 
 
@@ -143,13 +143,13 @@ def _inverse_chi_squared(z: FloatArray, dof: FloatArray) -> FloatArray:
     """nu/W (m, nodes) at the normal quantiles z, from its smallest value to its largest."""
     from scipy.special import gammaincinv, ndtr
 
-    own, which = np.unique(np.minimum(dof, 1e9), return_inverse=True)
-    nu = own[:, None]
+    distinct, index = np.unique(np.minimum(dof, 1e9), return_inverse=True)
+    nu = distinct[:, None]
     result: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-z)))
-    return np.where(np.isinf(dof)[:, None], 1.0, result[which])
+    return np.where(np.isinf(dof)[:, None], 1.0, result[index])
 
 
-def _gathered(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _merge(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """All pairs (m, NODES, NODES) in the order of their sum; what lies between two quantiles of
     the normal scale becomes one node at its geometric mean.
     """
@@ -185,7 +185,7 @@ def mean_square_tails(
     x = np.divide(mean_square, values, out=np.zeros_like(values), where=positive)
     sizes = sizes[sizes > 0] / (dof * sizes.sum())
     largest = float(sizes.max())
-    # Beyond that nothing is left of the tail, nor can it be calculated with.
+    # Beyond that the tail is 0, and cannot be calculated with.
     x = np.minimum(x, FAR)
     share = sizes / largest
     above = x > 0
@@ -198,10 +198,10 @@ def mean_square_tails(
         low, high = np.where(value > target, middle, low), np.where(value > target, high, middle)
     u = np.exp((low + high) / 2)
     # 1 - 2 z sizes, z the saddlepoint.
-    left = 1.0 + (u[:, None] - 1.0) * share
+    factors = 1.0 + (u[:, None] - 1.0) * share
     z = (1.0 - u) / (2.0 * largest)
-    K = -0.5 * dof * np.log(left).sum(axis=1)
-    second = 2.0 * dof * ((sizes / left) ** 2).sum(axis=1)
+    K = -0.5 * dof * np.log(factors).sum(axis=1)
+    second = 2.0 * dof * ((sizes / factors) ** 2).sum(axis=1)
     w = np.sign(z) * np.sqrt(np.maximum(2.0 * (z * target * dof * largest - K), 0.0))
     near = np.abs(w) < NEAR
     safe = np.where(near, 1.0, w)

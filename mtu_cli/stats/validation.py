@@ -72,7 +72,7 @@ def validated(
     where there is no first order, which leaves its outcome open.
     """
     run = run_to(1.0)
-    verdicts = [_judged(*item, run, digits, i) for i, item in enumerate(first)]
+    verdicts = [_judge(*item, run, digits, i) for i, item in enumerate(first)]
     unsettled = any(not v.settled and u > 0.0 for v, (_, u, _) in zip(verdicts, first, strict=True))
     if adaptive and run.converged and unsettled:
         # The engine takes its tolerance from its own u, which may need a digit more: 0.105 beside
@@ -80,11 +80,11 @@ def validated(
         both = [(u, float(v)) for (_, u, _), v in zip(first, run.u, strict=True) if u > 0 and v > 0]
         ratios = [numerical_tolerance(u, digits) / numerical_tolerance(v, digits) for u, v in both]
         run = run_to(CONVERGED_TO * min([1.0, *filter(math.isfinite, ratios)]))
-        verdicts = [_judged(*item, run, digits, i) for i, item in enumerate(first)]
+        verdicts = [_judge(*item, run, digits, i) for i, item in enumerate(first)]
     return run, verdicts
 
 
-def _judged(
+def _judge(
     mean: float, u: float, k: float, run: MonteCarloResult, digits: int, index: int
 ) -> Validation:
     """Clause 8 of an output; undecided where there is no first order."""

@@ -29,11 +29,11 @@ class Workspace(threading.local):
         A different shape under a known name takes the same memory where that is enough, so that
         blocks of two lengths do not keep two sets nor make new ones in turn.
         """
-        known = self._arrays.get(name)
-        if known is None or known.shape != shape:
+        result = self._arrays.get(name)
+        if result is None or result.shape != shape:
             size = math.prod(shape)
             memory = self._memory.get(name)
             if memory is None or len(memory) < size:
                 memory = self._memory[name] = np.empty(size)
-            known = self._arrays[name] = memory[:size].reshape(shape)
-        return known
+            result = self._arrays[name] = memory[:size].reshape(shape)
+        return result

@@ -20,11 +20,11 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.analyses.close_loop.crossings import crossings, without_references
-from mtu_cli.analyses.close_loop.describe import described
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
-from mtu_cli.analyses.close_loop.estimate import estimated
+from mtu_cli.analyses.close_loop.describe import effects_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
+from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
-from mtu_cli.analyses.close_loop.held_out import averaged, contribution, corrected, held_out
+from mtu_cli.analyses.close_loop.held_out import contribution, held_out, model_average, remainder
 from mtu_cli.analyses.close_loop.likelihood import Fit
 from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
@@ -50,7 +50,7 @@ FREES = {
     "offset,rotation": f"trend, step, rotation, squareness, and {WITHIN}",
     "offset,diameter": f"trend, step, a scale of both axes alike, and {WITHIN}",
 }
-"""What cannot be seen any more where a best-fit alignment is removed from each part."""
+"""What is not estimable where a best-fit alignment is removed from each part."""
 
 
 def close_loop(
@@ -71,32 +71,32 @@ def close_loop(
     Raises InputError for a name in `exclude` that the library does not have, and where no table has
     enough to separate an effect from scatter.
     """
-    judged, left_out = _large_enough(tables)
-    rate = alpha / len(judged)
+    large, findings = _large_enough(tables)
+    rate = alpha / len(large)
 
     def one_table(number: int, table: ResidualTable) -> TableResult:
-        def done(part: int, parts: int) -> None:
+        def advance(part: int, parts: int) -> None:
             if progress is not None:
-                progress(number * parts + part, len(judged) * parts)
+                progress(number * parts + part, len(large) * parts)
 
-        def diagnose(some: ResidualTable) -> Diagnosis:
-            candidates = candidates_of(some, library, exclude)
-            found = diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed)
-            return without_references(found)
+        def diagnose(subset: ResidualTable) -> Diagnosis:
+            candidates = candidates_of(subset, library, exclude)
+            diagnosis = diagnosis_of(subset, candidates, alpha=rate, most=max_effects, seed=seed)
+            return without_references(diagnosis)
 
-        done(0, 1)
-        found, held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
-        return _result(found, held, table, rate=rate, tables=len(judged))
+        advance(0, 1)
+        diagnosis, validation = held_out(table, diagnose, lambda k, n: advance(1 + k, 1 + n))
+        return _result(diagnosis, validation, table, rate=rate, tables=len(large))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
-        results = tuple(one_table(number, table) for number, table in enumerate(judged))
-    datum = judged[0].datum
+        results = tuple(one_table(number, table) for number, table in enumerate(large))
+    datum = large[0].datum
     return CloseLoopResult(
         verdict=min((item.verdict for item in results), key=WORST.index),
         tables=results,
         alpha=alpha,
         datum=datum,
-        warnings=(*left_out, *_warnings(results, datum, max_effects)),
+        warnings=(*findings, *_warnings(results, datum, max_effects)),
     )
 
 
@@ -107,70 +107,70 @@ def _large_enough(
 
     Raises InputError where none has.
     """
-    kept, lacking = list[ResidualTable](), list[tuple[str, str]]()
+    large, small = list[ResidualTable](), list[tuple[str, str]]()
     for table in tables:
         P, H = table.there.shape
         of = "" if table.component is None else f" of {table.component}"
         part, feature = ("passes", "positions") if of else ("parts", "features")
-        alone = int((table.there.sum(axis=1) == 1).sum())
+        single = int((table.there.sum(axis=1) == 1).sum())
         if max(P, H) < FEWEST_ENTRIES:
             expected = f"{FEWEST_ENTRIES} or more of one or the other"
-            lacking.append((f"{P} by {H} {part} and {feature}{of}", expected))
-        elif min(P, H) > 1 and alone > P / 2:
-            what = f"{alone} of {P} {part}{of} have one of the {feature}"
+            small.append((f"{P} by {H} {part} and {feature}{of}", expected))
+        elif min(P, H) > 1 and single > P / 2:
+            what = f"{single} of {P} {part}{of} have one of the {feature}"
             expected = f"one value in column {part[:4]!r} for all {feature} measured in one go"
-            lacking.append((what, expected))
+            small.append((what, expected))
         else:
-            kept.append(table)
-    if not kept:
-        what, expected = lacking[0] if lacking else ("no readings", "readings")
+            large.append(table)
+    if not large:
+        what, expected = small[0] if small else ("no readings", "readings")
         raise error("too-little-data", what=what, expected=expected)
-    return kept, [finding("too-few", what=what) for what, _ in lacking]
+    return large, [finding("too-few", what=what) for what, _ in small]
 
 
 def _result(
-    found: Diagnosis,
-    held: tuple[str, FloatArray] | None,
+    diagnosis: Diagnosis,
+    validation: tuple[str, FloatArray] | None,
     table: ResidualTable,
     *,
     rate: float,
     tables: int,
 ) -> TableResult:
-    """The diagnosis of one of `tables` at its rate, with the errors that were `held` out."""
-    sizes = estimated(found.models, found.model)
-    effects = described(found, sizes, compare=True)
+    """The diagnosis of one of `tables` at its rate, with the held-out errors as `validation`."""
+    sizes = estimates_of(diagnosis.models, diagnosis.model)
+    effects = effects_of(diagnosis, sizes, compare=True)
     effects = tuple(replace(e, p_familywise=min(1.0, e.p_familywise * tables)) for e in effects)
-    seen = table.there & ~found.outliers.any(axis=2)
-    after = corrected(table, contribution(effects, table, written=True), seen)
-    mean = corrected(table, averaged(found, effects, table), seen)
-    by, errors = (None, (table.errors, after, mean)) if held is None else held
-    variance, floor = _scatter(found, sizes.fit)
+    valid = table.there & ~diagnosis.outliers.any(axis=2)
+    after = remainder(table, contribution(effects, table, written=True), valid)
+    mean = remainder(table, model_average(diagnosis, effects, table), valid)
+    by, errors = (None, (table.errors, after, mean)) if validation is None else validation
+    variance, floor = _scatter(diagnosis, sizes.fit)
 
     def rms(errors: FloatArray) -> float:
         return float(np.sqrt(np.mean(errors**2)))
 
     def scores(errors: FloatArray) -> Scores:
-        known = errors[seen & np.isfinite(errors).all(axis=2)]
-        length = np.sqrt((known**2).sum(axis=1))
+        vectors = errors[valid & np.isfinite(errors).all(axis=2)]
+        length = np.sqrt((vectors**2).sum(axis=1))
         return Scores(
-            rms=rms(known),
-            by_axis={axis: rms(known[:, a]) for a, axis in enumerate(table.axes)},
+            rms=rms(vectors),
+            by_axis={axis: rms(vectors[:, a]) for a, axis in enumerate(table.axes)},
             p95=float(np.quantile(length, 0.95)),
             largest=float(length.max()),
-            chi2_per_dof=float(np.mean(known**2 / variance)) if (variance > 0).all() else None,
+            chi2_per_dof=float(np.mean(vectors**2 / variance)) if (variance > 0).all() else None,
         )
 
     return TableResult(
         table=table,
-        verdict=found.verdict,
+        verdict=diagnosis.verdict,
         effects=effects,
-        candidates=_judged(found, rate, tables),
-        checks=tuple((name, min(1.0, p * tables)) for name, p in found.checks),
-        fired=found.fired,
-        nameless=found.nameless,
+        candidates=_candidate_tests(diagnosis, rate, tables),
+        checks=tuple((name, min(1.0, p * tables)) for name, p in diagnosis.checks),
+        fired=diagnosis.fired,
+        nameless=diagnosis.nameless,
         excluded=tuple(
             (table.features[h], table.parts[p], table.axes[a], float(table.errors[p, h, a]))
-            for p, h, a in np.argwhere(found.outliers)
+            for p, h, a in np.argwhere(diagnosis.outliers)
         ),
         explained=table.errors - after,
         before=scores(errors[0]),
@@ -182,41 +182,41 @@ def _result(
         floor=floor,
         crossings=crossings(effects, sizes.covariance, table),
         covariance=sizes.covariance,
-        stopped=found.models.stopped,
+        stopped=diagnosis.models.stopped,
     )
 
 
-def _scatter(found: Diagnosis, fit: Fit) -> tuple[FloatArray, float | None]:
-    """What a fit leaves: the variance (A,) of one coordinate by all that scatters, and the
+def _scatter(diagnosis: Diagnosis, fit: Fit) -> tuple[FloatArray, float | None]:
+    """The residuals of a fit: the variance (A,) of one coordinate by all that scatters, and the
     repeatability, of single entries about the means of parts and of features alone, at least that
     of rounding; None where there are no such entries.
     """
-    design, strata = found.design, found.design.strata
+    design, strata = diagnosis.design, diagnosis.design.strata
     P, H, A = strata.shape
-    axis, known = np.array(strata.axis), fit.weights > 0
-    total = np.bincount(axis[known], strata.sizes[known] / fit.weights[known], minlength=A)
+    axis, live = np.array(strata.axis), fit.weights > 0
+    total = np.bincount(axis[live], strata.sizes[live] / fit.weights[live], minlength=A)
     inner, steps = strata.of(INTERACTION), steps_of(design.table) / design.scale
-    own = [
+    mean_squares = [
         max(np.sum(fit.residual[strata.slices[s]] ** 2) / fit.dof[s], steps[axis[s]] ** 2 / 12)
         for s in inner
     ]
     variance = np.asarray(total * design.scale**2 / (P * H), float)
-    return variance, design.scale * float(np.sqrt(np.mean(own))) if own else None
+    return variance, design.scale * float(np.sqrt(np.mean(mean_squares))) if mean_squares else None
 
 
-def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
-    """All candidates, each added to the known model alone."""
-    models, smallest = found.models, minimum_detectable(found, rate)
-    p = models.gate(()) | {name: p for name, p, _ in found.scatter}
+def _candidate_tests(diagnosis: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
+    """All candidates, each added alone to the model of the machine."""
+    models, smallest = diagnosis.models, minimum_detectable(diagnosis, rate)
+    p = models.gate(()) | {name: p for name, p, _ in diagnosis.scatter}
     total, _ = models.additions(())
     with np.errstate(over="ignore"):
         shares = np.exp(total - total.max(initial=0.0))
     shares = shares / max(float(shares.sum()), 1e-300)
-    judged = []
+    results = []
     for candidate, gain, share in zip(models.design.candidates, total, shares, strict=False):
         name, finite = candidate.name, bool(np.isfinite(gain))
         tested = finite or name in p
-        judged.append(
+        results.append(
             Judged(
                 name=name,
                 family=candidate.family,
@@ -228,7 +228,7 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
                 minimum_detectable=smallest.get(name) if name in p else None,
             )
         )
-    return tuple(judged)
+    return tuple(results)
 
 
 def _warnings(results: Sequence[TableResult], datum: str, most: int) -> Iterator[Finding]:

@@ -10,7 +10,7 @@ from mtu_cli.analyses.close_loop.strata import NONE, IntArray, Strata
 from mtu_cli.stats.least_squares import FloatArray
 
 EMPTY = 1e-9
-"""Share of a column's size below which what is left of it in the strata is rounding."""
+"""Share of a column's size below which its coordinates in the strata are rounding."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
 FREE = 1e-9
@@ -37,7 +37,7 @@ class Columns:
         self._used = np.ones(len(strata.slices), int)
         self._rows = np.zeros((len(strata.slices), 1), int)
         """Where a column stands among the values of a stratum; the first row there is zero."""
-        self._known: dict[bytes, int] = {}
+        self._index: dict[bytes, int] = {}
         self._marks = np.random.default_rng(0).normal(size=(self._ends[-1], MARKS))
 
     @property
@@ -48,48 +48,48 @@ class Columns:
     def add(
         self, at: IntArray, X: FloatArray, means: FloatArray, sizes: FloatArray
     ) -> tuple[IntArray, FloatArray]:
-        """Indices and factors (m,) of columns: x = factor * unit column; NONE and nan where nothing
-        of one is left.
+        """Indices and factors (m,) of columns: x = factor * unit column; NONE and nan of those that
+        are rounding.
 
         `X` (m, n) at the coordinates `at` (n,), `means` (m, A) of the table, `sizes` (m,) their
         norms over the table.
         """
         norms = np.linalg.norm(X, axis=1)
         indices, factors = np.full(len(X), NONE), np.full(len(X), np.nan)
-        left = np.flatnonzero((norms > EMPTY * sizes) & (norms > 0))
-        units = X[left] / norms[left, None]
+        nonzero = np.flatnonzero((norms > EMPTY * sizes) & (norms > 0))
+        units = X[nonzero] / norms[nonzero, None]
         marks = units @ self._marks[at]
         signs = np.where(marks[:, 0] < 0, -1.0, 1.0)
-        factors[left] = norms[left] * signs
+        factors[nonzero] = norms[nonzero] * signs
         keys = np.round(marks * signs[:, None], DIGITS)
         new: list[int] = []
         for i, key in enumerate(keys):
-            indices[left[i]] = self._known.setdefault(key.tobytes(), self.count + len(new))
-            if indices[left[i]] == self.count + len(new):
+            indices[nonzero[i]] = self._index.setdefault(key.tobytes(), self.count + len(new))
+            if indices[nonzero[i]] == self.count + len(new):
                 new.append(i)
-        own = left[new]
-        units, free = units[new] * signs[new, None], np.full(len(own), FREE)
-        self.add_alone(at, units, means[own] / factors[own, None], free)
+        fresh = nonzero[new]
+        units, precisions = units[new] * signs[new, None], np.full(len(fresh), FREE)
+        self.add_alone(at, units, means[fresh] / factors[fresh, None], precisions)
         return indices, factors
 
     def add_alone(
         self, at: IntArray, units: FloatArray, means: FloatArray, precisions: FloatArray
     ) -> IntArray:
         """Indices (m,) of unit columns (m, n) at the coordinates `at` (n,), with means (m, A); no
-        others share them, for they have prior `precisions` (m,) of their own.
+        others share them, as each has its prior precision in `precisions` (m,).
         """
         rows, ends = np.zeros((len(self._used), len(units)), int), np.searchsorted(at, self._ends)
         for s in np.flatnonzero(np.diff(ends)):
             block = units[:, ends[s] : ends[s + 1]]
-            there = np.flatnonzero(block.any(axis=1))
-            own = self._used[s] + np.arange(len(there))
-            self._used[s] += len(there)
+            nonzero = np.flatnonzero(block.any(axis=1))
+            i = self._used[s] + np.arange(len(nonzero))
+            self._used[s] += len(nonzero)
             if (room := len(self._values[s])) < self._used[s]:
                 # Columns come one by one in a search.
-                more = self._used[s] + self._used[s] // 4 - room
-                self._values[s] = np.pad(self._values[s], ((0, more), (0, 0)))
-            self._values[s][own[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[there]
-            rows[s, there] = own
+                growth = self._used[s] + self._used[s] // 4 - room
+                self._values[s] = np.pad(self._values[s], ((0, growth), (0, 0)))
+            self._values[s][i[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[nonzero]
+            rows[s, nonzero] = i
         first = self.count
         self._rows = np.concatenate([self._rows, rows], axis=1)
         self.means = np.concatenate([self.means, means])
@@ -101,9 +101,9 @@ class Columns:
         one, other = np.broadcast_arrays(one, other)
         result = np.zeros((len(self._values), *one.shape))
         for values, rows, products in zip(self._values, self._rows, result, strict=True):
-            there = np.argwhere((rows[one] > 0) & (rows[other] > 0))
-            for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
-                at = tuple(some.T)
+            cells = np.argwhere((rows[one] > 0) & (rows[other] > 0))
+            for chunk in np.array_split(cells, 1 + len(cells) * values.shape[1] // AT_ONCE):
+                at = tuple(chunk.T)
                 pairs = values[rows[one[at]]], values[rows[other[at]]]
                 products[at] = np.einsum("kn,kn->k", *pairs)
         return result
@@ -115,21 +115,21 @@ class Columns:
         all of them share; and their products (S, M, w + k, w + k) in each stratum, `inner` those
         among the former before some became PADDING.
         """
-        w, others = added.shape[1], np.array(shared, int)
+        w, common = added.shape[1], np.array(shared, int)
         if inner is None:
             inner = self.cross(added[:, :, None], added[:, None])
-        there = added != PADDING
-        across = self.gram(added, others)
-        G = np.empty((*inner.shape[:2], w + len(others), w + len(others)))
+        nonzero = added != PADDING
+        across = self.gram(added, common)
+        G = np.empty((*inner.shape[:2], w + len(common), w + len(common)))
         G[:, :, :w, :w], G[:, :, :w, w:], G[:, :, w:, :w] = inner, across, np.swapaxes(across, 2, 3)
-        G[:, :, :w, :w] *= there[:, :, None] & there[:, None]
-        G[:, :, w:, w:] = self.gram(others, others)[:, None]
-        return np.hstack([added, np.tile(others, (len(added), 1))]), G
+        G[:, :, :w, :w] *= nonzero[:, :, None] & nonzero[:, None]
+        G[:, :, w:, w:] = self.gram(common, common)[:, None]
+        return np.hstack([added, np.tile(common, (len(added), 1))]), G
 
-    def gram(self, columns: IntArray, others: IntArray) -> FloatArray:
-        """Products (S, ..., m) in each stratum of columns (...) with each of others (m,)."""
-        result = np.zeros((len(self._values), *columns.shape, len(others)))
-        for s, rows in enumerate(self._rows[:, others]):
+    def gram(self, columns: IntArray, targets: IntArray) -> FloatArray:
+        """Products (S, ..., m) in each stratum of columns (...) with each of the `targets` (m,)."""
+        result = np.zeros((len(self._values), *columns.shape, len(targets)))
+        for s, rows in enumerate(self._rows[:, targets]):
             if rows.any():
                 result[s] = self._times(s, columns, self._values[s][rows].T)
         return result
@@ -145,14 +145,14 @@ class Columns:
     def _times(self, s: int, columns: IntArray, Z: FloatArray) -> FloatArray:
         """Products (..., m) in a stratum of columns (...) with Z (n, m), in Z's precision."""
         values, rows = self._values[s][: self._used[s]], self._rows[s, columns]
-        there = rows > 0
-        if 2 * there.sum() > len(values):  # Of most of them: without a copy.
+        nonzero = rows > 0
+        if 2 * nonzero.sum() > len(values):  # Of most of them: without a copy.
             return np.asarray((values.astype(Z.dtype, copy=False) @ Z)[rows])
         result = np.zeros((*rows.shape, Z.shape[1]))
-        result[there] = values[rows[there]].astype(Z.dtype) @ Z
+        result[nonzero] = values[rows[nonzero]].astype(Z.dtype) @ Z
         return result
 
     def dense(self, indices: Sequence[int]) -> FloatArray:
         """Columns as coordinates (k, N)."""
         pairs = zip(self._values, self._rows[:, list(indices)], strict=True)
-        return np.concatenate([values[own] for values, own in pairs], axis=1)
+        return np.concatenate([values[at] for values, at in pairs], axis=1)

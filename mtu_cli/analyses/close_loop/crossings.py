@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtri
 
-from mtu_cli.analyses.close_loop.describe import described
+from mtu_cli.analyses.close_loop.describe import effects_of
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import COVERED, estimated
+from mtu_cli.analyses.close_loop.estimate import COVERED, estimates_of
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect, Parameter
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.language import Node, evaluate, linear_form, parse
@@ -43,23 +43,23 @@ class Term(NamedTuple):
     lever: Node
 
 
-def without_references(found: Diagnosis) -> Diagnosis:
+def without_references(diagnosis: Diagnosis) -> Diagnosis:
     """A diagnosis without the offsets that say no more than where effects are counted from: with
-    the level these are zero at a value of a covariate that may have been met, or at the temperature
-    of reference (its 95 % interval reaches there), which is reported instead.
+    the level these are zero at a value of a covariate within its range, or at the temperature of
+    reference (the 95 % interval reaches there), which is reported instead.
     """
-    table = found.design.table
+    table = diagnosis.design.table
     values = TableData.of(table).values
-    for offset in found.offsets if found.entries else ():
-        rest = replace(found, offsets=tuple(x for x in found.offsets if x is not offset))
-        sizes = estimated(rest.models, rest.model, sets=False)
-        for each in crossings(described(rest, sizes), sizes.covariance, table):
-            met, (low, high) = values[each.covariate], each.interval95
-            told = low <= met.max() and high >= met.min()
-            told |= is_temperature(each.covariate) and low <= REFERENCE_DEGC <= high
-            if told and each.covariate not in AXES and offset.name == f"offset-{each.axis}":
-                found = rest
-    return found
+    for offset in diagnosis.offsets if diagnosis.entries else ():
+        rest = replace(diagnosis, offsets=tuple(x for x in diagnosis.offsets if x is not offset))
+        sizes = estimates_of(rest.models, rest.model, sets=False)
+        for zero in crossings(effects_of(rest, sizes), sizes.covariance, table):
+            column, (low, high) = values[zero.covariate], zero.interval95
+            inside = low <= column.max() and high >= column.min()
+            inside |= is_temperature(zero.covariate) and low <= REFERENCE_DEGC <= high
+            if inside and zero.covariate not in AXES and offset.name == f"offset-{zero.axis}":
+                diagnosis = rest
+    return diagnosis
 
 
 def crossings(
@@ -80,15 +80,15 @@ def crossings(
             _terms(effect, f"E{axis}") for effect in effects if f"E{axis}" in effect.equations
         ]
         if len(groups) > 1:
-            groups.insert(0, [x for own in groups for x in own] if all(groups) else [])
+            groups.insert(0, [x for terms in groups for x in terms] if all(groups) else [])
         for name in (name for name in columns if not name.startswith("dir_")):
             for i, group in enumerate(groups):
                 levels = [
                     x.size.role == "level" or x.effect.candidate.kind == "offset" for x in group
                 ]
-                freed = table.fitted_degree >= 0 or table.datum != "none"
+                no_level = table.fitted_degree >= 0 or table.datum != "none"
                 classes = [x for term in group for x in term.effect.class_names[1:]]
-                if not group or classes or not (freed or any(levels)):
+                if not group or classes or not (no_level or any(levels)):
                     continue
                 rows = [x.row for x in group]
                 zero = _zero(group, covariance[np.ix_(rows, rows)], columns, name)
@@ -110,7 +110,7 @@ def crossings(
 
 
 def _terms(effect: FoundEffect, key: str) -> list[Term]:
-    """Of an effect that is a sum of sizes times levers, but for sizes of which nothing is left."""
+    """Of an effect that is a sum of sizes times levers, but for sizes that are not estimable."""
     if effect.candidate.over is not None or effect.table is not None:
         return []
     pairs = zip(effect.parameters, effect.rows, strict=True)
@@ -146,7 +146,7 @@ def _zero(
         return None
     U, s, _ = np.linalg.svd(np.hstack([M, R]), full_matrices=False)
     M, R = (U[:, s > 1e-6 * s[0]].T @ X for X in (M, R))
-    # What is zero there whatever its sizes has no zero of its own.
+    # A sum that is zero there whatever the sizes has no zero to estimate.
     if np.linalg.matrix_rank(np.array([M.ravel(), R.ravel()]), tol=1e-6 * s[0]) < 2:
         return None
     b, C = np.array([x.size.value for x in group]) / u, C / u / u[:, None]
@@ -156,8 +156,8 @@ def _zero(
         J = M + t[:, None, None] * R
         V = J @ C @ np.swapaxes(J, 1, 2)
         V = V + 1e-14 * s[0] ** 2 * np.eye(len(M))
-        both = np.stack([J @ b, np.broadcast_to(R @ b, (len(t), len(M)))], axis=-1)
-        return np.einsum("tki,tki->it", both, np.linalg.solve(V, both))
+        stack = np.stack([J @ b, np.broadcast_to(R @ b, (len(t), len(M)))], axis=-1)
+        return np.einsum("tki,tki->it", stack, np.linalg.solve(V, stack))
 
     t, step = np.zeros(1), 3.0
     while step > 1e-9:
@@ -167,15 +167,15 @@ def _zero(
     dof = min(min(x.size.dof for x in group), 1e9)
     limit = len(M) * fdtri(len(M), max(dof, 1.0), COVERED)
     (least,), (information,) = tests(t)
-    around = np.array([-1e3, t[0] - 2, t[0] + 2, 1e3])
-    if least > limit or abs(t[0]) > 2 or (tests(around)[0] <= limit).any():
+    bracket = np.array([-1e3, t[0] - 2, t[0] + 2, 1e3])
+    if least > limit or abs(t[0]) > 2 or (tests(bracket)[0] <= limit).any():
         return None
-    inside, outside = np.repeat(t, 2), t[0] + np.array([-2.0, 2.0])
+    inner, outer = np.repeat(t, 2), t[0] + np.array([-2.0, 2.0])
     for _ in range(50):
-        middle = (inside + outside) / 2
-        held = tests(middle)[0] <= limit
-        inside, outside = np.where(held, middle, inside), np.where(held, outside, middle)
-    if np.ptp(inside) > 2:
+        middle = (inner + outer) / 2
+        accept = tests(middle)[0] <= limit
+        inner, outer = np.where(accept, middle, inner), np.where(accept, outer, middle)
+    if np.ptp(inner) > 2:
         return None
-    first, last = (centre + half * inside).tolist()
+    first, last = (centre + half * inner).tolist()
     return centre + half * float(t[0]), half * float(information**-0.5), (first, last)

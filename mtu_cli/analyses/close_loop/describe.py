@@ -26,30 +26,30 @@ ALIAS = 0.999
 """R^2 of the columns of two effects from which on they are the same whatever the errors."""
 
 
-def described(
-    found: Diagnosis, sizes: Estimates, *, compare: bool = False
+def effects_of(
+    diagnosis: Diagnosis, sizes: Estimates, *, compare: bool = False
 ) -> tuple[FoundEffect, ...]:
     """All effects of a diagnosis, the strongest first; `compare`: with the share of squares that
     each explains, its aliases and the experiment that separates it from its rivals.
     """
-    design, table = found.design, found.design.table
+    design, table = diagnosis.design, diagnosis.design.table
     candidates = {candidate.name: candidate for candidate in design.candidates}
-    both = zip(sizes.effects, sizes.members, strict=True)
-    estimates = dict(zip(found.models.members(found.model), both, strict=True))
+    pairs = zip(sizes.effects, sizes.members, strict=True)
+    estimates = dict(zip(diagnosis.models.members(diagnosis.model), pairs, strict=True))
     effects, offsets = list[FoundEffect](), list[FoundEffect]()
-    for entry in found.entries:
+    for entry in diagnosis.entries:
         if entry.item in estimates:
             effect, member = estimates[entry.item]
             if compare:
                 effect = replace(
                     effect,
-                    explained_share=_explained(found.likelihood, sizes, member),
+                    explained_share=_explained(diagnosis.likelihood, sizes, member),
                     aliases=aliases(design, sizes.fit.weights, member),
-                    experiment=experiment(found, entry, sizes.fit.weights),
+                    experiment=experiment(diagnosis, entry, sizes.fit.weights),
                 )
             effect = _as_table(effect, table)
         else:
-            effect = _smooth(found, entry)
+            effect = _smooth(diagnosis, entry)
         effects.append(
             replace(
                 effect,
@@ -59,7 +59,7 @@ def described(
                 class_names=tuple(name for name, _, _ in entry.credible),
             )
         )
-    for offset in found.offsets:
+    for offset in diagnosis.offsets:
         a = design.axis(candidates[offset.name])
         level = replace(sizes.levels[a], name="shift", role="own")
         offsets.append(
@@ -74,8 +74,8 @@ def described(
                 class_names=tuple(offset.credible),
             )
         )
-    effects = _with_levels(found, sizes, effects, {key for x in offsets for key in x.equations})
-    for name, p, ratio in found.scatter:
+    effects = _with_levels(diagnosis, sizes, effects, {key for x in offsets for key in x.equations})
+    for name, p, ratio in diagnosis.scatter:
         # Of operations that which scatters more.
         chosen = table.operations[1 if ratio > 1 else 0] if name == "operation-scatter" else None
         effects.append(
@@ -88,25 +88,25 @@ def described(
 
 
 def _with_levels(
-    found: Diagnosis, sizes: Estimates, effects: list[FoundEffect], offsets: set[str]
+    diagnosis: Diagnosis, sizes: Estimates, effects: list[FoundEffect], offsets: set[str]
 ) -> list[FoundEffect]:
     """The effects with the level of each axis that is no offset by itself: with the effect that it
     goes with most, as in the file of a machine effects have no covariance with others.
     """
-    table, C = found.design.table, sizes.covariance
+    table, C = diagnosis.design.table, sizes.covariance
     if table.fitted_degree >= 0 or table.datum != "none":
         return effects
     u, first = np.sqrt(np.maximum(np.diag(C), 1e-300)), len(C) - len(table.axes)
     for row, (level, axis) in enumerate(zip(sizes.levels, table.axes, strict=True), first):
         key = f"E{axis}"
-        having = [x for x in effects if key in x.equations and x.candidate.over not in OUTLYING]
-        if key in offsets or not having:
+        along = [x for x in effects if key in x.equations and x.candidate.over not in OUTLYING]
+        if key in offsets or not along:
             continue
         # Of effects that it goes with as little the strongest, which stands first.
-        r = [np.abs(C[row] / u / u[row])[list(x.rows)].max(initial=0.0) for x in having]
-        effect = having[int(np.argmax(np.round(r, 1)))]
-        taken = {*effect.used, *(p.name for p in effect.parameters)}
-        level = replace(level, name=free_name(level.name, taken, "_"))
+        r = [np.abs(C[row] / u / u[row])[list(x.rows)].max(initial=0.0) for x in along]
+        effect = along[int(np.argmax(np.round(r, 1)))]
+        names = {*effect.used, *(p.name for p in effect.parameters)}
+        level = replace(level, name=free_name(level.name, names, "_"))
         rows, covariance = (*effect.rows, row), np.pad(effect.covariance, (0, 1))
         if len(rows) == len(covariance):
             covariance = C[np.ix_(rows, rows)]
@@ -157,9 +157,9 @@ def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> floa
     those that are other effects.
     """
     fit, strata = sizes.fit, likelihood.design.strata
-    others = {i for x in sizes.members if x is not member for i in x.own}
-    mine = {*member.own, *member.low} - (others - {*member.own})
-    at = [k for k, i in enumerate(fit.columns) if i in mine]
+    foreign = {i for x in sizes.members if x is not member for i in x.terms}
+    closure = {*member.terms, *member.low} - (foreign - {*member.terms})
+    at = [k for k, i in enumerate(fit.columns) if i in closure]
     x = fit.beta[at] @ likelihood.design.columns.dense([fit.columns[i] for i in at])
     w = np.repeat(fit.weights, strata.sizes.astype(int))
     total = float(np.sum(w * likelihood.y**2))
@@ -168,29 +168,29 @@ def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> floa
 
 def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, ...]:
     """Other candidates with a member whose columns span the same, whatever the errors."""
-    cross, own = design.columns.cross, np.array(member.own)
-    among = design.members[: design.tested]
-    others = [m for m in among if m.candidate != member.candidate and len(m.own) == len(own)]
-    if not others:
+    cross, terms = design.columns.cross, np.array(member.terms)
+    members = design.members[: design.tested]
+    rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == len(terms)]
+    if not rivals:
         return ()
-    theirs = np.array([m.own for m in others])
+    rival_terms = np.array([m.terms for m in rivals])
     pairs = (
-        (own[:, None], own),
-        (own[:, None], theirs[:, None]),
-        (theirs[..., None], theirs[:, None]),
+        (terms[:, None], terms),
+        (terms[:, None], rival_terms[:, None]),
+        (rival_terms[..., None], rival_terms[:, None]),
     )
-    whole, across, inner = (np.tensordot(weights, cross(*pair), 1) for pair in pairs)
+    gram, across, inner = (np.tensordot(weights, cross(*pair), 1) for pair in pairs)
     inner = across @ np.linalg.solve(inner, np.swapaxes(across, 1, 2))
-    share = np.trace(np.linalg.solve(whole, inner), axis1=1, axis2=2)
-    alike = np.array(others, object)[share > ALIAS * len(own)]
-    return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in alike))
+    share = np.trace(np.linalg.solve(gram, inner), axis1=1, axis2=2)
+    same = np.array(rivals, object)[share > ALIAS * len(terms)]
+    return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in same))
 
 
-def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
-    design, like = found.design, found.likelihood
+def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
+    design, like = diagnosis.design, diagnosis.likelihood
     kernel = design.kernels[-1 - entry.item]
-    rest = tuple(item for item in found.model if item != entry.item)
-    table = smooth_effect(like, like.fit(found.models.columns(rest)), kernel)
+    rest = tuple(item for item in diagnosis.model if item != entry.item)
+    table = smooth_effect(like, like.fit(diagnosis.models.columns(rest)), kernel)
     value = float(np.sqrt(np.mean(table.values**2)))
     J = table.values / max(value, 1e-300) / len(table.values)
     u2 = max(float(J @ table.covariance @ J), 0.0)

@@ -36,11 +36,11 @@ AROUND = 9
 SAME_RAD = 0.03
 """Angle below which two members are one."""
 LEAST_LEFT = 1e-6
-"""Share of a column that must be left beside the margins."""
+"""Share of a column that must remain with the margins partialled out."""
 DEPENDENT = 1e-4
 LEAST_KNOWN = 0.01
-"""Standard deviation along a direction of what the coefficients do not know, over that of an entry,
-below which it is left out.
+"""Standard deviation of the coefficients along a direction, over that of an entry, below which the
+direction is left out.
 """
 FEW = 30
 """Values of a grid up to which all stay, weighed by the arc that each stands for."""
@@ -56,11 +56,11 @@ RANK = 1e-4
 class Member:
     """One form of a candidate at one value of what is searched.
 
-    `columns` (k, n) of its parameters, its own and then its margins', are what is not zero at the
-    coordinates `at` (n,), `means` (k, A) and `norms` (k,) theirs over the table; `basis` is an
-    orthonormal basis of what is its own beside the margins. Among the columns of the design `own`
-    and `low` (of margins) are indices; of each parameter `indices` is the column (-1: nothing of it
-    is left) and `factors` what its lever is of the unit column. `prior` is its share of the
+    `columns` (k, n) of its parameters, the effect's and then its margins', are what is not zero at
+    the coordinates `at` (n,), `means` (k, A) and `norms` (k,) theirs over the table; `basis` is an
+    orthonormal basis of the effect with the margins partialled out. `terms` and `low` (of margins)
+    are indices of the design's columns; of each parameter `indices` is the column (-1: within
+    rounding of 0) and `factors` its lever over the unit column. `prior` is its share of the
     candidate's.
     """
 
@@ -75,7 +75,7 @@ class Member:
     prior: float = 1.0
     around: tuple[float, ...] = ()
     candidate: int = NONE
-    own: tuple[int, ...] = ()
+    terms: tuple[int, ...] = ()
     low: tuple[int, ...] = ()
     indices: tuple[int, ...] = ()
     factors: tuple[float, ...] = ()
@@ -110,7 +110,7 @@ class Design:
     """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
 
     The first members, which are `tested`, are those of the grid; finer ones follow them. `common`
-    columns are in every model: the polynomial that the readings have lost, and the coefficients;
+    columns are in every model: the polynomial removed from the readings, and the coefficients;
     `mean_variance` (A,) is that of the mean by the coefficients.
     """
 
@@ -138,55 +138,55 @@ class Design:
         if factors:
             at, X = strata.of_levers(factors, 1)
             U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
-            kept = sizes > LEAST_KNOWN * scale
-            means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
-            precisions = (scale / sizes[kept]) ** 2
-            common += self.columns.add_alone(at, units[kept], means, precisions).tolist()
+            uncertain = sizes > LEAST_KNOWN * scale
+            means = (U[:, uncertain] / sizes[uncertain]).T @ _means(factors, 1, table)[0][0]
+            precisions = (scale / sizes[uncertain]) ** 2
+            common += self.columns.add_alone(at, units[uncertain], means, precisions).tolist()
         self.common = tuple(common)
         self.mean_variance = (table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2
         for c, candidate in enumerate(candidates):
             if candidate.kind in ("scatter", "offset"):
                 continue
-            distinct = _distinct(
+            distinct = _distinct_members(
                 [
                     item
                     for form in candidate.forms
-                    for item in _spaced(evaluated(self, form, grid_values(form)))
+                    for item in _at_equal_angles(members_at(self, form, grid_values(form)))
                 ]
             )
             total = sum(item.prior for item in distinct)
-            for _, alike in groupby(distinct, key=lambda item: id(item.form)):
-                for m in add(self, c, list(alike)):
+            for _, group in groupby(distinct, key=lambda item: id(item.form)):
+                for m in add(self, c, list(group)):
                     self.members[m].prior /= total
         tested = self.members[:]
         self.tested = len(tested)
-        self.of = np.array([member.candidate for member in tested], int)
+        self.owner = np.array([member.candidate for member in tested], int)
         self.prior = np.array([member.prior for member in tested])
         self.closures = self.closures_of(range(self.tested))
         _, self.inner = self.columns.crossed(self.closures)
-        self._widths = np.array([(len(x.own), len(x.low)) for x in tested], int).reshape(-1, 2)
+        self._widths = np.array([(len(x.terms), len(x.low)) for x in tested], int).reshape(-1, 2)
         self.kernels = tuple(_kernels(table, strata))
 
     def closures_of(self, members: Sequence[int]) -> IntArray:
         """The columns (M, w) of members and their margins, filled up with those of zeros."""
-        closures = [(*self.members[m].own, *self.members[m].low) for m in members]
+        closures = [(*self.members[m].terms, *self.members[m].low) for m in members]
         result = np.full((len(closures), max(map(len, closures), default=0)), PADDING)
-        for own, columns in zip(result, closures, strict=True):
-            own[: len(columns)] = columns
+        for row, columns in zip(result, closures, strict=True):
+            row[: len(columns)] = columns
         return result
 
     def axis(self, candidate: Candidate) -> int:
         """The axis of a candidate of one; the first of errors that have none."""
         return self.table.axes.index(candidate.axis or self.table.axes[0])
 
-    def groups(self, held: Sequence[int] = ()) -> Iterator[Group]:
-        """The tested members with a column of their own beside those that are `held`."""
+    def groups(self, base: Sequence[int] = ()) -> Iterator[Group]:
+        """The tested members with a column that those of a model, `base`, lack."""
         for k, width in np.unique(self._widths, axis=0).tolist():
             members = np.flatnonzero((self._widths == (k, width)).all(axis=1))
-            members = members[~np.isin(self.closures[members, :k], held).all(axis=1)]
+            members = members[~np.isin(self.closures[members, :k], base).all(axis=1)]
             if len(members):
                 low = self.closures[members, k : k + width]
-                low = np.where(np.isin(low, held), PADDING, low)
+                low = np.where(np.isin(low, base), PADDING, low)
                 yield Group(k, members, low[:1] if (low == low[0]).all() else low)
 
     def around(self, m: int) -> tuple[int, ...]:
@@ -194,13 +194,13 @@ class Design:
         if m not in self._around:
             parent = self.members[m]
             values = np.array(parent.around)
-            finer = evaluated(self, parent.form, values) if parent.around else []
+            finer = members_at(self, parent.form, values) if parent.around else []
             self._around[m] = add(self, parent.candidate, finer)
         return self._around[m]
 
 
 def fitted_powers(table: ResidualTable) -> FloatArray:
-    """Orthonormal polynomials (H, k) in position that the readings of a table have lost already."""
+    """Orthonormal polynomials (H, k) in position that were removed from the readings of a table."""
     if table.fitted_degree < 0:
         return np.zeros((len(table.features), 0))
     places = np.nan_to_num(table.mean_places)
@@ -210,30 +210,30 @@ def fitted_powers(table: ResidualTable) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
 
 
-def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Member]:
-    """The members of a form at some values; those of which the data see nothing are left out."""
-    own = form.columns(values)
-    levers: list[Levers] = [*own, *(lever for x in form.margins for lever in x.columns(values))]
+def members_at(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Member]:
+    """The members of a form at some values; those that the data cannot estimate are left out."""
+    terms = form.columns(values)
+    levers: list[Levers] = [*terms, *(lever for x in form.margins for lever in x.columns(values))]
     G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
     if G == 0:
         return []
     gaps = design.gaps
     means, norms = _means(levers, G, design.table)
     if design.table.motions:
-        levers = [_freed(lever, design.table) for lever in levers]
-    whole = gaps.there.shape
+        levers = [_freed_lever(lever, design.table) for lever in levers]
+    shape = gaps.measured.shape
     levers = [
-        {a: gaps.filled(v) if v.shape[-2:] == whole else v for a, v in lever.items()}
+        {a: gaps.filled(v) if v.shape[-2:] == shape else v for a, v in lever.items()}
         for lever in levers
     ]
     at, X = design.strata.of_levers(levers, G)
     X[np.linalg.norm(X, axis=2) <= EMPTY * norms] = 0.0
     # What no column has is no direction: most columns are of one stratum.
-    there = X.any(axis=(0, 1))
-    at, X = at[there], X[:, :, there]
-    sizes = np.linalg.norm(X[:, : len(own)], axis=2)
-    sound, inner = _bases(X[:, : len(own)], X[:, len(own) :])
-    seen: BoolArray = np.any(inner, axis=2)
+    live = X.any(axis=(0, 1))
+    at, X = at[live], X[:, :, live]
+    sizes = np.linalg.norm(X[:, : len(terms)], axis=2)
+    sound, inner = _bases(X[:, : len(terms)], X[:, len(terms) :])
+    nonzero: BoolArray = np.any(inner, axis=2)
     # Periods: columns are of the same size for all of them.
     if form.scale == "frequency":
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
@@ -246,7 +246,7 @@ def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) ->
             columns=X[g],
             means=means[g],
             norms=norms[g],
-            basis=inner[g, seen[g]],
+            basis=inner[g, nonzero[g]],
         )
         for g in np.flatnonzero(sound)
     ]
@@ -263,7 +263,7 @@ def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[Floa
     return mean, np.sqrt(square)
 
 
-def _freed(lever: Levers, table: ResidualTable) -> Levers:
+def _freed_lever(lever: Levers, table: ResidualTable) -> Levers:
     """What a table's datum leaves of a column."""
     _, H, A = table.errors.shape
     G, p = (max(values.shape[d] for values in lever.values()) for d in (0, 1))
@@ -280,14 +280,14 @@ def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
     if not members:
         return ()
     names = ("columns", "means", "norms")
-    whole = (np.concatenate([getattr(member, name) for member in members]) for name in names)
-    indices, factors = design.columns.add(members[0].at, *whole)
+    arrays = (np.concatenate([getattr(member, name) for member in members]) for name in names)
+    indices, factors = design.columns.add(members[0].at, *arrays)
     k, first, shape = len(members[0].form.parameters), len(design.members), (len(members), -1)
     of_members = zip(indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True)
     for member, (at, units) in zip(members, of_members, strict=True):
         member.indices, member.factors = tuple(at), tuple(units)
-        own, low = (dict.fromkeys(i for i in some if i != NONE) for some in (at[:k], at[k:]))
-        member.own, member.low = tuple(own), tuple(i for i in low if i not in own)
+        terms, low = (dict.fromkeys(i for i in ids if i != NONE) for ids in (at[:k], at[k:]))
+        member.terms, member.low = tuple(terms), tuple(i for i in low if i not in terms)
         member.candidate = c
         # Thousands of members would fill the memory with what the columns hold.
         member.columns = member.basis = np.zeros((0, 0))
@@ -297,20 +297,20 @@ def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
 
 def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
     """Of columns X (G, k, n) beside margins Z (G, m, n) orthonormal bases (G, k, n), zero where a
-    column is; and whether (G,) they are independent and something of each is left.
+    column is; and whether (G,) they are independent and none is rounding.
     """
     sizes = (np.linalg.norm(columns, axis=2)[..., None] for columns in (X, Z))
     X, Z = (x / np.where(size > 0, size, 1.0) for x, size in zip((X, Z), sizes, strict=True))
-    there: BoolArray = np.any(X, axis=2)
+    nonzero: BoolArray = np.any(X, axis=2)
     if Z.shape[1]:
-        turned = Z.transpose(0, 2, 1)
-        gram = Z @ turned + 1e-12 * np.eye(Z.shape[1])
+        Zt = Z.transpose(0, 2, 1)
+        gram = Z @ Zt + 1e-12 * np.eye(Z.shape[1])
         X = X - np.linalg.solve(gram, Z @ X.transpose(0, 2, 1)).transpose(0, 2, 1) @ Z
-    left = np.einsum("gkn,gkn->gk", X, X)
-    sound = there.any(axis=1) & np.all((left > LEAST_LEFT) | ~there, axis=1)
+    rest = np.einsum("gkn,gkn->gk", X, X)
+    sound = nonzero.any(axis=1) & np.all((rest > LEAST_LEFT) | ~nonzero, axis=1)
     values, vectors = np.linalg.eigh(X @ X.transpose(0, 2, 1))
     # Zero columns are zero eigenvalues, which stand first.
-    zero = np.arange(X.shape[1]) < (~there).sum(axis=1)[:, None]
+    zero = np.arange(X.shape[1]) < (~nonzero).sum(axis=1)[:, None]
     sound &= np.all((values > DEPENDENT**2) | zero, axis=1)
     scale = np.where(zero | (values <= 0), 0.0, 1 / np.sqrt(np.maximum(values, 1e-300)))
     return sound, (vectors * scale[:, None, :]).transpose(0, 2, 1) @ X
@@ -344,48 +344,48 @@ def neighbours(items: Sequence[Member]) -> tuple[list[Member], FloatArray, Float
     return items, arcs, (ends[1:] + ends[:-1]) / 2
 
 
-def _spaced(kept: list[Member]) -> list[Member]:
+def _at_equal_angles(members: list[Member]) -> list[Member]:
     """Members at equal angles along what is searched; few stay all, weighed by their arcs."""
-    if len(kept) < 2 or kept[0].value is None:
-        return kept
-    kept, arcs, weights = neighbours(kept)
-    if len(kept) < FEW:
-        for item, weight in zip(kept, weights.tolist(), strict=True):
+    if len(members) < 2 or members[0].value is None:
+        return members
+    members, arcs, weights = neighbours(members)
+    if len(members) < FEW:
+        for item, weight in zip(members, weights.tolist(), strict=True):
             item.prior = weight
-        return kept
-    along = np.concatenate([[0.0], np.cumsum(arcs)])
-    at = np.linspace(0, along[-1], max(2, round(along[-1] / STEP_RAD) + 1))
-    chosen = np.unique(np.minimum(np.searchsorted(along, at - 1e-9), len(kept) - 1))
-    for j, i in enumerate(chosen):
-        low = (chosen[j - 1] + i) // 2 if j else i
-        high = (chosen[j + 1] + i) // 2 if j + 1 < len(chosen) else i
-        near = np.unique(np.linspace(low, high, AROUND).astype(int))
-        kept[i].around = tuple(float(kept[q].value or 0.0) for q in near)
-    return [kept[i] for i in chosen]
+        return members
+    angle = np.concatenate([[0.0], np.cumsum(arcs)])
+    at = np.linspace(0, angle[-1], max(2, round(angle[-1] / STEP_RAD) + 1))
+    selection = np.unique(np.minimum(np.searchsorted(angle, at - 1e-9), len(members) - 1))
+    for j, i in enumerate(selection):
+        low = (selection[j - 1] + i) // 2 if j else i
+        high = (selection[j + 1] + i) // 2 if j + 1 < len(selection) else i
+        window = np.unique(np.linspace(low, high, AROUND).astype(int))
+        members[i].around = tuple(float(members[q].value or 0.0) for q in window)
+    return [members[i] for i in selection]
 
 
-def _distinct(placed: list[Member]) -> list[Member]:
+def _distinct_members(members: list[Member]) -> list[Member]:
     """Without members that span what an earlier one spans."""
-    if not placed:
+    if not members:
         return []
-    used = np.unique(np.concatenate([item.at for item in placed]))
-    widths = np.array([len(item.basis) for item in placed])
-    single = np.ones(len(placed), bool)
+    coordinates = np.unique(np.concatenate([item.at for item in members]))
+    widths = np.array([len(item.basis) for item in members])
+    distinct = np.ones(len(members), bool)
     for k in np.unique(widths):
         group = np.flatnonzero(widths == k)
         # Thousands of them are compared, and single precision tells the same from others.
-        bases = np.zeros((len(group), k, len(used)), np.float32)
+        bases = np.zeros((len(group), k, len(coordinates)), np.float32)
         for basis, i in zip(bases, group, strict=True):
-            basis[:, np.searchsorted(used, placed[i].at)] = placed[i].basis
-        rows = bases.reshape(-1, len(used))
+            basis[:, np.searchsorted(coordinates, members[i].at)] = members[i].basis
+        rows = bases.reshape(-1, len(coordinates))
         products = (rows @ rows.T).reshape(len(group), k, len(group), k)
         squares = np.einsum("gkhl,gkhl->gh", products, products)
         for n, i in enumerate(group):
-            least = STEP_RAD / 2 if placed[i].around else SAME_RAD
+            least = STEP_RAD / 2 if members[i].around else SAME_RAD
             # The least cosine of all is at most their root mean square.
-            near = single[group[:n]] & (squares[n, :n] > k * np.cos(least) ** 2)
-            single[i] = not near.any() or _angles(products[:n, :, n][near]).min() >= least
-    return [item for item, alone in zip(placed, single, strict=True) if alone]
+            overlap = distinct[group[:n]] & (squares[n, :n] > k * np.cos(least) ** 2)
+            distinct[i] = not overlap.any() or _angles(products[:n, :, n][overlap]).min() >= least
+    return [item for item, keep in zip(members, distinct, strict=True) if keep]
 
 
 # Kernels.
@@ -397,29 +397,29 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
     """
     parts, features = strata.of(PART), strata.of(FEATURE)
     lag, places = np.arange(len(table.parts)), table.mean_places
-    known = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
+    axes = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
     nameless = list[tuple[list[int], FloatArray]]()
     if len(lag) > 3:
         nameless.append((parts, np.minimum.outer(lag, lag) + 1.0))
-    if features and len(known) > 1 and len(places) > FEWEST_PLACES:
-        apart = np.linalg.norm(places[:, None, known] - places[None, :, known], axis=-1)
-        nameless.append((features, np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)))
-    for own, K in nameless:
-        made = {s: _directions(strata, s, K) for s in own}
-        for group in [[s] for s in own] + [own] * (len(own) > 1):
-            yield Kernel(strata=tuple(group), directions=tuple(made[s] for s in group))
-    for i in known:
+    if features and len(axes) > 1 and len(places) > FEWEST_PLACES:
+        distance = np.linalg.norm(places[:, None, axes] - places[None, :, axes], axis=-1)
+        nameless.append((features, np.exp(-0.5 * (distance / (0.3 * distance.max())) ** 2)))
+    for of_kind, K in nameless:
+        bases = {s: _directions(strata, s, K) for s in of_kind}
+        for group in [[s] for s in of_kind] + [of_kind] * (len(of_kind) > 1):
+            yield Kernel(strata=tuple(group), directions=tuple(bases[s] for s in group))
+    for i in axes:
         if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
             continue
         K, along = smooth_covariance(places[:, i]), "xyz"[i]
         for a, name in enumerate(table.axes):
-            own = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
-            itself = along == name or table.component is not None
-            for s in own[:1]:
+            of_axis = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
+            positioning = along == name or table.component is not None
+            for s in of_axis[:1]:
                 V, k = _directions(strata, s, K)
                 yield Kernel(
-                    name=f"profile-{name}" if itself else f"profile-{name}-{along}",
-                    axis=name if itself else f"{name}{along}",
+                    name=f"profile-{name}" if positioning else f"profile-{name}-{along}",
+                    axis=name if positioning else f"{name}{along}",
                     along=along,
                     strata=(s,),
                     directions=((V, k),),
@@ -443,7 +443,7 @@ def _directions(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, Floa
     inner = basis.T @ K @ basis
     values, vectors = np.linalg.eigh((inner + inner.T) / 2)
     values = np.maximum(values, 0.0)
-    kept = np.flatnonzero(values > RANK * values[-1])[::-1]
-    full = np.zeros((int(strata.sizes[s]), len(kept)))
-    full[shared] = vectors[:, kept]
-    return full, values[kept] * (len(shared) / values.sum())
+    leading = np.flatnonzero(values > RANK * values[-1])[::-1]
+    full = np.zeros((int(strata.sizes[s]), len(leading)))
+    full[shared] = vectors[:, leading]
+    return full, values[leading] * (len(shared) / values.sum())

@@ -13,7 +13,7 @@ from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
-from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of
+from mtu_cli.analyses.close_loop.posed import free_lines, likelihood_of, steps_of
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
 
@@ -71,7 +71,7 @@ class Diagnosis:
         return "class" if several else "named"
 
 
-def diagnosed(
+def diagnosis_of(
     table: ResidualTable,
     candidates: Sequence[Candidate],
     *,
@@ -80,22 +80,22 @@ def diagnosed(
     seed: int,
 ) -> Diagnosis:
     """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
-    there = np.isfinite(table.errors).all(axis=2) & table.there
-    hit = outliers(table.errors, there, free_lines(table), steps_of(table))
-    kept = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
-    table = replace(table, errors=kept)
-    moving: list[tuple[str, float, float]] = []
+    measured = np.isfinite(table.errors).all(axis=2) & table.there
+    mask = outliers(table.errors, measured, free_lines(table), steps_of(table))
+    errors = np.where(mask.any(axis=2, keepdims=True), np.nan, table.errors)
+    table = replace(table, errors=errors)
+    motion: list[tuple[str, float, float]] = []
     while True:
-        likelihood = posed(table, candidates, [name for name, _, _ in moving])
+        likelihood = likelihood_of(table, candidates, [name for name, _, _ in motion])
         gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
-        scatter = moving + models.scatter(model, [name for name, _, _ in moving])
+        scatter = motion + models.scatter(model, [name for name, _, _ in motion])
         # What moves whole parts at random is no repeat of their features: all is sought anew.
         of_parts = [item for item in scatter if item[0] in OF_PARTS]
-        if len(of_parts) == len(moving):
+        if len(of_parts) == len(motion):
             break
-        moving = of_parts
+        motion = of_parts
     p = gate(models.columns(model), tuple(name for name, _, _ in scatter))
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
@@ -112,14 +112,14 @@ def diagnosed(
         offsets=tuple(offsets),
         checks=checks,
         # Whole parts that move at random make a pattern, too.
-        fired=tuple(n for n, value in checks if value <= alpha and not (moving and n == "pattern")),
+        fired=tuple(n for n, value in checks if value <= alpha and not (motion and n == "pattern")),
         nameless=any(x.overtaken for x in entries) or models.nameless_wins(model),
-        outliers=hit,
+        outliers=mask,
     )
 
 
 def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str, float]:
-    """The offset, and effects that would make the same mean: beside them no level need be left."""
+    """The offset, and effects that would make the same mean: with them the level may be 0."""
     design, like, a = models.design, models.likelihood, models.design.axis(offset)
     total, best = models.additions(model)
     logs = {offset.name: 0.0}
@@ -127,11 +127,11 @@ def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str
         item = best[i]
         if item < 0 or i in {design.members[m].candidate for m in models.members(model)}:
             continue
-        means = design.columns.means[list(design.members[item].own), a]
+        means = design.columns.means[list(design.members[item].terms), a]
         if not np.any(np.abs(means) > 1e-9):
             continue
         level, u, _ = level_of(like, like.fit(models.columns((*model, item))), a)
-        # Of the offset its own column is paid for, as of the effect its.
+        # The offset pays for its column, as the effect does.
         paid = 0.5 * np.log1p(design.strata.shape[0])
         logs[models.names[i]] = float(
             total[i] - models.value(model) - 0.5 * (level / u) ** 2 + paid

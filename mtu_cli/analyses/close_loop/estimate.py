@@ -17,8 +17,8 @@ from mtu_cli.analyses.close_loop.design import (
     Kernel,
     Member,
     add,
-    evaluated,
     grid_values,
+    members_at,
     neighbours,
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
@@ -50,8 +50,8 @@ class Tangent:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
     """All mean effects of a model, as far as it says what they are, and the `members` that they
-    are; `covariance` (k, k) of their sizes, then of the levels of all axes; `levels` (A,) are what
-    is left of the mean beside the effects. In mm or rad.
+    are; `covariance` (k, k) of their sizes, then of the levels of all axes; `levels` (A,) are the
+    remainder of the mean with the effects in the model. In mm or rad.
     """
 
     effects: tuple[FoundEffect, ...]
@@ -74,20 +74,20 @@ def searched_set(models: ModelSet, model: Model, item: int) -> tuple[tuple[float
         return ()
     rest = tuple(x for x in models.members(model) if x != item)
     base = like.fit(like.closure(rest))
-    items = evaluated(design, member.form, grid_values(member.form))
-    items, _, arcs = neighbours(sorted(items, key=lambda one: one.value or 0.0))
-    values = np.array([one.value for one in items], float)
+    items = members_at(design, member.form, grid_values(member.form))
+    items, _, arcs = neighbours(sorted(items, key=lambda m: m.value or 0.0))
+    values = np.array([m.value for m in items], float)
     gains = _gains(like, base, items)
     logs = gains / 2 + np.log(np.maximum(arcs, 1e-12))
     shares = np.exp(logs - logsumexp(logs))
-    near = gains.max() - gains <= chdtri(1, 1 - COVERED)
+    credible = gains.max() - gains <= chdtri(1, 1 - COVERED)
     ranked = np.argsort(-shares, kind="stable")
-    near[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
+    credible[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
     # Runs of values; a gap of one value is bridged, as the grid may miss a peak.
-    inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
+    places, ends = np.flatnonzero(credible), np.pad(values, 1, mode="edge")
     edges = (ends[1:] + ends[:-1]) / 2
-    runs = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
-    return tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in runs)
+    runs = np.split(places, np.flatnonzero(np.diff(places) > 2) + 1)
+    return tuple((float(edges[run[0]]), float(edges[run[-1] + 1])) for run in runs)
 
 
 def without_aliases(models: ModelSet, model: Model) -> Model:
@@ -99,15 +99,15 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
         if item < 0 or len(searched_set(models, model, item)) < 2:
             continue
         axis = models.design.candidates[models.design.members[item].candidate].axis
-        own = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
+        smooth = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
         total, best = models.additions(tuple(x for x in model if x != item))
-        near = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
-        model = tuple(next((k for k in own if k in near), x) if x == item else x for x in model)
+        top = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
+        model = tuple(next((k for k in smooth if k in top), x) if x == item else x for x in model)
     return model
 
 
 def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
-    """The chi^2 that each of some members of a form explains beside a fitted model, its margins and
+    """The chi^2 that each of some members of a form adds to a fitted model, its margins and
     the common columns, the strata's variances those of the fit with the best of them.
     """
     labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].form.parameters)
@@ -127,20 +127,20 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
         of_margins = np.sum(c[:, k:] * (_inverse(K[:, k:, k:]) @ c[:, k:]), axis=(1, 2))
         result = np.sum(c * sizes, axis=(1, 2)) - of_margins
         best = int(np.argmax(result))
-        left = target + Q @ (sizes[best, :, 0] @ across[best])
-        left[at] -= sizes[best, :, 0] @ M[best]
-        squares = np.bincount(labels, left**2, minlength=len(weights))
+        rest = target + Q @ (sizes[best, :, 0] @ across[best])
+        rest[at] -= sizes[best, :, 0] @ M[best]
+        squares = np.bincount(labels, rest**2, minlength=len(weights))
         R = np.divide(squares, weights, out=np.zeros(len(weights)), where=weights > 0) + like.extra
         weights = like.weights(np.maximum(R, 1e-12), base.dof)
     return result
 
 
 def _inverse(K: FloatArray) -> FloatArray:
-    """Inverses (G, k, k) of cross products, without the directions in which nothing is left."""
+    """Inverses (G, k, k) of cross products, without the directions that are rounding."""
     return np.asarray(np.linalg.pinv(K, rcond=DEPENDENT**2, hermitian=True)) if K.size else K
 
 
-def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:
+def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:
     """The member of an effect at the likeliest value of what is searched (Gauss-Newton from the
     grid's best), and its derivative there.
     """
@@ -158,7 +158,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
         closure = like.closure((*rest, best))
         change = like.fit((*closure, tangent.index)).beta[len(closure)] / tangent.norm
         new = design.members[best].value * np.exp(np.clip(change, -0.3, 0.3))
-        items = evaluated(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
+        items = members_at(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
         if not items:
             break
         (m,) = add(design, member.candidate, items)
@@ -174,13 +174,13 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     member = design.members[m]
     assert member.value is not None
     sizes = like.fit(like.closure((*rest, m))).sizes(member)
-    near = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
-    items = evaluated(design, member.form, near)
+    values = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
+    items = members_at(design, member.form, values)
     if len(items) != 2:
         return None
-    own = sizes[: len(member.form.parameters)] / (2 * STEP)
-    slope = own @ (items[0].columns - items[1].columns)[: len(own)]
-    mean = own @ (items[0].means - items[1].means)[: len(own)]
+    weights = sizes[: len(member.form.parameters)] / (2 * STEP)
+    slope = weights @ (items[0].columns - items[1].columns)[: len(weights)]
+    mean = weights @ (items[0].means - items[1].means)[: len(weights)]
     norms = np.linalg.norm(slope[None], axis=1)
     (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None], norms)
     if index == NONE:
@@ -188,21 +188,21 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     return Tangent(index=int(index), norm=float(norm), sizes=sizes)
 
 
-def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates:
+def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates:
     """Generalised least squares of all effects of a model at once; with the 95 % `sets` of what was
-    searched, if wanted.
+    searched, if required.
     """
     design, like = models.design, models.likelihood
     items = models.members(model)
-    found = [polished(models, model, item) for item in items]
+    optima = [optimum_of(models, model, item) for item in items]
     smooth = (item for item in model if item < 0)
-    closure = models.columns((*(best for best, _ in found), *smooth))
-    tangents = [tangent.index for _, tangent in found if tangent is not None]
+    closure = models.columns((*(best for best, _ in optima), *smooth))
+    tangents = [tangent.index for _, tangent in optima if tangent is not None]
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
-    whole, labels, starts = _map(design, fit.columns, found)
-    covariance, values = whole @ fit.covariance @ whole.T, whole @ fit.beta
+    J, labels, starts = _map(design, fit.columns, optima)
+    covariance, values = J @ fit.covariance @ J.T, J @ fit.beta
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
-    parts = np.abs(whole) * np.sqrt(np.diag(fit.covariance))
+    parts = np.abs(J) * np.sqrt(np.diag(fit.covariance))
     dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
     for a, row in enumerate(range(starts[-1], len(labels))):
         mean, variance, nu = mean_of(like, fit.weights, fit.dof, a)
@@ -212,19 +212,19 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
     values, covariance = values * design.scale, covariance * design.scale**2
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     sizes = tuple(
-        Parameter(name=name, unit=unit, role=role, value=value, u=own, dof=nu)
-        for (name, unit, role), value, own, nu in zip(
+        Parameter(name=name, unit=unit, role=role, value=value, u=s, dof=nu)
+        for (name, unit, role), value, s, nu in zip(
             labels, values.tolist(), u.tolist(), dof, strict=True
         )
     )
-    effects, members = [], [design.members[best] for best, _ in found]
+    effects, members = [], [design.members[best] for best, _ in optima]
     for item, member, (_, tangent), ends in zip(
-        items, members, found, pairwise(starts), strict=True
+        items, members, optima, pairwise(starts), strict=True
     ):
         form, rows, searched = member.form, tuple(range(*ends)), None
         if sets and member.value is not None:
-            own = searched_set(models, model, item)
-            searched = Searched(name=form.searched, value=member.value, intervals=own)
+            runs = searched_set(models, model, item)
+            searched = Searched(name=form.searched, value=member.value, intervals=runs)
         effects.append(
             FoundEffect(
                 candidate=design.candidates[member.candidate],
@@ -247,7 +247,7 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
 
 
 def _map(
-    design: Design, columns: Columns, found: Sequence[tuple[int, Tangent | None]]
+    design: Design, columns: Columns, optima: Sequence[tuple[int, Tangent | None]]
 ) -> tuple[FloatArray, list[tuple[str, str, str]], list[int]]:
     """The linear map (n + A, k) from the sizes of the unit columns of a fit to those of the n
     parameters of effects and to the levels; name, unit and role of each of these; and where those
@@ -258,11 +258,11 @@ def _map(
     rows, labels, starts = list[FloatArray](), list[tuple[str, str, str]](), [0]
     # Of effects that share a column the first has it.
     places = {index: at for at, index in reversed([*enumerate(columns)])}
-    for best, tangent in found:
+    for best, tangent in optima:
         member = design.members[best]
         form = member.form
-        labels += [(name, its, "own") for name, its in form.parameters.items()]
-        labels += [(n, its, "margin") for low in form.margins for n, its in low.parameters.items()]
+        labels += [(name, u, "own") for name, u in form.parameters.items()]
+        labels += [(n, u, "margin") for low in form.margins for n, u in low.parameters.items()]
         for index, factor, mean in zip(member.indices, member.factors, member.means, strict=True):
             rows.append(np.zeros(k))
             if (at := places.pop(index, None)) is not None:
@@ -285,14 +285,14 @@ def _equations(
     """
     bound, value = member.form, member.value
     terms: dict[str, list[str]] = {}
-    for each in (bound, *bound.margins):
-        for key, text in each.texts(value).items():
+    for form in (bound, *bound.margins):
+        for key, text in form.texts(value).items():
             terms.setdefault(key, []).append(text)
     # Two effects that have the same change have it once.
     changed = any(size.role == "searched" for size in sizes)
     if changed and value is not None and tangent is not None:
-        name, own = bound.searched, tangent.sizes
-        shares = own / max(float(np.linalg.norm(own)), 1e-300) * value
+        name, direction = bound.searched, tangent.sizes
+        shares = direction / max(float(np.linalg.norm(direction)), 1e-300) * value
         share = dict(zip(bound.parameters, shares.tolist(), strict=False))
         for a, slopes in bound.slopes().items():
             parts = [
@@ -305,7 +305,7 @@ def _equations(
 
 
 def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEffect:
-    """The profile of a random function beside a fitted model (BLUP), its amplitude averaged over
+    """The profile of a random function given a fitted model (BLUP), its amplitude averaged over
     its posterior, so that future values between the places are covered at any amplitude.
     """
     design, strata = likelihood.design, likelihood.design.strata
@@ -322,29 +322,29 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     line = basis.T @ centred
     N = np.sqrt(P) * basis.T @ np.eye(len(knots))[at]
     y = fit.residual[part][shared]
-    # Of readings the lines of the passes hold it: what is left of it is rounding.
+    # Of readings the lines of the passes hold it: the rest of it is rounding.
     if np.linalg.norm(line) > 1e-9 * np.linalg.norm(centred):
         unit = line / np.linalg.norm(line)
         N, y = N - np.outer(unit, unit @ N), y - unit * (unit @ y)
     B = smooth_root(knots)
     scale = float(np.mean((B[at] ** 2).sum(axis=1)))
     U, sizes, V = np.linalg.svd(N, full_matrices=False)
-    kept = sizes > 1e-9 * sizes[0]
-    G, z = sizes[kept, None] * V[kept], U[:, kept].T @ y
+    nonzero = sizes > 1e-9 * sizes[0]
+    G, z = sizes[nonzero, None] * V[nonzero], U[:, nonzero].T @ y
     rest = float(fit.residual[part] @ fit.residual[part] - z @ z) + float(likelihood.extra[s])
-    # What the profile's own coordinates do not take is the error that it is judged by.
+    # The rest of the coordinates is the error that the profile is tested by.
     nu = max(round(fit.dof[s]) - len(z), 1)
     if nu < 2 or rest <= 0:
         rest, nu = float(fit.dof[s] / fit.weights[s]), round(fit.dof[s])
     values, covariance, amplitude2 = averaged(G, z, B / np.sqrt(scale), rest, nu)
     variance = rest / nu * design.scale**2
-    # The level is estimated with those of all other effects: of the features none is left here.
-    about = np.eye(len(knots)) - np.bincount(at) / len(at)
+    # The level is estimated with those of all other effects: here it is taken out.
+    centring = np.eye(len(knots)) - np.bincount(at) / len(at)
     return SmoothEffect(
         along=along,
         knots=knots,
-        values=about @ values * design.scale,
-        covariance=about @ covariance @ about.T * variance,
+        values=centring @ values * design.scale,
+        covariance=centring @ covariance @ centring.T * variance,
         roughness=amplitude2 * variance / scale,
         dof=float(nu),
     )

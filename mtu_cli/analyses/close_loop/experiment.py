@@ -39,18 +39,18 @@ COUNTING = ("sequence", "tool_parts", "time_min")
 Change = Callable[[FloatArray], FloatArray]
 
 
-def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
+def experiment(diagnosis: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
     """The follow-up that separates the first of the class of an entry, as it was estimated, best
     from its rivals, weighted by their posteriors; None where none does, or the effect is alone in
     it. Of follow-ups that do as well, the one that is less work stands first; `weights` (S,) of
     strata.
     """
-    design, like = found.design, found.likelihood
+    design, like = diagnosis.design, diagnosis.likelihood
     posteriors = {m: max(p, 1e-300) for _, m, p in entry.credible if m >= 0}
     items, rivals = [*posteriors], [design.members[m] for m in posteriors]
     if len(rivals) < 2:
         return None
-    own = like.fit(like.closure(items[:1])).sizes(rivals[0])[: len(rivals[0].form.parameters)]
+    sizes = like.fit(like.closure(items[:1])).sizes(rivals[0])[: len(rivals[0].form.parameters)]
     strata, by_kind = design.strata, dict[tuple[str, int], list[float]]()
     for s in np.flatnonzero(weights > 0).tolist():
         by_kind.setdefault((strata.kinds[s], strata.axis[s]), []).append(1 / weights[s])
@@ -69,12 +69,12 @@ def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experimen
             columns = np.zeros((len(levers), len(root)))
             columns[:, at] = X[0] * root[at]
             if m == items[0]:
-                signal = own @ columns[: len(own)]
+                signal = sizes @ columns[: len(sizes)]
                 continue
             Q, R = np.linalg.qr(columns.T)
             Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(), 1e-300)]
-            apart, whole = np.linalg.norm([signal - Q @ (Q.T @ signal), signal], axis=1).tolist()
-            distances.append(apart if apart > 1e-9 * whole else 0.0)
+            distance, norm = np.linalg.norm([signal - Q @ (Q.T @ signal), signal], axis=1).tolist()
+            distances.append(distance if distance > 1e-9 * norm else 0.0)
         d = float(np.average(distances, weights=[posteriors[m] for m in items[1:]]))
         if not best.do or d > ENOUGH * best.predicted_d:
             best = Experiment(do, d)
@@ -82,7 +82,7 @@ def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experimen
 
 
 def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
-    """Levers of all parameters of a member on other data, the numbers of its own data in place."""
+    """Levers of all parameters of a member on other data, the numbers of its data in place."""
     value = None if member.value is None else np.array([member.value])
     result = []
     for bound in (member.form, *member.form.margins):
@@ -101,64 +101,64 @@ def follow_ups(
     forms = [rival.form for rival in rivals]
     used = {name for form in forms for name in form.used}
     used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
-    yield f"{make} {MORE} more {noun} as before", extended(table, {})
+    yield f"{make} {MORE} more {noun} as before", with_more_parts(table, {})
     names = [name for name in table.covariates if name in used]
     reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
     if reverse and not readings:
-        yield "run the program in the reverse direction", extended(table, reverse)
-    again = [name for name in COUNTING if name in table.covariates and name != "sequence"]
-    if again and used & {*COUNTING}:
+        yield "run the program in the reverse direction", with_more_parts(table, reverse)
+    counters = [name for name in COUNTING if name in table.covariates and name != "sequence"]
+    if counters and used & {*COUNTING}:
         rest = "after a cold start" if "time_min" in used else "with a new tool"
-        yield f"{make} {MORE} more {noun} {rest}", extended(table, dict.fromkeys(again))
+        yield f"{make} {MORE} more {noun} {rest}", with_more_parts(table, dict.fromkeys(counters))
     hot = [name for name in names if is_temperature(name)]
     warmer: dict[str, Change] = dict.fromkeys(hot, partial(np.add, OTHER_DAY_K))
     if warmer:
-        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", extended(table, warmer)
+        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", with_more_parts(table, warmer)
     pitch = next((rival.value for rival in rivals if rival.form.scale == "frequency"), None)
     for i, axis in enumerate(AXES):
-        known = table.places[..., i][np.isfinite(table.places[..., i])]
-        span = float(np.ptp(known)) if len(known) else 0.0
+        places = table.places[..., i][np.isfinite(table.places[..., i])]
+        span = float(np.ptp(places)) if len(places) else 0.0
         if axis in used and span > 0:
             shift = SHIFT * (pitch or span)
             what = "the positions" if readings else "the fixture"
-            shifted = extended(table, {}, shift * np.eye(len(AXES))[i])
+            shifted = with_more_parts(table, {}, shift * np.eye(len(AXES))[i])
             yield f"shift {what} by {shift:.3g} mm along {axis}", shifted
 
 
-def extended(
+def with_more_parts(
     table: ResidualTable, changes: Mapping[str, Change | None], shift: FloatArray | float = 0.0
 ) -> ResidualTable:
     """The table with further parts, which repeat the last ones but for `changes` of columns (None:
     as the first parts were) and a `shift` (3,) mm of places; those that count parts or time go on.
     """
     P = len(table.parts)
-    again = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
+    source = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
     covariates = dict(table.covariates)
     for name, values in table.covariates.items():
         if name in changes or len(values) == P > 1:
-            known = np.broadcast_to(values, (P, values.shape[1]))
-            further = known[again]
+            rows = np.broadcast_to(values, (P, values.shape[1]))
+            extension = rows[source]
             if name in COUNTING:
-                step = np.diff(known, axis=0)
+                step = np.diff(rows, axis=0)
                 rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-                further = known[-1:] + rise * np.arange(1, MORE + 1)[:, None]
+                extension = rows[-1:] + rise * np.arange(1, MORE + 1)[:, None]
             change = changes.get(name, np.asarray)
-            further = np.resize(values, further.shape) if change is None else change(further)
-            covariates[name] = np.concatenate([known, further])
+            extension = np.resize(values, extension.shape) if change is None else change(extension)
+            covariates[name] = np.concatenate([rows, extension])
     return replace(
         table,
         parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
         errors=np.zeros((P + MORE, *table.errors.shape[1:])),
         repeats=np.ones((P + MORE, len(table.features)), np.int64),
-        places=np.concatenate([table.places, table.places[again] + shift]),
+        places=np.concatenate([table.places, table.places[source] + shift]),
         covariates=covariates,
     )
 
 
-def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
+def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
     """Root mean square, mm or rad, over the cells of the smallest effect of each candidate that
-    passes the gate four times in five; the median over its members. The effects that were found are
-    in the model.
+    passes the gate four times in five; the median over its members. The effects of the diagnosis
+    are in the model.
 
     The deviance of k columns among v degrees of freedom passes its limit D where the statistic t of
     noncentral Student distribution is above c = sqrt(v (exp(D / v) - 1)). By (t (1 - 1/4v) - z) /
@@ -166,33 +166,35 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     a signal-to-noise z = c (1 - 1/4v) + 0.84 sqrt(1 + c^2/2v). D is Sidak's over all candidates
     and the members of each.
     """
-    design, strata = found.design, found.design.strata
-    fit = found.likelihood.fit(found.models.columns(found.model))
+    design, strata = diagnosis.design, diagnosis.design.strata
+    fit = diagnosis.likelihood.fit(diagnosis.models.columns(diagnosis.model))
     P, H, _ = strata.shape
-    of = design.of[: design.tested]
+    of = design.owner[: design.tested]
     counts = np.bincount(of)
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
     for group in design.groups():
-        k, left = group.k, partial_out(design, group, (), fit.weights)
+        k, partials = group.k, partial_out(design, group, (), fit.weights)
         # The coefficients are uncertain as far as is known beforehand.
-        prior = np.sum(left.by**2 * design.columns.precisions[left.beside][:, None], axis=(1, 2))
-        signal = (np.einsum("smkk->m", left.information) + prior) / k
-        crossed = design.columns.cross(left.own, left.own).sum(axis=-1)
+        prior = np.sum(
+            partials.slopes**2 * design.columns.precisions[partials.nuisance][:, None], axis=(1, 2)
+        )
+        signal = (np.einsum("smkk->m", partials.information) + prior) / k
+        crossed = design.columns.cross(partials.terms, partials.terms).sum(axis=-1)
         shares = fit.weights[:, None] * crossed
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
         p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group.members]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
         z = np.sqrt(c2) * (1 - 0.25 / v) + ndtri(0.8) * np.sqrt(1 + c2 / (2 * v))
-        axes = [np.bincount(strata.axis, own) > 0 for own in shares.T]
+        axes = [np.bincount(strata.axis, share) > 0 for share in shares.T]
         cells = P * H * np.sum(axes, axis=1)
-        seen = signal * k > 1e-9 * left.alone.sum(axis=1)
+        estimable = signal * k > 1e-9 * partials.unadjusted.sum(axis=1)
         sizes[group.members] = np.where(
-            seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan
+            estimable, z / np.sqrt(np.where(estimable, signal, 1.0) * cells), np.nan
         )
-    known = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
+    of_candidates = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {
-        design.candidates[c].name: float(np.median(own)) * found.design.scale
-        for c, own in known.items()
-        if len(own)
+        design.candidates[c].name: float(np.median(values)) * diagnosis.design.scale
+        for c, values in of_candidates.items()
+        if len(values)
     }

@@ -1,7 +1,7 @@
-"""The gate: one family-wise test of every effect that may be lacking beside a model.
+"""The gate: one family-wise test of every effect that a model may lack.
 
 Westfall-Young min-p over candidates, random functions, offsets, scatter effects and remainder
-checks, on null tables made from the model's own residual.
+checks, on null tables made from the model's residual.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ CHECKS = ("pattern", "walk", "field")
 AMPLITUDES = np.geomspace(1e-2, 1e4, 30)
 """Variances of a random function over the stratum's, among which the largest likelihood is."""
 LEAST_LEFT = 2e-3
-"""Share of a column's information that must be left beside base and margins."""
+"""Share of a column's information that must remain with base and margins partialled out."""
 LEAST_SHARE = 1e-4
-"""Of a column's information that a stratum has, to be asked."""
+"""Of a column's information, from which on a stratum counts."""
 ALMOST_ONE = 1 - 1e-9
 AT_HAND = 100_000
 """Numbers of null tables that are made at once."""
@@ -43,26 +43,26 @@ class Gate:
         self.strata = self.design.strata
         self.ratios: dict[Columns, dict[str, float]] = {}
         """Beside each model that was tested how many times the rest's a scatter effect's is."""
-        self._drawn: dict[Columns, tuple[list[str], FloatArray]] = {}
+        self._cache: dict[Columns, tuple[list[str], FloatArray]] = {}
 
     def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> dict[str, float]:
-        """Adjusted p beside a model of these columns and scatter effects, by name: of candidates,
+        """Adjusted p given a model of these columns and scatter effects, by name: of candidates,
         named random functions, offsets, scatter effects and checks.
         """
         key = tuple(sorted(columns))
-        if key not in self._drawn:
-            self._drawn[key] = self._tests(columns)
-        names, T = self._drawn[key]
-        known = np.isin(names, scatter)
-        p = _adjusted(np.where(known, 0.0, T)).tolist()
-        return {n: x for n, x, out in zip(names, p, known, strict=True) if not out}
+        if key not in self._cache:
+            self._cache[key] = self._tests(columns)
+        names, T = self._cache[key]
+        base = np.isin(names, scatter)
+        p = _adjusted_p(np.where(base, 0.0, T)).tolist()
+        return {n: x for n, x, in_base in zip(names, p, base, strict=True) if not in_base}
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
-        """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
+        """Names of all tests of a model, and their -log p (B + 1, k), observed first."""
         design, fit = self.design, self.likelihood.fit(columns)
         Y, cells = self._null(fit)
         at, lp = self._members(columns, fit, Y)
-        of = design.of[at]
+        of = design.owner[at]
         tests = {design.candidates[c].name: lp[:, of == c].max(axis=1) for c in np.unique(of)}
         for kernel in design.kernels:
             if kernel.name:
@@ -81,17 +81,17 @@ class Gate:
 
         Means of parts and features are rotated, all axes alike; cells of the interaction permuted
         among the parts within each feature, so that heavy tails and features that scatter more
-        stay. Where features have no scatter of their own (readings), all are rotated. What is known
-        of the parts' scatter beforehand are further coordinates of the sphere on which they turn.
+        stay. Where features have no scatter (readings), all are rotated. Prior knowledge of the
+        parts' scatter is further coordinates of the sphere on which they turn.
         """
         strata, like, rng = self.strata, self.likelihood, self.rng
-        up = np.sqrt(like.n / fit.dof)
+        ratio = np.sqrt(like.n / fit.dof)
         Y = np.zeros((PERMUTATIONS + 1, len(fit.residual)))
         crossed = bool(strata.of(FEATURE))
         for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
-            self._rotated(Y[1:], strata.of(kind), fit, up)
+            self._rotate(Y[1:], strata.of(kind), fit, ratio)
         inner = np.isin(strata.labels(), strata.of(INTERACTION))
-        cells = strata.table(np.where(inner, fit.residual * up[strata.labels()], 0.0))
+        cells = strata.table(np.where(inner, fit.residual * ratio[strata.labels()], 0.0))
         w = fit.weights[strata.labels()]
         X = self.design.columns.dense(fit.columns)
         P, H, _A = strata.shape
@@ -114,32 +114,32 @@ class Gate:
         for first in range(1, PERMUTATIONS + 1, step):
             yield slice(first, min(first + step, PERMUTATIONS + 1))
 
-    def _rotated(self, null: FloatArray, group: list[int], fit: Fit, up: FloatArray) -> None:
+    def _rotate(self, null: FloatArray, group: list[int], fit: Fit, ratio: FloatArray) -> None:
         """Fills strata of null tables, those of one size alike: a random rotation takes an
         orthonormal basis of g vectors to a random g-frame.
         """
         strata, like, rng = self.strata, self.likelihood, self.rng
-        alike = len({int(strata.sizes[s]) for s in group}) == 1
-        for own in [group] if alike else [[s] for s in group]:
-            Z = np.stack([fit.residual[strata.slices[s]] * up[s] for s in own])
-            if more := round(like.extra_dof[own].max()):
-                beside = rng.normal(size=(len(own), more))
-                sizes = np.sqrt(like.extra[own]) * up[own] / np.linalg.norm(beside, axis=1)
-                Z = np.concatenate([Z, beside * sizes[:, None]], axis=1)
-            g, whole = Z.shape
+        same_size = len({int(strata.sizes[s]) for s in group}) == 1
+        for block in [group] if same_size else [[s] for s in group]:
+            Z = np.stack([fit.residual[strata.slices[s]] * ratio[s] for s in block])
+            if count := round(like.extra_dof[block].max()):
+                extra = rng.normal(size=(len(block), count))
+                sizes = np.sqrt(like.extra[block]) * ratio[block] / np.linalg.norm(extra, axis=1)
+                Z = np.concatenate([Z, extra * sizes[:, None]], axis=1)
+            g, n = Z.shape
             R = np.linalg.qr(Z.T)[1]
-            frame = np.linalg.qr(rng.normal(size=(len(null), whole, min(g, whole))))[0]
+            frame = np.linalg.qr(rng.normal(size=(len(null), n, min(g, n))))[0]
             signs = rng.choice([-1.0, 1.0], size=(len(null), 1, frame.shape[2]))
-            turned = np.swapaxes((frame * signs) @ R, 1, 2)
-            for i, s in enumerate(own):
-                null[:, strata.slices[s]] = turned[:, i, : int(strata.sizes[s])]
+            rotations = np.swapaxes((frame * signs) @ R, 1, 2)
+            for i, s in enumerate(block):
+                null[:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
 
     # Tests.
 
     def _members(self, base: Columns, fit: Fit, Y: FloatArray) -> tuple[IntArray, FloatArray]:
-        """-log p of every member (B + 1, M): score statistics beside base and margins at the fitted
-        null, in each stratum as a normal deviate, with the variance that is left there beside what
-        the margins explain; together by the strata's information (Liptak 1958).
+        """-log p of every member (B + 1, M): score statistics given base and margins at the fitted
+        null, in each stratum as a normal deviate, with the variance there less what the margins
+        explain; pooled by the strata's information (Liptak 1958).
         """
         design, w = self.design, fit.weights
         # Of the null tables, which are random, single precision is enough.
@@ -148,41 +148,41 @@ class Gate:
         at: list[IntArray] = [np.zeros(0, int)]
         lps: list[FloatArray] = [np.zeros((len(Y), 0))]
         sums = [(Y[:, part] ** 2).sum(axis=1) for part in self.strata.slices]
-        # Where more is known of a stratum than its coordinates, all of it turns on one sphere.
+        # Prior knowledge of a stratum turns with its coordinates on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
         for group in design.groups(base):
-            k, tested = group.k, partial_out(design, group, base, w)
-            whole = tested.information.sum(axis=0)
+            k, partials = group.k, partial_out(design, group, base, w)
+            whole = partials.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
-            each = size[:, :, None] * size[:, None, :]
-            good = np.all(size**2 > LEAST_LEFT * tested.alone, axis=1)
-            good &= np.linalg.eigvalsh(whole / each)[:, 0] > 1e-5
-            # Of what is not separable no score is left.
-            size[~good], each[~good] = np.inf, np.inf
-            information = tested.information / each
-            inverse = np.linalg.inv(information.sum(axis=0) + ~good[:, None, None] * np.eye(k))
-            known, vectors = np.linalg.eigh(information)
-            y = w[:, None, None, None] * U[:, tested.beside]
-            sizes = tested.inverse @ y.sum(axis=0)
-            explained = np.einsum("mzn,smzn->smn", sizes, 2 * y - tested.inner @ sizes)
-            used = np.einsum("mzy,smyz->sm", tested.inverse, tested.inner)
+            scale = size[:, :, None] * size[:, None, :]
+            valid = np.all(size**2 > LEAST_LEFT * partials.unadjusted, axis=1)
+            valid &= np.linalg.eigvalsh(whole / scale)[:, 0] > 1e-5
+            # What is not separable has no score.
+            size[~valid], scale[~valid] = np.inf, np.inf
+            information = partials.information / scale
+            inverse = np.linalg.inv(information.sum(axis=0) + ~valid[:, None, None] * np.eye(k))
+            values, vectors = np.linalg.eigh(information)
+            y = w[:, None, None, None] * U[:, partials.nuisance]
+            sizes = partials.inverse @ y.sum(axis=0)
+            explained = np.einsum("mzn,smzn->smn", sizes, 2 * y - partials.inner @ sizes)
+            leverage = np.einsum("mzy,smyz->sm", partials.inverse, partials.inner)
             total = np.zeros((*size.shape, len(Y)))
-            asked = known > LEAST_SHARE
-            for s in np.flatnonzero(asked.any(axis=(1, 2))).tolist():
-                i = np.flatnonzero(asked[s].any(axis=1))
+            informative = values > LEAST_SHARE
+            for s in np.flatnonzero(informative.any(axis=(1, 2))).tolist():
+                i = np.flatnonzero(informative[s].any(axis=1))
                 m = i if len(sizes) > 1 else slice(None)
-                score = w[s] * U[s][tested.own[i]] - tested.by[i] @ y[s, m]
-                score = (score - tested.rest[s, i] @ sizes[m]) / size[i, :, None]
-                among = np.where(asked[s, i], known[s, i], np.inf)[:, :, None]
-                stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / among, axis=1)
-                left = np.maximum(squares[:, s] - explained[s, m], least[s])
-                ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
-                power = np.maximum(self.likelihood.n[s] - used[s, m] - 1 - k / 2, 0.5)
+                score = w[s] * U[s][partials.terms[i]] - partials.slopes[i] @ y[s, m]
+                score = (score - partials.rest[s, i] @ sizes[m]) / size[i, :, None]
+                divisor = np.where(informative[s, i], values[s, i], np.inf)[:, :, None]
+                stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
+                residual = np.maximum(squares[:, s] - explained[s, m], least[s])
+                ratio = np.clip(stat / residual, 1e-300, ALMOST_ONE)
+                power = np.maximum(self.likelihood.n[s] - leverage[s, m] - 1 - k / 2, 0.5)
                 deviance = -power[:, None] * np.log1p(-ratio)
                 total[i] += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
-            D = np.sum(total * (inverse @ total), axis=1).T[:, good]
-            at.append(group.members[good])
+            D = np.sum(total * (inverse @ total), axis=1).T[:, valid]
+            at.append(group.members[valid])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
@@ -200,9 +200,9 @@ class Gate:
                 continue
             level, u, _ = level_of(self.likelihood, fit, a)
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
-            own = self.rng.exponential(size=rows)
-            own[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
-            tests[candidate.name] = own
+            lp = self.rng.exponential(size=rows)
+            lp[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
+            tests[candidate.name] = lp
         return tests
 
     def _scatter(self, cells: FloatArray) -> tuple[dict[str, FloatArray], dict[str, float]]:
@@ -221,37 +221,37 @@ class Gate:
                 levers[c.name] = None
             elif (lever := lever_of(c.name, table.axes, table.mean_places)) is not None:
                 levers[c.name] = lever.ravel()
-        chosen = np.broadcast_to(table.operation == 1, (P, H)).ravel()
+        operation = np.broadcast_to(table.operation == 1, (P, H)).ravel()
         flat = cells.reshape(P * H, A)
         squares = (flat * flat).sum(axis=1)
         result = np.zeros((PERMUTATIONS + 1, len(levers)))
         for rows in (slice(0, 1), *self._blocks()) if levers else ():
-            drawn = np.tile(np.arange(P * H), (rows.stop - rows.start, 1))
-            drawn = self.rng.permuted(drawn, axis=1) if rows.start else drawn
+            order = np.tile(np.arange(P * H), (rows.stop - rows.start, 1))
+            order = self.rng.permuted(order, axis=1) if rows.start else order
             for k, lever in enumerate(levers.values()):
                 if lever is None:
-                    result[rows, k] = squares[drawn] @ chosen
+                    result[rows, k] = squares[order] @ operation
                 else:
-                    of_parts = flat[drawn].reshape(len(drawn), P, H * A) @ lever
+                    of_parts = flat[order].reshape(len(order), P, H * A) @ lever
                     result[rows, k] = (of_parts**2).sum(axis=1)
-        n = float(sum(self.likelihood.drawn[s] for s in inner))
+        n = float(sum(self.likelihood.coordinate_dof[s] for s in inner))
         total = max(float(squares.sum()), 1e-300)
         kurtosis = max(float(np.mean((flat * flat * (flat.size / total)) ** 2)) - 3, 0.0)
         result = np.clip(result, 1e-9 * total, ALMOST_ONE * total)
         tests, ratios = {}, {}
         for k, (name, lever) in enumerate(levers.items()):
-            share = float(chosen.mean())
+            share = float(operation.mean())
             a, b = (n * share, n * (1 - share)) if lever is None else (P - 1.0, n - (P - 1.0))
-            one, other = result[:, k], total - result[:, k]
-            L = n * np.log(total / n) - a * np.log(one / a) - b * np.log(other / b)
-            L = L / (1 + kurtosis / 2) if lever is None else np.where(one / a > other / b, L, 0.0)
-            ratios[name] = float(np.sqrt(one[0] / a / (other[0] / b)))
+            part, rest = result[:, k], total - result[:, k]
+            L = n * np.log(total / n) - a * np.log(part / a) - b * np.log(rest / b)
+            L = L / (1 + kurtosis / 2) if lever is None else np.where(part / a > rest / b, L, 0.0)
+            ratios[name] = float(np.sqrt(part[0] / a / (rest[0] / b)))
             tests[name] = one_sided(L)
         return tests, ratios
 
     def _checks(self, fit: Fit, Y: FloatArray) -> dict[str, FloatArray]:
         """Remainder checks: one pattern part x feature, a walk of the parts, a smooth
-        field, both; where more is left than rounding.
+        field, both; where the residual is more than rounding.
         """
         strata, like = self.strata, self.likelihood
         P, H, A = strata.shape
@@ -271,73 +271,73 @@ class Gate:
                 E = E if P <= H else np.swapaxes(E, 2, 3)
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
-            checks["pattern"] = calibrated(share)
-        for name, near in self._near.items():
-            group = [s for s in near if rough[s]]
+            checks["pattern"] = gamma_log_p(share)
+        for name, kernels in self._kernels.items():
+            group = [s for s in kernels if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
                 continue
             total = np.zeros(len(Y))
             for s in group:
-                own = Y[:, strata.slices[s]]
-                form = np.einsum("bn,bn->b", own @ near[s], own)
-                total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
-            checks[name] = calibrated(total)
+                y = Y[:, strata.slices[s]]
+                form = np.einsum("bn,bn->b", y @ kernels[s], y)
+                total += form / np.maximum(np.einsum("bn,bn->b", y, y), 1e-300)
+            checks[name] = gamma_log_p(total)
         return checks
 
     @cached_property
-    def _near(self) -> dict[str, dict[int, FloatArray]]:
+    def _kernels(self) -> dict[str, dict[int, FloatArray]]:
         """Covariances (n, n) of the coordinates of strata, if parts walk or features near one
         another err alike.
         """
         lag, places = np.arange(self.strata.shape[0]), self.design.table.mean_places
         places = places[:, np.isfinite(places).all(axis=0)]
-        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        distance = np.linalg.norm(places[:, None] - places[None], axis=-1)
         walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
-        field = np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))
-        near = dict[str, dict[int, FloatArray]]()
+        field = np.exp(-distance / (0.15 * max(distance.max(), 1e-300)))
+        result = dict[str, dict[int, FloatArray]]()
         for name, kind, K in (("walk", PART, walk), ("field", FEATURE, field)):
             bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
-            near[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
-        return near
+            result[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
+        return result
 
 
 class Partial(NamedTuple):
-    """Members' columns x (M, k) less what columns z `beside` them (M or 1, z) explain in all strata
-    at once, by coefficients `by` (M, k, z): their `information` (S, M, k, k) in the strata, `alone`
-    (M, k) without the others, and the products `rest` (S, M, k, z) with these there. These have the
-    products `inner` (S, M or 1, z, z), by the weights of the strata, and the covariance `inverse`.
+    """Members' `terms` x (M, k) less what `nuisance` columns z (M or 1, z) explain in all strata at
+    once, by `slopes` (M, k, z): their `information` (S, M, k, k) in the strata, `unadjusted` (M, k)
+    in all, and the products `rest` (S, M, k, z) with z there. The columns z have the products
+    `inner` (S, M or 1, z, z), by the weights of the strata, and the covariance `inverse`.
     """
 
-    own: IntArray
-    beside: IntArray
-    by: FloatArray
+    terms: IntArray
+    nuisance: IntArray
+    slopes: FloatArray
     information: FloatArray
-    alone: FloatArray
+    unadjusted: FloatArray
     rest: FloatArray
     inner: FloatArray
     inverse: FloatArray
 
 
-def partial_out(design: Design, group: Group, held: Columns, w: FloatArray) -> Partial:
-    """The columns of members beside those that are held, the common ones and their margins, with
-    the weights w (S,) of the strata.
+def partial_out(design: Design, group: Group, base: Columns, w: FloatArray) -> Partial:
+    """The columns of members less what those of `base`, the common ones and their margins explain,
+    with the weights w (S,) of the strata.
     """
     k, members, low = group
     width = k + low.shape[1]
-    own, inner = design.closures[members, :width], design.inner[:, members, :width, :width]
-    own[:, k:] = low
-    models, G = design.columns.crossed(own, (*held, *design.common), inner)
+    closures, inner = design.closures[members, :width], design.inner[:, members, :width, :width]
+    closures[:, k:] = low
+    models, G = design.columns.crossed(closures, (*base, *design.common), inner)
     G *= w[:, None, None, None]
     z, zz = models[: len(low), k:], G[:, : len(low), k:, k:]
     xx, xz = G[:, :, :k, :k], G[:, :, :k, k:]
     A = zz.sum(axis=0)
     diagonal = 1e-10 * np.einsum("mzz->mz", A) + design.columns.precisions[z]
     inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
-    by = xz.sum(axis=0) @ inverse
-    rest = xz - by @ zz
-    information = xx - rest @ _t(by) - _t(xz @ _t(by))
-    alone = np.einsum("smkk->mk", xx)
-    return Partial(own[:, :k], z, by, information, alone, rest, zz, inverse)
+    slopes = xz.sum(axis=0) @ inverse
+    rest = xz - slopes @ zz
+    information = xx - rest @ _t(slopes) - _t(xz @ _t(slopes))
+    unadjusted = np.einsum("smkk->mk", xx)
+    return Partial(closures[:, :k], z, slopes, information, unadjusted, rest, zz, inverse)
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
@@ -366,10 +366,10 @@ def mean_of(
     mean = float(likelihood.grand[a])
     if PART not in m:
         return mean, np.nan, np.nan
-    own = [m[kind] for kind in (PART, FEATURE) if kind in m]
-    inner = [m[INTERACTION]] if len(own) > 1 and INTERACTION in m else []
-    v = max(sum(x for x, _ in own) - sum(x for x, _ in inner), *(x for x, _ in own))
-    nu = v**2 / sum(x**2 / d for x, d in own + inner)
+    outer = [m[kind] for kind in (PART, FEATURE) if kind in m]
+    inner = [m[INTERACTION]] if len(outer) > 1 and INTERACTION in m else []
+    v = max(sum(x for x, _ in outer) - sum(x for x, _ in inner), *(x for x, _ in outer))
+    nu = v**2 / sum(x**2 / d for x, d in outer + inner)
     return mean, float(v / (P * H) + likelihood.design.mean_variance[a]), float(nu)
 
 
@@ -380,18 +380,18 @@ def one_sided(ratio: FloatArray) -> FloatArray:
     return np.asarray(-log_ndtr(-np.sqrt(np.maximum(ratio, 0.0))))
 
 
-def calibrated(x: FloatArray) -> FloatArray:
+def gamma_log_p(x: FloatArray) -> FloatArray:
     """-log p (rows,) of a statistic by a gamma law fitted to its null rows."""
     mean, var = x[1:].mean(), max(float(x[1:].var()), 1e-300)
     low = x[1:].min() - 0.1 * abs(x[1:].min())
     shape, scale = (mean - low) ** 2 / var, var / max(mean - low, 1e-300)
-    # Null rows that are all alike, as of readings without any scatter, say nothing.
+    # Null rows that are all alike, as of readings without any scatter, are no null.
     if mean <= low:
         return np.zeros(len(x))
     return -np.log(np.maximum(gammaincc(shape, np.maximum(x - low, 0.0) / scale), 1e-300))
 
 
-def _adjusted(T: FloatArray) -> FloatArray:
+def _adjusted_p(T: FloatArray) -> FloatArray:
     """Family-wise p of each column of -log p T (B + 1, k), the first row observed.
 
     The best of many members is calibrated by their effective number, 1/mean(p) - 1, as Sidak would.

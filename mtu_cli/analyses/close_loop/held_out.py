@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.describe import described
+from mtu_cli.analyses.close_loop.describe import effects_of
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import estimated
+from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.missing import BoolArray
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.files.effects import CHOSEN
@@ -32,7 +32,7 @@ FEWEST = 4
 def held_out(
     table: ResidualTable,
     diagnose: Callable[[ResidualTable], Diagnosis],
-    done: Callable[[int, int], None],
+    progress: Callable[[int, int], None],
 ) -> tuple[Diagnosis, tuple[str, FloatArray] | None]:
     """The diagnosis of all; and what was held out, ``parts`` in blocks that follow each other or,
     of few parts, every n-th of the ``columns``, with its errors (3, P, H, A), mm: before, after the
@@ -49,51 +49,51 @@ def held_out(
     errors = np.full((3, *table.errors.shape), np.nan)
 
     def predict(fold: int) -> None:
-        out = number == fold
-        cells = np.broadcast_to(out[:, None] if by == "parts" else out, (P, H))
-        found = diagnose(only(table, ~out, by))
-        effects = described(found, estimated(found.models, found.model))
+        test = number == fold
+        cells = np.broadcast_to(test[:, None] if by == "parts" else test, (P, H))
+        diagnosis = diagnose(subset(table, ~test, by))
+        effects = effects_of(diagnosis, estimates_of(diagnosis.models, diagnosis.model))
         predicted = (np.zeros(table.errors.shape), contribution(effects, table, written=True))
-        for i, values in enumerate((*predicted, averaged(found, effects, table))):
-            errors[i][cells] = corrected(table, values, ~cells)[cells]
+        for i, values in enumerate((*predicted, model_average(diagnosis, effects, table))):
+            errors[i][cells] = remainder(table, values, ~cells)[cells]
 
     with workers(min(count + 1, available_threads())) as executor:
-        whole = executor.submit(diagnose, table)
+        future = executor.submit(diagnose, table)
         for fold, _ in enumerate(executor.map(predict, range(count))):
-            done(fold + 1, count)
-    return whole.result(), (by, errors)
+            progress(fold + 1, count)
+    return future.result(), (by, errors)
 
 
-def corrected(table: ResidualTable, predicted: FloatArray, seen: BoolArray) -> FloatArray:
+def remainder(table: ResidualTable, predicted: FloatArray, cells: BoolArray) -> FloatArray:
     """Errors (P, H, A) less what is predicted, and less the components' polynomial fitted anew to
-    what that leaves of the cells `seen` (P, H): readings that were fitted have seen themselves.
+    the rest in the `cells` (P, H): the residuals of readings that were fitted are too small.
     """
     rest = table.errors - predicted
     powers = fitted_powers(table)
     if powers.shape[1]:
-        known = seen & table.there & np.isfinite(rest).all(axis=2)
-        count = known.sum(axis=0)
-        mean = np.where(known[..., None], rest, 0.0).sum(axis=0)[count > 0]
+        valid = cells & table.there & np.isfinite(rest).all(axis=2)
+        count = valid.sum(axis=0)
+        mean = np.where(valid[..., None], rest, 0.0).sum(axis=0)[count > 0]
         sizes = np.linalg.lstsq(powers[count > 0], mean / count[count > 0, None], rcond=None)[0]
         rest = rest - powers @ sizes
     return rest
 
 
-def only(table: ResidualTable, kept: BoolArray, by: str) -> ResidualTable:
+def subset(table: ResidualTable, mask: BoolArray, by: str) -> ResidualTable:
     """The table of some of its parts, or of its columns."""
     axis, names = (0, "parts") if by == "parts" else (1, "features")
 
     def cut(values: FloatArray) -> FloatArray:
-        whole = values.shape[axis] == len(kept)  # Or alike in all parts, or columns.
-        return np.compress(kept, values, axis=axis) if whole else values
+        full = values.shape[axis] == len(mask)  # Or alike in all parts, or columns.
+        return np.compress(mask, values, axis=axis) if full else values
 
     of_cells = ("errors", "repeats", "places", "common", "of_part")
-    own: dict[str, Any] = {name: cut(getattr(table, name)) for name in of_cells}
-    own[names] = tuple(compress(getattr(table, names), kept))
-    own["covariates"] = {name: cut(values) for name, values in table.covariates.items()}
+    fields: dict[str, Any] = {name: cut(getattr(table, name)) for name in of_cells}
+    fields[names] = tuple(compress(getattr(table, names), mask))
+    fields["covariates"] = {name: cut(values) for name, values in table.covariates.items()}
     if by != "parts":
-        own["operation"] = table.operation[kept]
-    return replace(table, **own)
+        fields["operation"] = table.operation[mask]
+    return replace(table, **fields)
 
 
 def contribution(
@@ -108,35 +108,37 @@ def contribution(
     for effect in effects:
         if written and effect.ambiguous and effect.table is None:
             continue
-        known = columns | {p.name: p.value for p in effect.parameters}
+        variables = columns | {p.name: p.value for p in effect.parameters}
         if (over := effect.candidate.over) is not None:
-            known[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
+            variables[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
         if effect.table is not None:
             shape = TableShape(at=effect.table.knots)
             along = columns[effect.table.along]
             values = shape.columns(along.ravel()) @ effect.table.values
-            known[effect.component] = values.reshape(along.shape)
+            variables[effect.component] = values.reshape(along.shape)
         for key, text in effect.equations.items():
-            total[..., table.axes.index(key[1:])] += evaluate(parse(text), known)
+            total[..., table.axes.index(key[1:])] += evaluate(parse(text), variables)
     return table.freed(total[..., None])[..., 0]
 
 
-def averaged(found: Diagnosis, effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArray:
+def model_average(
+    diagnosis: Diagnosis, effects: Sequence[FoundEffect], table: ResidualTable
+) -> FloatArray:
     """The contribution (P, H, A) of the effects averaged over the names of each one's class by
     their posteriors (Hoeting, Madigan, Raftery & Volinsky, Stat. Sci. 14 (1999) 382), the other
     effects as they are.
     """
     best = contribution(effects, table)
     total = best.copy()
-    for i, entry in enumerate(found.entries):
-        whole = sum(p for _, _, p in entry.credible)
+    for i, entry in enumerate(diagnosis.entries):
+        norm = sum(p for _, _, p in entry.credible)
         for name, item, p in entry.credible:
             if item == entry.item:
                 continue
-            model = tuple(item if x == entry.item else x for x in found.model)
-            entries = list(found.entries)
+            model = tuple(item if x == entry.item else x for x in diagnosis.model)
+            entries = list(diagnosis.entries)
             entries[i] = replace(entry, item=item, name=name)
-            other = replace(found, model=model, entries=tuple(entries))
-            instead = described(other, estimated(found.models, model, sets=False))
-            total += p / whole * (contribution(instead, table) - best)
+            rival = replace(diagnosis, model=model, entries=tuple(entries))
+            alternative = effects_of(rival, estimates_of(diagnosis.models, model, sets=False))
+            total += p / norm * (contribution(alternative, table) - best)
     return total

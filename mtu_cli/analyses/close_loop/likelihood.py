@@ -44,7 +44,7 @@ class Fit:
         return float(1 / np.sum(share**2 / self.dof)) if share.any() else np.inf
 
     def sizes(self, member: Member) -> FloatArray:
-        """Of a member's parameters and then its margins'; 0 where nothing is left of one."""
+        """Of a member's parameters and then its margins'; 0 of one that is not estimable."""
         sizes = dict(zip(self.columns, self.beta.tolist(), strict=True))
         pairs = zip(member.indices, member.factors, strict=True)
         return np.array([sizes[i] / factor if i in sizes else 0.0 for i, factor in pairs])
@@ -63,17 +63,17 @@ class Likelihood:
         y: FloatArray,
         grand: FloatArray,
         n: FloatArray,
-        known: tuple[FloatArray, FloatArray],
+        prior: tuple[FloatArray, FloatArray],
         least: FloatArray,
     ) -> None:
         self.design, self.y, self.grand = design, y, grand
         strata = design.strata
-        self.drawn = n
+        self.coordinate_dof = n
         """Degrees of freedom (S,) of the coordinates themselves."""
-        own = np.array([y[part] @ y[part] for part in strata.slices])
-        self.extra, self.extra_dof = known
+        squares = np.array([y[part] @ y[part] for part in strata.slices])
+        self.extra, self.extra_dof = prior
         self.n = n + self.extra_dof
-        self.R0 = own + self.extra
+        self.R0 = squares + self.extra
         self.least = np.maximum(least, TINY**2)
         self._b = np.zeros((len(n), 0))
         self._none: dict[Columns, FloatArray] = {}
@@ -82,19 +82,19 @@ class Likelihood:
     def b(self) -> FloatArray:
         """Products (S, K) of the errors with all columns."""
         columns = self.design.columns
-        if (known := self._b.shape[1]) < columns.count:
-            more = columns.products(self.y[None], known)[:, :, 0]
-            self._b = np.concatenate([self._b, more], axis=1)
+        if (count := self._b.shape[1]) < columns.count:
+            products = columns.products(self.y[None], count)[:, :, 0]
+            self._b = np.concatenate([self._b, products], axis=1)
         return self._b
 
     def closure(self, members: Sequence[int]) -> Columns:
         """Columns of a model: those of its members, then those of their margins."""
         items = [self.design.members[m] for m in members]
-        own = dict.fromkeys(i for item in items for i in item.own)
-        return tuple(own | dict.fromkeys(i for item in items for i in item.low))
+        terms = dict.fromkeys(i for item in items for i in item.terms)
+        return tuple(terms | dict.fromkeys(i for item in items for i in item.low))
 
     def smooth(self, fit: Fit, kernel: Kernel) -> Columns:
-        """The directions of a random function as columns; its variance is the likeliest beside a
+        """The directions of a random function as columns; its variance is the likeliest given a
         fit.
         """
         _, amplitude = self.kernel_gain(fit, kernel)
@@ -107,41 +107,41 @@ class Likelihood:
         return tuple(result)
 
     def weights(self, R: FloatArray, dof: FloatArray) -> FloatArray:
-        """1/variance of the strata from their sums of squares; 0 where nothing of one is left."""
-        least, there = (x.reshape(-1, *[1] * (R.ndim - 1)) for x in (self.least, self.n > 0))
-        return np.asarray(np.where(there, dof / np.maximum(R, dof * least + TINY**3), 0.0))
+        """1/variance of the strata from their sums of squares; 0 of one that is not estimable."""
+        least, estimable = (x.reshape(-1, *[1] * (R.ndim - 1)) for x in (self.least, self.n > 0))
+        return np.asarray(np.where(estimable, dof / np.maximum(R, dof * least + TINY**3), 0.0))
 
     def profile(
         self,
         columns: Columns,
-        beside: Columns = (),
+        smooth: Columns = (),
         added: IntArray = NO_COLUMNS,
         inner: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Residual sums of squares (S, M) of models, the strata's variances at the maximum of each,
-        and the effective number of entries (M, w + k) that inform each column. All have the `k`
-        columns and those `beside`, each its `added` (M, w) ones, whose products are `inner` (S, M,
-        w, w). What a prior takes of a size counts as residual.
+        and the effective number of entries (M, w + k) that inform each column. All have the k
+        `columns` and those of `smooth` effects, each its `added` (M, w) ones, whose products are
+        `inner` (S, M, w, w). What a prior takes off a size counts as residual.
         """
-        shared = (*columns, *beside, *self.design.common)
+        shared = (*columns, *smooth, *self.design.common)
         k = added.shape[1] + len(columns)
         models, G = self.design.columns.crossed(added, shared, inner)
         ridge = self.design.columns.precisions[models]
-        b, own = self.b[:, models], np.einsum("smii->smi", G)
+        b, squares = self.b[:, models], np.einsum("smii->smi", G)
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
         R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))
         for _ in range(5):
             w = self.weights(R, np.broadcast_to(n, R.shape))
-            held = ridge + TINY * np.einsum("sm,smi->mi", w, own)
-            A = np.einsum("sm,smij->mij", w, G) + held[:, None] * np.eye(models.shape[1])
+            diagonal = ridge + TINY * np.einsum("sm,smi->mi", w, squares)
+            A = np.einsum("sm,smij->mij", w, G) + diagonal[:, None] * np.eye(models.shape[1])
             beta = np.linalg.solve(A, np.einsum("sm,smi->mi", w, b)[..., None])[..., 0]
-            left = 2 * b - np.einsum("smij,mj->smi", G, beta)
-            taken = beta**2 * ridge / np.maximum(np.einsum("sm,smi->mi", w, own), 1e-300)
-            R = self.R0[:, None] - np.einsum("mi,smi->sm", beta, left)
-            R = np.maximum(R + np.einsum("mi,smi->sm", taken, own), floor)
-        info = self.weights(R, np.broadcast_to(n, R.shape))[..., None] * own[:, :, :k]
-        counted = np.einsum("smi,s->mi", info, self.n) / np.maximum(info.sum(0), 1e-300)
-        return R, counted
+            reduction = 2 * b - np.einsum("smij,mj->smi", G, beta)
+            penalty = beta**2 * ridge / np.maximum(np.einsum("sm,smi->mi", w, squares), 1e-300)
+            R = self.R0[:, None] - np.einsum("mi,smi->sm", beta, reduction)
+            R = np.maximum(R + np.einsum("mi,smi->sm", penalty, squares), floor)
+        info = self.weights(R, np.broadcast_to(n, R.shape))[..., None] * squares[:, :, :k]
+        number = np.einsum("smi,s->mi", info, self.n) / np.maximum(info.sum(0), 1e-300)
+        return R, number
 
     def log_likelihood(self, columns: Columns) -> float:
         """Largest log likelihood of a model against none, the strata's variances maximised."""
@@ -153,29 +153,29 @@ class Likelihood:
     def evidence(
         self,
         columns: Columns,
-        beside: Columns = (),
+        smooth: Columns = (),
         added: IntArray = NO_COLUMNS,
         inner: FloatArray | None = None,
     ) -> FloatArray:
-        """Log marginal likelihood (M,) of models against none, `beside` the columns of random
-        functions: of the `columns` with each of those `added` (M, w), their products `inner`.
+        """Log marginal likelihood (M,) of models against none: of the `columns` with each of those
+        `added` (M, w), their products `inner`, given the columns of `smooth` effects.
 
         Sizes have a g-prior with the Zellner-Siow law of g, so that the evidence is not bounded
         (Liang et al. 2008); the strata's variances are maximised; every column is paid for,
         margins too.
         """
         added = np.where(np.isin(added, columns), PADDING, added)
-        R, counted = self.profile(columns, beside, added, inner)
-        if beside not in self._none:
-            self._none[beside] = self.profile((), beside)[0]
-        whole = self._none[beside][None]
-        there = np.pad(added != PADDING, ((0, 0), (0, len(columns))), constant_values=True)
-        k = there.sum(axis=1)
-        n = (counted * there).sum(axis=1) / np.maximum(k, 1)
+        R, number = self.profile(columns, smooth, added, inner)
+        if smooth not in self._none:
+            self._none[smooth] = self.profile((), smooth)[0]
+        total = self._none[smooth][None]
+        nonzero = np.pad(added != PADDING, ((0, 0), (0, len(columns))), constant_values=True)
+        k = nonzero.sum(axis=1)
+        n = (number * nonzero).sum(axis=1) / np.maximum(k, 1)
         g = n * ZELLNER_SIOW[:, None]
         floor = (self.least * self.n)[None, :, None] + TINY**2
-        shrunk = np.maximum(R + (whole - R) / (1 + g[:, None]), floor)
-        logs = -0.5 * np.einsum("s,gsm->gm", self.n, np.log(shrunk / np.maximum(whole, floor)))
+        rss = np.maximum(R + (total - R) / (1 + g[:, None]), floor)
+        logs = -0.5 * np.einsum("s,gsm->gm", self.n, np.log(rss / np.maximum(total, floor)))
         logs -= 0.5 * k * np.log1p(g)
         return np.asarray(logsumexp(logs, axis=0) - np.log(len(g)))
 
@@ -183,9 +183,9 @@ class Likelihood:
         """Generalised least squares, each stratum's variance its residual sum of squares over the
         residual degrees of freedom.
         """
-        known, columns = self.design.columns, tuple(columns) + self.design.common
+        units, columns = self.design.columns, tuple(columns) + self.design.common
         at = np.array(columns, int)
-        G, b, ridge = known.gram(at, at), self.b[:, at], np.diag(known.precisions[at])
+        G, b, ridge = units.gram(at, at), self.b[:, at], np.diag(units.precisions[at])
         w, dof = self.weights(self.R0, self.n), self.n.copy()
         beta, V = np.zeros(0), np.zeros((0, 0))
         for _ in range(6 if columns else 1):
@@ -193,20 +193,20 @@ class Likelihood:
             V = np.linalg.inv(A + ridge + TINY * np.diag(np.diag(A)))
             beta = V @ (w @ b)
             R = self.R0 - 2 * b @ beta + np.einsum("i,sij,j->s", beta, G, beta)
-            used = w * np.einsum("ij,sji->s", V, G)
-            dof = np.maximum(self.n - used, 1.0)
+            leverage = w * np.einsum("ij,sji->s", V, G)
+            dof = np.maximum(self.n - leverage, 1.0)
             w = self.weights(np.maximum(R, TINY * self.R0), dof)
         shares = w[:, None] * np.einsum("ij,sjk,ki->si", V, G, V) / np.diag(V)[None, :]
-        left = self.y - beta @ known.dense(columns) if columns else self.y
+        residual = self.y - beta @ units.dense(columns) if columns else self.y
         return Fit(
-            columns=columns, beta=beta, covariance=V, residual=left, weights=w, dof=dof,
+            columns=columns, beta=beta, covariance=V, residual=residual, weights=w, dof=dof,
             shares=shares,
         )  # fmt: skip
 
     def kernel_deviance(
         self, fit: Fit, kernel: Kernel, Y: FloatArray, variances: FloatArray
     ) -> FloatArray:
-        """Twice the log likelihood ratio (c, B) of one more variance component beside a fitted
+        """Twice the log likelihood ratio (c, B) of one more variance component given a fitted
         model, on coordinates Y (B, N), at some variances (c,) over the stratum's.
         """
         result = np.zeros((len(variances), len(Y)))
@@ -216,12 +216,12 @@ class Likelihood:
             total = np.maximum((part**2).sum(axis=1) + self.extra[s], least)
             z2 = (part @ V) ** 2
             spread = 1 + variances[:, None] * k
-            left = np.maximum(total - z2.sum(axis=1), TINY * total) + (1 / spread) @ z2.T
-            result += fit.dof[s] * np.log(total / left) - np.log(spread).sum(axis=1)[:, None]
+            rest = np.maximum(total - z2.sum(axis=1), TINY * total) + (1 / spread) @ z2.T
+            result += fit.dof[s] * np.log(total / rest) - np.log(spread).sum(axis=1)[:, None]
         return result
 
     def kernel_gain(self, fit: Fit, kernel: Kernel) -> tuple[float, float]:
-        """Log Bayes factor of a random function beside a fitted model, its amplitude averaged over
+        """Log Bayes factor of a random function given a fitted model, its amplitude averaged over
         the law that sizes of columns have, a Cauchy law in units of the information of one
         coordinate; and its likeliest variance.
         """

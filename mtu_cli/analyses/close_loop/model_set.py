@@ -104,7 +104,7 @@ class ModelSet:
         return base + sum(self._gains(columns, [-1 - item for item in model if item < 0]))
 
     def _gains(self, columns: Columns, kernels: Sequence[int]) -> list[float]:
-        """Log Bayes factors of random functions beside a model of these columns."""
+        """Log Bayes factors of random functions given a model of these columns."""
         if not kernels:
             return []
         like, fit = self.likelihood, self.likelihood.fit(columns)
@@ -122,51 +122,51 @@ class ModelSet:
             total, best = self._added[model]
             return total.copy(), list(best)
         design, like = self.design, self.likelihood
-        own = like.closure(self.members(model))
-        smooth = self.columns(model)[len(own) :]
+        columns = like.closure(self.members(model))
+        smooth = self.columns(model)[len(columns) :]
         value = self.value(model)
-        base = value - float(like.evidence(own, smooth)[0])
+        base = value - float(like.evidence(columns, smooth)[0])
         with np.errstate(divide="ignore"):
-            weighed = base + np.log(design.prior)
-        weighed += like.evidence(own, smooth, design.closures, design.inner)
+            logs = base + np.log(design.prior)
+        logs += like.evidence(columns, smooth, design.closures, design.inner)
         total = np.full(len(self.names), -np.inf)
         best = [0] * len(self.names)
-        for c in np.unique(design.of):
-            some = np.flatnonzero(design.of == c)
-            total[c], best[c] = logsumexp(weighed[some]), int(some[np.argmax(weighed[some])])
-        taken = {self.place(item) for item in model}
+        for c in np.unique(design.owner):
+            members = np.flatnonzero(design.owner == c)
+            total[c], best[c] = logsumexp(logs[members]), int(members[np.argmax(logs[members])])
+        present = {self.place(item) for item in model}
         for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE):
             m = best[c]
-            fine = design.around(m) if c not in taken else ()
+            fine = design.around(m) if c not in present else ()
             if fine:
                 share = np.log(design.members[m].prior / len(fine))
-                finer = like.evidence(own, smooth, design.closures_of(fine)) + base + share
-                others = weighed[(design.of == c) & (np.arange(design.tested) != m)]
-                total[c] = logsumexp(np.concatenate([others, finer]))
+                finer = like.evidence(columns, smooth, design.closures_of(fine)) + base + share
+                rest = logs[(design.owner == c) & (np.arange(design.tested) != m)]
+                total[c] = logsumexp(np.concatenate([rest, finer]))
                 best[c] = fine[int(np.argmax(finer))]
         first = len(design.candidates)
-        total[first:] = value + np.array(self._gains(own, self.named))
+        total[first:] = value + np.array(self._gains(columns, self.named))
         best[first:] = [-1 - k for k in self.named]
         self._added[model] = total, best
         return total.copy(), list(best)
 
     def without_name(self, model: Model) -> FloatArray:
-        """Log marginal likelihood, with their odds, of nameless random functions beside a model."""
+        """Log marginal likelihood, with their odds, of nameless random functions given a model."""
         gains = self._gains(self.likelihood.closure(self.members(model)), self.nameless)
         return self.value(model) + np.array(gains) + np.log(ODDS)
 
-    def _others(self, model: Model) -> tuple[FloatArray, list[Item]]:
+    def _new_additions(self, model: Model) -> tuple[FloatArray, list[Item]]:
         """The additions to a model that are not in it yet."""
         total, best = self.additions(model)
         total[[self.place(item) for item in model]] = -np.inf
         return total, best
 
-    def _passing(self, model: Model) -> list[Item]:
-        """Items that pass the gate beside a model, the likeliest first; beside others only those
-        that make the model likelier, their prior counted: each of them is one more test.
+    def _entrants(self, model: Model) -> list[Item]:
+        """Items that pass the gate given a model, the likeliest first; unless it is empty only
+        those that make it likelier, their prior counted: each of them is one more test.
         """
         p = self.gate(self.columns(model))
-        total, best = self._others(model)
+        total, best = self._new_additions(model)
         least = self.value(model) + np.log(len(self.names)) if model else -np.inf
         order = [
             i
@@ -181,27 +181,27 @@ class ModelSet:
         """The likeliest model that only effects which pass the gate lead to: forward from the
         first few, each model refined by drop and swap.
         """
-        stack: list[tuple[Model, Model]] = [((item,), ()) for item in self._passing(())[:BEAM]]
-        done: set[Model] = set()
-        closed: set[Model] = set()
+        stack: list[tuple[Model, Model]] = [((item,), ()) for item in self._entrants(())[:BEAM]]
+        history: set[Model] = set()
+        ends: set[Model] = set()
         while stack:
             model, before = stack.pop(0)
-            model = self._refined(model)
+            model = self._refine(model)
             key = tuple(sorted(model))
-            if key in done:
+            if key in history:
                 # What was added leads back: the model before has no further effect.
-                closed |= {before} & done
+                ends |= {before} & history
                 continue
-            done.add(key)
-            more = self._passing(model)[:1]
-            if more and len(model) >= self.most:
-                self.stopped, more = True, []
-            stack += [((*model, item), key) for item in more]
-            if not more:
-                closed.add(key)
-        return max(sorted(closed), key=self.evidence, default=())
+            history.add(key)
+            items = self._entrants(model)[:1]
+            if items and len(model) >= self.most:
+                self.stopped, items = True, []
+            stack += [((*model, item), key) for item in items]
+            if not items:
+                ends.add(key)
+        return max(sorted(ends), key=self.evidence, default=())
 
-    def _refined(self, model: Model) -> Model:
+    def _refine(self, model: Model) -> Model:
         """Drops what no longer passes the gate and swaps single effects for the likeliest that
         passes in their place, until nothing improves.
         """
@@ -209,7 +209,7 @@ class ModelSet:
             for item in model:
                 rest = tuple(x for x in model if x != item)
                 p = self.gate(self.columns(rest))
-                total, best = self._others(rest)
+                total, best = self._new_additions(rest)
                 total[[p.get(name, 1.0) > self.alpha for name in self.names]] = -np.inf
                 c = int(np.argmax(total))
                 if not np.isfinite(total[c]):
@@ -228,28 +228,28 @@ class ModelSet:
         """The effects of a model, the strongest first; without those that are margins of others."""
         low = {i for m in self.members(model) for i in self.design.members[m].low}
         model = tuple(
-            item for item in model if item < 0 or not set(self.design.members[item].own) <= low
+            item for item in model if item < 0 or not set(self.design.members[item].terms) <= low
         )
         result = []
         for item in model:
             rest = tuple(x for x in model if x != item)
-            total, best = self._others(rest)
+            total, best = self._new_additions(rest)
             smooth = self.without_name(rest) if self.nameless else np.zeros(0)
             without, c = self.value(rest), self.place(item)
-            # What is less likely than nothing explains nothing.
+            # What is less likely than no effect explains nothing.
             total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
             # One that holds the effect as a margin says more than it: it has to pass by itself.
             p = self.gate(self.columns(rest))
-            own = set(self.design.members[item].own) if item >= 0 else {PADDING}
+            terms = set(self.design.members[item].terms) if item >= 0 else {PADDING}
             for i in np.flatnonzero(np.isfinite(total)):
                 low = set(self.design.members[best[i]].low if best[i] >= 0 else ())
-                if own <= low and p.get(self.names[i], 1.0) > self.alpha:
+                if terms <= low and p.get(self.names[i], 1.0) > self.alpha:
                     total[i] = -np.inf
-            both = np.concatenate([total, smooth])
-            posterior = np.exp(both - logsumexp(both))
+            logs = np.concatenate([total, smooth])
+            posterior = np.exp(logs - logsumexp(logs))
             order = np.argsort(-posterior, kind="stable").tolist()
             count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
-            best[c], others = item, [i for i in order[:count] if i < len(self.names) and i != c]
+            best[c], rivals = item, [i for i in order[:count] if i < len(self.names) and i != c]
             result.append(
                 Entry(
                     item=item,
@@ -258,7 +258,7 @@ class ModelSet:
                     gain=float(total[c] - without),
                     posterior=float(posterior[c]),
                     credible=tuple(
-                        (self.names[i], best[i], float(posterior[i])) for i in (c, *others)
+                        (self.names[i], best[i], float(posterior[i])) for i in (c, *rivals)
                     ),
                     nameless=float(posterior[len(self.names) :].sum()),
                     overtaken=bool(len(smooth) and smooth.max() > total[c]),
@@ -271,21 +271,21 @@ class ModelSet:
         if not self.nameless:
             return False
         prior = -np.log(len(self.names))
-        whole = self.value(model) if model else 0.0
+        value = self.value(model) if model else 0.0
         return any(
-            self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > whole
+            self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > value
             for n in range(max(len(model) - 1, 0))
             for rest in combinations(model, n)
         )
 
-    def scatter(self, model: Model, known: Sequence[str]) -> list[tuple[str, float, float]]:
-        """Scatter effects that pass beside a model and those `known`, one after another, with
+    def scatter(self, model: Model, base: Sequence[str]) -> list[tuple[str, float, float]]:
+        """Scatter effects that pass given a model and those of `base`, one after another, with
         their p and how many times the rest's their deviation is.
         """
         result: list[tuple[str, float, float]] = []
         columns = self.columns(model)
         while True:
-            names = [*known, *(name for name, _, _ in result)]
+            names = [*base, *(name for name, _, _ in result)]
             p = self.gate(columns, tuple(names))
             hits = [(p[n], n) for n in SCATTERS if p.get(n, 1.0) <= self.alpha and n not in names]
             if not hits:

@@ -17,24 +17,24 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 NOTABLE = 0.05
-"""Share of the level's predicted variance from which a line's scatter is a stratum of its own."""
+"""Share of the level's predicted variance from which a line's scatter is a stratum."""
 SAME = 1e-6
-"""Of a direction; less is left of none but rounding."""
+"""Of a direction; less is rounding."""
 
 
-def posed(
+def likelihood_of(
     table: ResidualTable,
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
 ) -> Likelihood:
-    """The likelihood of a table's errors in its strata with the columns of its candidates, beside
-    motions of whole parts that `scatter`, which are lines of their own, the last of each axis.
+    """The likelihood of a table's errors in its strata with the columns of its candidates, given
+    motions of whole parts that `scatter`, each a line, the last of each axis.
     """
-    there = np.isfinite(table.errors).all(axis=2) & table.there
-    gaps = Missing(there, free_lines(table))
+    measured = np.isfinite(table.errors).all(axis=2) & table.there
+    gaps = Missing(measured, free_lines(table))
     errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
     steps = steps_of(table)
-    inner = max(float(np.std(interaction(own, gaps.lines))) for own in np.moveaxis(errors, 2, 0))
+    inner = max(float(np.std(interaction(E, gaps.lines))) for E in np.moveaxis(errors, 2, 0))
     largest = float(np.abs(errors).max())
     sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
     scale = next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
@@ -44,16 +44,16 @@ def posed(
     # Degrees of freedom: less the missing cells and what a datum freed.
     P, _, A = strata.shape
     n, axis = strata.sizes.copy(), np.array(strata.axis)
-    n[strata.of(INTERACTION)] -= np.sum(~there)
+    n[strata.of(INTERACTION)] -= np.sum(~measured)
     of_axis, _, j = strata.cells
-    taken = np.zeros(len(n))
+    lost = np.zeros(len(n))
     for motion in table.motions:
         Q = motion.Q.reshape(len(motion.columns), A, -1)
         of_basis = np.einsum("hak,ahj->akj", Q, strata.of_features[:, motion.columns])
         share = np.sum(of_basis**2, axis=1)[of_axis, j]
-        taken += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
-    # A datum that takes a stratum leaves nothing of it but rounding.
-    n = np.where(n - taken > 1e-6 * n, np.maximum(n - taken, 1.0), 0.0)
+        lost += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
+    # A stratum that the datum takes whole is rounding.
+    n = np.where(n - lost > 1e-6 * n, np.maximum(n - lost, 1.0), 0.0)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
     y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
     variance = np.zeros(len(steps))
@@ -66,11 +66,11 @@ def posed(
     means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
     shared = means & (variance[axis] < steps[axis] ** 2 / 4)
     least = np.where(shared, P * least, least)
-    known = _known(design, len(scatter), variance, n)
-    return Likelihood(design, y, errors.mean(axis=(0, 1)), n, known, least)
+    prior = _prior(design, len(scatter), variance, n)
+    return Likelihood(design, y, errors.mean(axis=(0, 1)), n, prior, least)
 
 
-def _known(
+def _prior(
     design: Design, moving: int, variance: FloatArray, n: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Sums of squares and degrees of freedom (S,) of the parts' scatter by the model's D, but for
@@ -80,18 +80,18 @@ def _known(
     squares, dof = np.zeros((2, len(n)))
     if not table.of_part.shape[3]:
         return squares, dof
-    own = min(float(table.pass_dof), 1e4)
+    nu = min(float(table.pass_dof), 1e4)
     F = table.of_part / design.scale
     for s in (*strata.of(PART), *strata.of(LINE)):
         a, first = strata.axis[s], strata.place[strata.slices[s].start]
         line = int(first) % strata.shape[1]
-        lines = sum(strata.axis[other] == a for other in strata.of(LINE))
+        lines = sum(strata.axis[t] == a for t in strata.of(LINE))
         if n[s] == 0 or line > lines - moving:
             continue
         direction = strata.of_features[a][:, line]
         size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
         if size > 0:
-            dof[s], squares[s] = own, own * (variance[a] + size)
+            dof[s], squares[s] = nu, nu * (variance[a] + size)
     return squares, dof
 
 
@@ -115,14 +115,14 @@ def free_lines(table: ResidualTable) -> FloatArray:
             columns.append(np.asarray(sign[0], float))
             columns += [] if along is None else [sign[0] * (along - along.mean())]
     X = np.column_stack(columns)
-    left = np.abs(np.diag(np.linalg.qr(X, mode="r")))
-    Q, R = np.linalg.qr(X[:, left > 1e-8 * np.linalg.norm(X, axis=0)])
+    rest = np.abs(np.diag(np.linalg.qr(X, mode="r")))
+    Q, R = np.linalg.qr(X[:, rest > 1e-8 * np.linalg.norm(X, axis=0)])
     return np.asarray(Q * np.sign(np.diag(R)))
 
 
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
-    """With a line for each motion of whole parts in `moving`, and of readings the bends that passes
-    have of their own: the REML estimate of their variance, from differences between passes.
+    """With a line for each motion of whole parts in `moving`, and of readings the bends of each
+    pass: the REML estimate of their variance, from differences between passes.
     """
     P, H, A = errors.shape
     readings = table.component is not None
@@ -136,10 +136,10 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
                 lines[a] = np.column_stack([lines[a], rest / size])
     along = _along(table) if readings and P >= 3 else None
     if along is None:
-        # Along a line of a single part nothing is told from its scatter, unless that is known.
-        known = P > 1 or table.of_part.shape[3] > 0
+        # Along a line of a single part nothing is separable from its scatter, unless that is known.
+        estimable = P > 1 or table.of_part.shape[3] > 0
         return strata_of(
-            P, lines, features_scatter=not readings, moving=len(moving), lines_known=known
+            P, lines, features_scatter=not readings, moving=len(moving), lines_known=estimable
         )
     rough = smooth_covariance(along)
     strata = strata_of(P, lines, features_scatter=False, roughness=rough)
@@ -148,8 +148,8 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
     squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
     grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
     spread = 1 + grid[:, None] * strata.bends
-    left = np.maximum((squares / spread).sum(axis=1), 1e-300)
-    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
+    rss = np.maximum((squares / spread).sum(axis=1), 1e-300)
+    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(rss)
     return replace(strata, spread=np.sqrt(spread[int(np.argmin(deviance)), j]))
 
 
@@ -168,9 +168,9 @@ def _lines(table: ResidualTable) -> list[FloatArray]:
         return [free_lines(table)[:, 1:]] * A
     result = []
     for F in np.moveaxis(table.of_part.mean(axis=0), 1, 0):
-        whole = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
+        size = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
         U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)
-        result.append(U[:, s**2 > NOTABLE * whole][:, :2])
+        result.append(U[:, s**2 > NOTABLE * size][:, :2])
     return result
 
 
@@ -181,8 +181,8 @@ def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray
     q = places[:, [AXES.index(axis) for axis in axes]]
     q = q - q.mean(axis=0)
     if "rotation" in name:
-        turned, (i, j) = np.zeros_like(q), map(axes.index, "xy")
-        turned[:, i], turned[:, j] = -q[:, j], q[:, i]
-        q = turned
+        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
+        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
+        q = rotation
     size = np.linalg.norm(q)
     return q / size if size > 0 else None

@@ -32,7 +32,7 @@ class Searched:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A parameter with its standard uncertainty and degrees of freedom; `unit` to show it in.
-    `role`: own of the effect, of a margin, the level, or a change of what was searched.
+    `role`: of the effect (own), of a margin, the level, or a change of what was searched.
     """
 
     name: str
@@ -76,8 +76,8 @@ class Experiment(NamedTuple):
 class FoundEffect:
     """An effect that the model lacks: the `candidate`, and what the data say of it.
 
-    `parameters` are its own, then those of its margins, levels and changes of what was searched,
-    with their `covariance` (k, k), which is that of the table in its `rows`. `equations` are in
+    `parameters` are the effect's, then its margins', levels and changes of what was searched, with
+    their `covariance` (k, k), which is that of the table in its `rows`. `equations` are in
     these and columns; where the candidate is `over` features, parts or operations, which no machine
     has, `chosen` is the one for which ``chosen`` is 1; a smooth effect's component stands for its
     `table` of values in mm or rad. An effect on the scatter has no equation: `ratio` is that of the
@@ -130,7 +130,7 @@ class FoundEffect:
 
     @property
     def written(self) -> list[int]:
-        """Which of its parameters its equations have: a table stands for sizes of its own."""
+        """Which of its parameters its equations have: a table stands for its sizes."""
         used = self.used
         return [i for i, parameter in enumerate(self.parameters) if parameter.name in used]
 
@@ -167,7 +167,7 @@ class Judged:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scores:
     """Errors: root mean square over all coordinates, by axis, 95th percentile and largest of the
-    error vector's length, and chi^2 a degree of freedom against the variances left.
+    error vector's length, and chi^2 a degree of freedom against the residual variances.
     """
 
     rms: float

@@ -48,9 +48,9 @@ class Strata:
     `of_parts` (P, P), `of_features` (A, H, H) are orthonormal. `place` (N,) are the flat indices of
     the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
     `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
-    deviations relative to the stratum's; `bends` (H,) the variance of bends that parts have of
-    their own, by direction of the features (mean 1). `short` is, by axis, a basis of the features
-    in the form in which rows are turned in less time.
+    deviations relative to the stratum's; `bends` (H,) the variance of each part's bends, by
+    direction of the features (mean 1). `short` is, by axis, a basis of the features in the form in
+    which rows are turned in less time.
     """
 
     of_parts: FloatArray
@@ -80,46 +80,46 @@ class Strata:
 
     def of(self, kind: str) -> list[int]:
         """The strata of a kind, by axis."""
-        return [s for s, own in enumerate(self.kinds) if own == kind]
+        return [s for s, label in enumerate(self.kinds) if label == kind]
 
     def coordinates(self, table: FloatArray) -> FloatArray:
         """Coordinates (..., N) of tables (..., P, H, A)."""
         axes = range(self.shape[2])
-        turned = np.stack([self._turned(a, table[..., a]) for a in axes], axis=-3)
-        return np.asarray(turned.reshape(*turned.shape[:-3], -1)[..., self.place] / self.spread)
+        result = np.stack([self._in_bases(a, table[..., a]) for a in axes], axis=-3)
+        return np.asarray(result.reshape(*result.shape[:-3], -1)[..., self.place] / self.spread)
 
-    def _turned(self, a: int, values: FloatArray) -> FloatArray:
+    def _in_bases(self, a: int, values: FloatArray) -> FloatArray:
         """Values (..., P or 1, H or 1) along an axis in the bases: what is alike in all parts, or
         features, has the first coordinate alone.
         """
         P, H, _ = self.shape
         p, h = values.shape[-2:]
         if h < H:
-            turned = values * np.sqrt(H)
+            result = values * np.sqrt(H)
         elif (short := self.short[a]) is None:
-            turned = values @ self.of_features[a]
+            result = values @ self.of_features[a]
         else:
-            signs, left, right = short
-            turned = values * signs - (values @ left) @ right
-        return to_contrasts(turned) if p > 1 else turned * np.sqrt(P)
+            signs, L, R = short
+            result = values * signs - (values @ L) @ R
+        return to_contrasts(result) if p > 1 else result * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) that columns can reach, given by axis in compact shapes (G or 1,
         P or 1, H or 1), and these (G, k, n).
         """
-        values = [own for lever in columns for own in lever.values()]
+        values = [column for lever in columns for column in lever.values()]
         axes = sorted({a for lever in columns for a in lever})
-        p, h = (max((own.shape[d] for own in values), default=1) for d in (1, 2))
+        p, h = (max((column.shape[d] for column in values), default=1) for d in (1, 2))
         cells = self.at[axes, :p, :h]
         at = np.sort(cells[cells != NONE])
         result = np.zeros((G, len(columns), len(at)))
         for k, lever in enumerate(columns):
-            for a, own in lever.items():
-                cells = self.at[a, : own.shape[1], : own.shape[2]]
-                there = cells != NONE
-                own_at = cells[there]
-                values = self._turned(a, own)[:, there] / self.spread[own_at]
-                result[:, k, np.searchsorted(at, own_at)] = values
+            for a, column in lever.items():
+                cells = self.at[a, : column.shape[1], : column.shape[2]]
+                valid = cells != NONE
+                places = cells[valid]
+                values = self._in_bases(a, column)[:, valid] / self.spread[places]
+                result[:, k, np.searchsorted(at, places)] = values
         return at, result
 
     @property
@@ -132,7 +132,7 @@ class Strata:
         """The coordinates (n,) of a stratum that are of the parts, or else alike in all of them,
         and the basis over the parts (P, n), or over the features (H, n), in which these are.
         """
-        _, i, j = (own[self.slices[s]] for own in self.cells)
+        _, i, j = (index[self.slices[s]] for index in self.cells)
         if self.kinds[s] == PART:
             return np.arange(len(i)), self.of_parts[:, i]
         shared = np.flatnonzero(i == 0)
@@ -161,30 +161,30 @@ def strata_of(
 ) -> Strata:
     """The strata of P parts with H features.
 
-    `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with a variance of its
-    own over the parts; along the last, which are `moving`, so has their mean, which scatters more
+    `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with one variance over
+    the parts; along the last, which are `moving`, so has their mean, which scatters more
     than the features; where not `lines_known`, they are in no stratum. `features_scatter`: the
     features' means have one; where not, they belong to the strata of the parts (V = I_P x S). The
     mean of all is in none: every effect has an offset beside it. `roughness` (H, H) is the
-    covariance of the bends that every part has of its own.
+    covariance of each part's bends.
     """
     A, H = len(lines), len(lines[0])
     bases, bends = np.zeros((A, H, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
     first, shorts = 1 if features_scatter else 0, list[Short | None]()
-    for a, own in enumerate(lines):
-        bases[a], short = _completed(np.column_stack([np.full(H, 1 / np.sqrt(H)), own]))
-        k = own.shape[1] + 1
+    for a, directions in enumerate(lines):
+        bases[a], short = _full_basis(np.column_stack([np.full(H, 1 / np.sqrt(H)), directions]))
+        k = directions.shape[1] + 1
         if roughness is not None and k < H:
             values, turn = np.linalg.eigh(bases[a, :, k:].T @ roughness @ bases[a, :, k:])
             bases[a, :, k:] = bases[a, :, k:] @ turn[:, ::-1]
             bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
         shorts.append(short if roughness is None else None)
-        beyond, rows = slice(1, None), [first] * (k - moving) + [0] * moving
-        groups = [(PART, (beyond, slice(0, 1)))]
-        groups += [(FEATURE, (slice(0, 1), beyond))] if features_scatter else []
-        own_lines = range(1, k) if lines_known else ()
-        groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in own_lines]
+        rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
+        groups = [(PART, (rest, slice(0, 1)))]
+        groups += [(FEATURE, (slice(0, 1), rest))] if features_scatter else []
+        numbers = range(1, k) if lines_known else ()
+        groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in numbers]
         groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
         for kind, where in groups:
             if label[a][where].size:
@@ -210,7 +210,7 @@ def strata_of(
     )
 
 
-def _completed(begin: FloatArray) -> tuple[FloatArray, Short | None]:
+def _full_basis(begin: FloatArray) -> tuple[FloatArray, Short | None]:
     """An orthonormal basis (H, H) whose first columns are `begin` (H, k), and its short form."""
     H, k = begin.shape
     basis, R = np.linalg.qr(begin, mode="complete")

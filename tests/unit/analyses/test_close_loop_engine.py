@@ -13,14 +13,14 @@ from scipy.integrate import quad
 from scipy.stats import binom, invgamma
 
 from mtu_cli.analyses.close_loop.crossings import crossings, without_references
-from mtu_cli.analyses.close_loop.describe import described
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
-from mtu_cli.analyses.close_loop.estimate import estimated
+from mtu_cli.analyses.close_loop.describe import effects_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
+from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import Missing, interaction
-from mtu_cli.analyses.close_loop.posed import posed
+from mtu_cli.analyses.close_loop.posed import likelihood_of
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
@@ -50,11 +50,11 @@ def candidates(own: ResidualTable, *families: str) -> tuple[Candidate, ...]:
 
 
 def posed_of(own: ResidualTable, *families: str) -> Likelihood:
-    return posed(own, candidates(own, *families))
+    return likelihood_of(own, candidates(own, *families))
 
 
 def diagnosis(own: ResidualTable, *families: str) -> Diagnosis:
-    return diagnosed(own, candidates(own, *families), alpha=0.05, most=2, seed=1)
+    return diagnosis_of(own, candidates(own, *families), alpha=0.05, most=2, seed=1)
 
 
 def test_the_evidence_of_one_column_is_the_integral_over_its_size() -> None:
@@ -108,7 +108,7 @@ def test_sizes_are_those_of_dense_generalised_least_squares(seed: int) -> None:
     own.errors[..., 0] += 5e-3 * own.covariates["dir_x"]
     found = diagnosis(own, "backlash")
     assert found.names == ["backlash-x"]
-    sizes = estimated(found.models, found.model)
+    sizes = estimates_of(found.models, found.model)
     strata, scale = found.design.strata, found.design.scale
     of = {
         kind: scale**2 / sizes.fit.weights[s]
@@ -181,8 +181,8 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
     own.errors[..., 0] += beside * own.covariates["dir_x"]
     found = diagnosis(own, "offset", "scale", "backlash", "thermal-drift", "thermal-growth")
     found = without_references(found)
-    sizes = estimated(found.models, found.model)
-    effects = {e.name: e for e in described(found, sizes, compare=True)}
+    sizes = estimates_of(found.models, found.model)
+    effects = {e.name: e for e in effects_of(found, sizes, compare=True)}
     assert effects.keys() == {"thermal-growth-x"} | ({"backlash-x"} if beside else set())
     growth = effects["thermal-growth-x"]
     assert 0.5 < growth.explained_share < 1.05
@@ -213,8 +213,8 @@ def test_growth_from_the_first_temperature_is_no_shift() -> None:
         found = without_references(found)
         shifts += "offset-x" in found.names
         found = replace(found, offsets=())
-        sizes = estimated(found.models, found.model)
-        told = crossings(described(found, sizes), sizes.covariance, own)
+        sizes = estimates_of(found.models, found.model)
+        told = crossings(effects_of(found, sizes), sizes.covariance, own)
         low, high = next((c.interval95 for c in told if c.covariate == "T_a_degC"), (0.0, 0.0))
         missed += not low <= 22 <= high
     assert shifts <= binom.ppf(0.999, sets, 0.05)
@@ -276,11 +276,11 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
     wave = amplitude * np.sin(2 * np.pi * places[:, 0] / 9.0)
     errors[..., 0] += wave
     own = replace(table(P, n, places=places, covariates=dict(own.covariates)), errors=errors)
-    found = diagnosed(
+    found = diagnosis_of(
         own, [c for c in candidates_of(own, effect_library()) if c.family == "cyclic"],
         alpha=0.05, most=1, seed=1,
     )  # fmt: skip
-    (effect,) = described(found, estimated(found.models, found.model))
+    (effect,) = effects_of(found, estimates_of(found.models, found.model))
     assert effect.name == "cyclic-x"
     assert effect.ambiguous
     assert effect.table is not None
