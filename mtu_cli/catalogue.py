@@ -279,6 +279,12 @@ CATALOGUE: dict[str, Kind] = {
         "the backlash of {component} varies by {range_um:.3g} um along the travel (mean "
         "{mean_um:.3g} um, p = {p:.1g}): one value of backlash over-corrects somewhere"
     ),
+    "unlike-first-test": _warning(
+        "{component}: the readings of --verify differ from the first test less k tables by more "
+        "than its scatter (chi2/dof {ratio:.3g}, p = {p:.1g}): the axis or the control has "
+        "changed otherwise, too",
+        True,
+    ),
     "no-better": _warning(
         "{component}: on held-out cycles the temperatures {effect}: the model is not to be used"
     ),

@@ -28,6 +28,8 @@ MOST_MOVES = 7
 """Targets of the verification, in both directions."""
 VARIES_SHARE, VARIES_P = 0.25, 0.01
 """Backlash varies where its range is a larger share of its mean, and chance is so improbable."""
+UNLIKE_P = 0.05
+"""Of verification readings, whatever k, by the scatter of the first test: an upper bound of p."""
 VERDICTS = {0.0: "worked", 1.0: "no-effect", 2.0: "wrong-sign"}
 SAME_PLACE = 1e-3
 """mm or deg: a verification reading this near a target is of that target."""
@@ -273,13 +275,16 @@ class Move(NamedTuple):
 
 
 class Verified(NamedTuple):
-    """The slope k of readings on the applied table, and its verdict."""
+    """The slope k of readings on the applied table, and its verdict; `misfit`: chi^2/(n - 2) of the
+    readings about that, by the scatter of the first test.
+    """
 
     verdict: str
     k: float
     u: float
     interval95: tuple[float, float]
     p: float
+    misfit: FTest | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -435,7 +440,8 @@ def verify(
     noise itself k shrinks, as a slope on a regressor with errors does, by the share of noise in
     the table's variance (Fuller 1987, Measurement Error Models, 1.1: one minus the reliability
     ratio); that share, at most 1, is added to u. The verdict is what the 95 % interval of k holds
-    of 0, 1 and 2, p that of the nearest, two-sided.
+    of 0, 1 and 2, p that of the nearest, two-sided. Readings that no k explains are a warning,
+    by chi^2/(n - 2) as F with the fewest degrees of freedom in V, which bounds p from above.
 
     Raises InputError for readings away from the targets, or too few.
     """
@@ -471,7 +477,8 @@ def verify(
     estimate = C @ (weighted.T @ y)
     residuals = y - X @ estimate
     # Readings that scatter more than in the first test count by their scatter.
-    C = C * max(1.0, float(residuals @ np.linalg.solve(V, residuals)) / (n - 2))
+    ratio = float(residuals @ np.linalg.solve(V, residuals)) / (n - 2)
+    C = C * max(1.0, ratio)
     # Less the level: an offset is fitted.
     M = np.eye(len(places)) - 1.0 / len(places)
     noise = float(np.trace(M @ errors.of_means()[np.ix_(places, places)] @ M))
@@ -486,8 +493,12 @@ def verify(
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
     t_nearest = -min(abs(k - slope) for slope in VERDICTS) / u
     p = float(2 * (ndtr(t_nearest) if np.isinf(dof) else stdtr(dof, t_nearest)))
-    verified = Verified(verdict, k, u, (k - half, k + half), p)
-    return replace(result, moves=moves, verified=verified)
+    misfit, warnings = f_test(ratio, 1.0, n - 2, int(dof)), result.warnings
+    if misfit is not None and misfit.p < UNLIKE_P:
+        facts = {"component": result.component, "ratio": ratio, "p": misfit.p}
+        warnings = (*warnings, finding("unlike-first-test", **facts))
+    verified = Verified(verdict, k, u, (k - half, k + half), p, misfit)
+    return replace(result, moves=moves, verified=verified, warnings=warnings)
 
 
 def moves_program(
@@ -503,7 +514,8 @@ def moves_program(
     overrun = max(1.0, 0.02 * float(np.ptp(targets)))
     lines = [
         f"(verification of the compensation of {result.component}: read at every dwell)",
-        f"(feed {feed:g} {place}/min: it has to be that of the first test; dwell {dwell_s:g} s)",
+        f"(feed {feed:g} {place}/min: it has to be that of the first test)",
+        f"(dwell {dwell_s:g} s: G4 P in seconds; where P counts ms it is {1000 * dwell_s:g})",
         f"(overrun {overrun:g} {place} beyond the end targets: check the limits of the axis)",
         "(machine coordinates, without a work offset: the axis runs the other way)"
         if frame.reverse

@@ -11,6 +11,8 @@ from mtu_cli.cli.load import Inputs, named_file
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
+from mtu_cli.files.csv_file import read_tables
+from mtu_cli.files.csv_table import CellFaults
 from mtu_cli.files.source import same
 from mtu_cli.findings import Finding, InputError, error
 from mtu_cli.formats.base import Ask, Imported, RawFile, local, raw_file
@@ -123,6 +125,7 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
             whose = "the unit given" if unit else "the component's unit"
             table = read(file, Ask(kind=kind, component=name, whose_unit=whose,
                                    profile=options.map, **values))  # fmt: skip
+            _check(inputs, file, table)
         except InputError as fault:
             faults += fault.findings
             continue
@@ -138,6 +141,16 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
         warnings=[each for each in findings if not (target and each in notes)],
         files=lambda: {target: text.encode()} if target else {},
     )
+
+
+def _check(inputs: Inputs, file: RawFile, table: Imported) -> None:
+    """Raises InputError, by the lines of the file, for what is none of the contract's CSV."""
+    spec, faults = SPECS[table.kind], CellFaults()
+    if inputs.options.machine and table.kind != "points":
+        spec = spec.with_texts("component", inputs.machine.machine.components)
+    content, place = table.csv(list(spec.columns)).encode(), (file.source.path, file.source.role)
+    read_tables([place], spec, faults, lambda source, raw: (content, table.rows))
+    faults.raise_if_any()
 
 
 def _join(tables: list[Imported]) -> Imported:

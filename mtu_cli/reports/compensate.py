@@ -115,6 +115,9 @@ RESULTS = declare(
     verification.u | verified.u | standard uncertainty of k
     verification.interval95 | verified.interval95 | 95 % interval of k
     verification.p | verified.p | of the nearest of 0, 1 and 2
+    verification.misfit. | verified.misfit
+        F | F | chi2/dof of the readings about the first test less k tables, by its scatter
+        p | p | that chance makes it so large
     """,
     points=_points,
     point=ROW,

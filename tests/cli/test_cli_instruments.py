@@ -82,3 +82,18 @@ def test_import_states_what_was_left_open_and_overwrites_nothing(folder: Path) -
     assert "did you mean 'points'" in done(wrong, 2).stderr
     joined = mtu("import", "x.rtl", "x.rtl", "--as", "readings", "--component", "dx_x", cwd=folder)
     assert {line.split(",")[2] for line in done(joined).stdout.splitlines()[1:]} == {"1", "2"}
+
+
+def test_import_writes_nothing_that_the_contract_does_not_read(folder: Path) -> None:
+    """Rows of the instrument's file are named, and components that the machine does not have."""
+    (folder / "w.csv").write_text("Ziel;Weg;M\n0;auf;0,1\n50;-;0,2\n", "utf-8")
+    (folder / "w.yaml").write_text(
+        "schema: mtu/import/1\nunits: {error: um}\nconstants: {component: dxx}\n"
+        "columns: {position_mm: Ziel, direction: Weg, error: M}\n"
+    )
+    call = ("import", "w.csv", "--as", "readings", "--map", "w.yaml", "-o", "o.csv")
+    refusal = done(mtu(*call, cwd=folder), 2).stderr
+    assert "w.csv, row 2, column 'direction': not a direction: 'auf'" in refusal
+    assert not (folder / "o.csv").exists()
+    machine = DATA.parent / "configs" / "laser-mill" / "machine.yaml"
+    assert "unknown component: 'dxx'" in done(mtu(*call, "-m", machine, cwd=folder), 2).stderr

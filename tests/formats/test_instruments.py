@@ -262,9 +262,37 @@ def test_a_profile_reads_any_table(tmp_path: Path) -> None:
     assert found.left_out == {"empty cells": 1, "columns (Note)": 1, "lines above the header": 1}
     with pytest.raises(InputError, match="column 'M2': the column is missing"):
         read(raw(text.replace("M2", "M3")), ask)
+    slip = made.MAP.replace("units: {error: mm}", "units: {position: mm}\nscale: {eror: -1}")
+    path.write_text(slip)
+    with pytest.raises(InputError) as refused:
+        read_profile(path)
+    assert [each.value for each in refused.value.findings] == ["position", "eror"]
+    path.write_text(made.MAP.replace("constants: {", "constants: {direction: forward, "))
+    with pytest.raises(InputError, match="directions of the unpivoted columns and"):
+        read(raw(text), ask)
     path.write_text("schema: mtu/import/1\nunits: {error: furlong}\nfoo: 1\n")
     with pytest.raises(InputError, match="furlong"):
         read_profile(path)
+
+
+def test_targets_may_be_the_headings_of_a_profile(tmp_path: Path) -> None:
+    """Read as numbers with the decimal sign of the file, and subtracted once they are rows."""
+    path = tmp_path / "map.yaml"
+    path.write_text("""schema: mtu/import/1
+columns: {pass: Lauf, direction: Richtung}
+unpivot: {into: error, names: position_mm, columns: ["0,0", "50,5"]}
+subtract: {error: position_mm}
+units: {error: mm}
+constants: {component: dx_x}
+""")
+    text = "Lauf;Richtung;0,0;50,5\n1;+;0,001;50,502\n1;-;0,003;50,504\n"
+    table = read(raw(text), Ask(kind="readings", profile=path))
+    assert table.columns["position_mm"] == [0.0, 50.5, 0.0, 50.5]
+    np.testing.assert_allclose(table.columns["error"], [0.001, 0.002, 0.003, 0.004], atol=1e-12)
+    path.write_text(path.read_text().replace("50,5", "50 mm"))
+    with pytest.raises(InputError, match="row 1, column '50 mm': not a number"):
+        read(raw(text.replace("50,5;", "50 mm;").replace("50,5\n", "50 mm\n")),
+             Ask(kind="readings", profile=path))  # fmt: skip
 
 
 @pytest.mark.parametrize("name", ["x.rtl", "wide.csv", "e.dat", "laser.txt"])

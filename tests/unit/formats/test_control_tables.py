@@ -293,6 +293,28 @@ def test_the_interval_of_k_covers_also_where_the_table_is_noise() -> None:
     assert np.mean(named) <= 0.02
 
 
+def test_a_new_reversal_or_wave_is_reported_beside_the_verdict() -> None:
+    """Of a table that works: hardly ever by chance, with runs of their own or single moves."""
+    rng, targets = np.random.default_rng(16), np.linspace(0, 500, 11)
+
+    def warned(change: Any, stops: Any, runs: int) -> bool:
+        true = np.cumsum(rng.normal(0, 2e-3, 11)) + np.array([[1e-3], [-1e-3]])
+        first = axis_errors(*readings(rng, targets, true, **DRIFTING))
+        result = compensate(first, *made("table"), Wanted(), trials=10)
+        assert result.applied is not None
+        after = readings(rng, targets, true - result.applied + change, **DRIFTING)
+        rows = np.isin(after[0], stops) & (after[3] < runs)
+        codes = {x.code for x in verify(result, *(x[rows] for x in after)).warnings}
+        return "unlike-first-test" in codes
+
+    moves: list[tuple[Any, int]] = [(targets, 5), (targets[[0, 2, 5, 8, 10]], 1)]
+    wave = 10e-3 * np.sin(targets / 50)
+    for stops, runs in moves:
+        for change in (np.array([[6e-3], [-6e-3]]), wave):
+            assert all(warned(change, stops, runs) for _ in range(10))
+        assert sum(warned(0.0, stops, runs) for _ in range(200)) <= 4
+
+
 def test_the_interval_of_k_covers_also_readings_that_scatter_more() -> None:
     """And u is no wider than half as much again as k scatters (the table's own u is in it)."""
     result, _ = with_table(next(iter(CONTROLS)))
