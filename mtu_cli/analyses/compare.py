@@ -34,7 +34,7 @@ from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.variance import Variance
 from mtu_cli.model.visits import (
-    freed,
+    aligned,
     incomplete_datum,
     operations_of,
     projector,
@@ -266,10 +266,10 @@ def compare(
     k, rounding = settings.coverage_factor, roundings(points)
     axes, warnings = judged_axes(model, points, ASIDE)
     predictions, points, notes = predict_operations(model, points, covariates or {})
-    loose, complete = freed(points, axes, datum)
+    aligned_points, complete = aligned(points, axes, datum)
     if not complete:
         warnings.append(incomplete_datum())
-    tables, names = feature_tables(loose, rounding), [AXES[i] for i in axes]
+    tables, names = feature_tables(aligned_points, rounding), [AXES[i] for i in axes]
     tables = tables.only([i for i, label in enumerate(tables.labels) if label[2] in names])
     of_operation: dict[str, Predicted] = {}
     for operation, prediction in predictions.items():

@@ -240,7 +240,7 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class TableRequest:
     """How the table is to be: direction, positions (`low`, `high`, `step`, machine coordinates),
     reference, frame, and the table that was active while measuring.
     """
@@ -323,7 +323,7 @@ class CompensateResult:
 
 
 def compensate(
-    errors: AxisErrors, control: Controller, parameters: Parameters, request: Wanted, *,
+    errors: AxisErrors, control: Controller, parameters: Parameters, request: TableRequest, *,
     component: str = "", seed: int = 1, trials: int | None = None,
 ) -> CompensateResult:  # fmt: skip
     """The table of a control for the errors of an axis, read back, with the errors that remain.
@@ -382,7 +382,7 @@ def compensate(
     )
 
 
-def _table(errors: AxisErrors, direction: str, request: Wanted) -> ErrorTable:
+def _table(errors: AxisErrors, direction: str, request: TableRequest) -> ErrorTable:
     """The table in machine coordinates, at its targets or at equal steps, with the current one."""
     frame, current = request.frame, request.current
     at, values = frame.places(errors.targets), frame.turned(errors.means)

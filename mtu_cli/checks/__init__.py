@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from mtu_cli.files.csv_table import LISTED_FAULTS
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError
-from mtu_cli.model.visits import Visits, axes_of, distinct, freed, visits_of
+from mtu_cli.model.visits import Visits, aligned, axes_of, distinct, visits_of
 
 Rows = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -100,8 +100,8 @@ class PointsData:
     @cached_property
     def errors(self) -> Floats:
         """Measured minus nominal (n, axes) less the best-fit alignment, mm."""
-        loose, _ = freed(self.table, self.axes, self.datum)
-        measured, nominal = loose.measured.T, loose.nominal.T
+        aligned_points, _ = aligned(self.table, self.axes, self.datum)
+        measured, nominal = aligned_points.measured.T, aligned_points.nominal.T
         # Axis by axis, as the points lie in memory.
         return np.array([measured[axis] - nominal[axis] for axis in self.axes]).T
 

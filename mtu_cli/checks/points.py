@@ -19,7 +19,7 @@ from mtu_cli.checks.plausible import (
 )
 from mtu_cli.files.points import SAME_MM
 from mtu_cli.model.visits import Visits
-from mtu_cli.stats.outliers import FEWEST, outlying, polished
+from mtu_cli.stats.outliers import FEWEST, median_polish, outlying
 from mtu_cli.stats.resolution import rounding_variance
 
 
@@ -187,7 +187,7 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
         for group in split(None, visits.operation):
             run = slice(group[0], group[-1] + 1)  # visits are in the order of operations
             enough = np.isfinite(errors[run]).sum(axis=0) >= FEWEST
-            errors[run] = polished(errors[run])
+            errors[run] = median_polish(errors[run])
             judged[run] = np.where(enough, errors[run], np.nan)
             columns += int(enough.sum())
         r = rounding_variance(table.measured[:, axis])

@@ -16,7 +16,7 @@ from mtu_cli.checks.plausible import (
     largest,
     meant_units,
 )
-from mtu_cli.stats.outliers import FEWEST, outlying, polished, spikes
+from mtu_cli.stats.outliers import FEWEST, median_polish, outlying, spikes
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.units import LENGTH
 from mtu_cli.units import UNITS as DECLARED
@@ -174,7 +174,7 @@ def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
         group = group[np.sort(np.unique(table.error[group], axis=0, return_index=True)[1])]
         if len(group) < 2:
             continue
-        residuals = polished(table.error[group], table.position_mm[group[0]])
+        residuals = median_polish(table.error[group], table.position_mm[group[0]])
         fitted = residuals.shape[1] + 2 * residuals.shape[0]
         mask, s = outlying(residuals, fitted, _rounding(data, group))
         s = s if residuals.size - fitted > FEWEST else np.nan

@@ -22,7 +22,7 @@ from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_library import effect_library
-from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
+from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, searched_warnings
 from mtu_cli.model.estimates import EffectEstimates
 from mtu_cli.model.fit import (
     MachineFit,
@@ -244,7 +244,7 @@ def _components(
         estimates = estimates_from_fit(machine, fit)
         result = fit_result(machine.machine.name, fit, estimates, says=says)
         results, warnings = fit_components.document(result).record(), result.warnings
-    effects = all_together(machine, earlier, extended.parameters, covariance)
+    effects = joint_effects(machine, earlier, extended.parameters, covariance)
     results.pop("effects", None)
     if effects is not None:
         f = np.array([unit.to_internal for unit in effects.units])

@@ -12,7 +12,7 @@ from mtu_cli.analyses.compensate import (
     AxisErrors,
     CompensateResult,
     Frame,
-    Wanted,
+    TableRequest,
     axis_errors,
     moves_program,
     verify,
@@ -69,7 +69,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
     frame = Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))
-    request = Wanted(direction=options.direction, positions=_positions(inputs),
+    request = TableRequest(direction=options.direction, positions=_positions(inputs),
                      reference=options.reference, frame=frame)  # fmt: skip
     names = _names(inputs)
     errors, axis, first = _errors(inputs, names, request, overrides.get("axis", ROTARY).lower())
@@ -155,7 +155,7 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
 
 
 def _errors(
-    inputs: Inputs, names: Sequence[str], request: Wanted, rotary: str
+    inputs: Inputs, names: Sequence[str], request: TableRequest, rotary: str
 ) -> tuple[AxisErrors, str, Stated | None]:
     """Errors by readings of the first name, else of the machine, plus the others; the axis, and
     the first component as stated (None of a rotary axis).

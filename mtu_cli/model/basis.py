@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.stats.kernels import left_open, line, smooth_root, weights
+from mtu_cli.stats.kernels import interpolation_covariance, line, smooth_root, weights
 from mtu_cli.stats.least_squares import FloatArray, polynomial
 
 
@@ -73,15 +73,17 @@ class TableShape:
         """T (2, k) from values to level and slope of the least-squares line at the centre."""
         return np.asarray(np.linalg.pinv(line(self.at, center)), np.float64)
 
-    def left_open(self, position: FloatArray) -> FloatArray:
+    def interpolation_covariance(self, position: FloatArray) -> FloatArray:
         """Covariance (n, n) of what the values leave open, the same for all parts."""
         off = np.abs(position[:, None] - self.at).min(axis=1) > AT_MM
-        return self.roughness * left_open(self.at, position) + np.diag(off * self.between)
+        return self.roughness * interpolation_covariance(self.at, position) + np.diag(
+            off * self.between
+        )
 
     def of_runs(self, position: FloatArray) -> FloatArray:
         """Covariance (n, n) of the bend of one run, its line left out."""
         W = weights(self.at, position) @ smooth_root(self.at)
-        return self.own * (W @ W.T + left_open(self.at, position))
+        return self.own * (W @ W.T + interpolation_covariance(self.at, position))
 
 
 Shape = Powers | TableShape

@@ -117,7 +117,7 @@ def _joint_parameters(names: tuple[str, ...], C: FloatArray) -> JointPasses:
     )
 
 
-def all_together(
+def joint_effects(
     machine: LoadedMachine,
     reported: EffectEstimates | None,
     names: tuple[str, ...],

@@ -249,7 +249,10 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
             continue
         positions, at = np.unique(place[axis], return_inverse=True)
         G = np.repeat(np.eye(len(positions))[at], len(model.axes), axis=0) * levers[:, t, None]
-        for of_part, C in ((False, table.left_open(positions)), (True, table.of_runs(positions))):
+        for of_part, C in (
+            (False, table.interpolation_covariance(positions)),
+            (True, table.of_runs(positions)),
+        ):
             if C.any():
                 block = normal_block(term.estimate.name, G @ covariance_root(C), of_part=of_part)
                 blocks.append(replace(block, pass_dof=table.own_dof) if of_part else block)

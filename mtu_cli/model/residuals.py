@@ -89,7 +89,7 @@ class ResidualTable:
         """Which cells (P, H) were measured."""
         return self.repeats > 0
 
-    def freed(self, values: FloatArray) -> FloatArray:
+    def without_datum(self, values: FloatArray) -> FloatArray:
         """Columns (P or 1, H, A, K) less the best-fit motions of the datum in each part, as the
         errors and factors are; cells that were not measured keep theirs.
         """
@@ -230,9 +230,9 @@ def residual_table(
         # Where all measurements of a part have the same features, errors are aligned already.
         table = replace(
             table,
-            errors=table.freed(table.errors[..., None])[..., 0],
-            common=compressed(table.freed(table.common)),
-            of_part=compressed(table.freed(table.of_part)),
+            errors=table.without_datum(table.errors[..., None])[..., 0],
+            common=compressed(table.without_datum(table.common)),
+            of_part=compressed(table.without_datum(table.of_part)),
         )
     return table, tuple(warnings)
 

@@ -273,7 +273,7 @@ def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -
     return result
 
 
-def freed(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, bool]:
+def aligned(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, bool]:
     """The points with best-fit alignment removed from each visit, and whether all visits are
     complete: each has every feature of its operation.
     """

@@ -44,7 +44,7 @@ def weights(knots: FloatArray, position: FloatArray) -> FloatArray:
     return result
 
 
-def left_open(knots: FloatArray, position: FloatArray) -> FloatArray:
+def interpolation_covariance(knots: FloatArray, position: FloatArray) -> FloatArray:
     """Covariance (n, n) of f - W f(knots), the error of the interpolation, for tau = 1."""
     center, half = _scale(knots)
     positions = (np.concatenate([knots, position]) - center) / half

@@ -70,7 +70,7 @@ def medians(table: FloatArray, axis: int) -> FloatArray:
     return (low + high) / 2
 
 
-def polished(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
+def median_polish(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
     """A table (rows, columns) less the medians of its columns, of its rows, and of its columns
     again (the median polish of Tukey, 1977); of rows at `x` (columns,) also less their slope, the
     median of those of all pairs (Theil 1950, Sen 1968). Rows of FEWEST values or fewer keep their

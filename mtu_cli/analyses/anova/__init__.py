@@ -41,8 +41,8 @@ from mtu_cli.model.measured import (
 )
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import (
+    aligned,
     axes_of,
-    freed,
     incomplete_datum,
     only_features,
     operations_of,
@@ -114,8 +114,10 @@ def analyse_variance(
     Raises InputError for a feature that stands twice in one repeat of one part, and a row or
     column that is off its axis.
     """
-    loose, complete = freed(points, axes_of(points), datum)
-    tables: dict[Kind, MeasuredTables] = {"feature": feature_tables(loose, roundings(points))}
+    aligned_points, complete = aligned(points, axes_of(points), datum)
+    tables: dict[Kind, MeasuredTables] = {
+        "feature": feature_tables(aligned_points, roundings(points))
+    }
     warnings = [*left_out(points), *([] if complete else [incomplete_datum()])]
     if part is not None:
         lengths, angles = part.part.lengths, part.part.orthogonality

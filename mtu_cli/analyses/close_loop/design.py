@@ -270,7 +270,7 @@ def _freed_lever(lever: Levers, table: ResidualTable) -> Levers:
     full = np.zeros((p, H, A, G))
     for a, values in lever.items():
         full[:, :, a] = np.moveaxis(np.broadcast_to(values, (G, p, H)), 0, -1)
-    return dict(enumerate(np.moveaxis(table.freed(full), (2, 3), (0, 1))))
+    return dict(enumerate(np.moveaxis(table.without_datum(full), (2, 3), (0, 1))))
 
 
 def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:

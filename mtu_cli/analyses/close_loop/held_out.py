@@ -118,7 +118,7 @@ def contribution(
             variables[effect.component] = values.reshape(along.shape)
         for key, text in effect.equations.items():
             total[..., table.axes.index(key[1:])] += evaluate(parse(text), variables)
-    return table.freed(total[..., None])[..., 0]
+    return table.without_datum(total[..., None])[..., 0]
 
 
 def model_average(

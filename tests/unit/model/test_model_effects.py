@@ -16,7 +16,7 @@ from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.analyses.predict_points import predict_points
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix
-from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
+from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.features import guess_warnings
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
@@ -112,8 +112,8 @@ def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
 
 def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS)
-    assert all_together(loaded(tmp_path, MACHINE), None, (), np.zeros((0, 0))) is None
-    found = all_together(machine, None, ("backlash-x.lost_motion",), np.array([[7e-6]]))
+    assert joint_effects(loaded(tmp_path, MACHINE), None, (), np.zeros((0, 0))) is None
+    found = joint_effects(machine, None, ("backlash-x.lost_motion",), np.array([[7e-6]]))
     assert found is not None
     assert list(found.names) == NAMES
     own = np.array([[7, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]])

@@ -169,13 +169,13 @@ def test_candidates_are_projected_as_errors_are(
     added = points.measured.copy()
     added[:, :2] += effect[points.part, own]
     after, _ = residual_table(model, replace(points, measured=added), {}, datum)
-    freed = before.freed(effect[..., None])[..., 0]
+    freed = before.without_datum(effect[..., None])[..., 0]
     difference = after.errors - before.errors
     there = np.isfinite(difference)
     assert there.all(axis=2).sum() == (before.repeats > 0).sum()
     np.testing.assert_allclose(difference[there], freed[there], rtol=0, atol=1e-13)
     # What is free already is not freed twice.
-    np.testing.assert_allclose(before.freed(freed[..., None])[..., 0], freed, atol=1e-15)
+    np.testing.assert_allclose(before.without_datum(freed[..., None])[..., 0], freed, atol=1e-15)
 
 
 def _name(points: Points, i: int, operations: int) -> str:

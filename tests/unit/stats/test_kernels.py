@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.special import logsumexp
 
-from mtu_cli.stats.kernels import left_open, smooth_root, weights, wiener
+from mtu_cli.stats.kernels import interpolation_covariance, smooth_root, weights, wiener
 from mtu_cli.stats.smooth_profile import AMPLITUDES, LOG_PRIOR, averaged
 
 KNOTS = np.array([0.0, 30.0, 80.0, 100.0, 170.0, 200.0])
@@ -35,7 +35,7 @@ def test_what_knots_leave_open_is_that_of_paths() -> None:
     paths = arms @ (rng.standard_normal((len(t), 40_000)) * np.sqrt(step))
     missed = paths[len(KNOTS) :] - weights(KNOTS, at) @ paths[: len(KNOTS)]
     expected = np.cov(missed)
-    found = left_open(KNOTS, at)
+    found = interpolation_covariance(KNOTS, at)
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert found / scale == pytest.approx(expected / scale, abs=0.03)
 

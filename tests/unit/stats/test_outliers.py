@@ -16,8 +16,8 @@ from mtu_cli.stats.outliers import (
     NEAR_EFFICIENCY,
     OUTLYING_P,
     deviation_p,
+    median_polish,
     outlying,
-    polished,
     spikes,
 )
 from mtu_cli.stats.rotation import outstanding_rows
@@ -171,7 +171,7 @@ def test_a_polish_leaves_what_is_neither_of_row_nor_of_column() -> None:
     table = np.arange(6.0)[:, None] + x**2 + np.outer([0, 1, 2, 3, 4, 5.0], x)
     table[2, 3] += 9.0
     table[4, 0] = np.nan
-    left = polished(table, x)
+    left = median_polish(table, x)
     assert left[2, 3] == pytest.approx(9.0, abs=0.5)
     left[2, 3] = 0.0
     assert np.nanmax(np.abs(left)) < 0.5
