@@ -24,8 +24,10 @@ CONSTANT_TRAVELS = 20.0
 """Largest constant of a machine, in travels of its longest axis."""
 NEARLY = 0.83
 """Likeness of names of which one is a slip of the other; of operator and operation it is 0.82."""
+SPAN = 0.02
+"""Positions in their right unit span more than this share of a travel ..."""
 NARROW = 0.05
-"""Positions of passes span more than this share of a travel ..."""
+"""... and those of passes more than this one, or another unit is looked for ..."""
 BEYOND = 3.0
 """... and lie within so many travels of its origin, or nominal places of their median."""
 

@@ -16,6 +16,7 @@ from mtu_cli.checks.plausible import (
     NARROW,
     NEARLY,
     POSITIONS,
+    SPAN,
     TOLERANCE_UM,
     TRAVEL_MM,
     largest,
@@ -87,7 +88,7 @@ def beyond(data: Data) -> Iterator[Odd]:
         odd = np.flatnonzero(np.abs(values - middle) > BEYOND * travel)
         if len(odd):
             size = float(np.abs(values[odd]).max())
-        meant = [unit for unit, to in POSITIONS.items() if NARROW * travel < size * to <= travel]
+        meant = [unit for unit, to in POSITIONS.items() if SPAN * travel < size * to <= travel]
         hint = f"; in {' or '.join(meant)} they would not be" if meant else ""
         facts = {"axis": axis, "travel": travel, "hint": hint}
         if isinstance(data, DocumentData):
