@@ -337,11 +337,11 @@ def _warnings(causes: list[Cause], both: bool, timed: bool) -> Iterator[Finding]
     if not both:
         reason = "traces in one direction only: squareness and servo lag look alike"
         names = ["squareness", "servo-mismatch", "G_bidirectional", "D"]
-        yield finding("not-estimable", quantity="value", names=names, reason=reason)
+        yield finding("not-estimable", quantity="causes and figures", names=names, reason=reason)
     elif not timed:
         reason = "no feed is stated (--feed, or a column feed_mm_min)"
         names = ["servo-mismatch"]
         yield finding("not-estimable", quantity="time", names=names, reason=reason)
     if rest := [name for name in unknown if both or name != "squareness"]:
         reason = "the samples do not separate them from the other terms"
-        yield finding("not-estimable", quantity="value", names=rest, reason=reason)
+        yield finding("not-estimable", quantity="causes", names=rest, reason=reason)

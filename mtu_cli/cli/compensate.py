@@ -87,7 +87,12 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             components = ", ".join(readings.components)
             reason = f"--verify holds readings of {components}, not of {names[0]}"
             raise error("not-applicable", reason=reason)
-        result = verify(result, *_columns(readings, _rows(readings, names[0]), axis))
+        columns = _columns(readings, _rows(readings, names[0]), axis)
+        try:
+            result = verify(result, *columns)
+        except InputError as fault:
+            file = readings.sources[0].shown
+            raise InputError([each.at(file=file) for each in fault.findings]) from None
 
     def files() -> dict[Path, bytes]:
         contents, table = dict[Path, bytes](), options.to_file

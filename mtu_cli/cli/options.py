@@ -205,7 +205,7 @@ CHOICES = declare("""
         offset,rotation or (of a ring) offset,diameter | shown: none
     correlation | text | HOW | shared: full covariance; independent: as the papers | shown: shared
     k | float --k --coverage-factor | K | Coverage factor of U = k u | \
-        shown: 2; of a budget, for 95 %
+        shown: 2; in a budget the k for 95 %
     digits | int | N | Significant digits of u that matter | shown: 2
     seed | int | N | Seed of the random numbers
     trials | int | N | Monte Carlo trials; without it the count adapts
