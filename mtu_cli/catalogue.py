@@ -280,9 +280,9 @@ CATALOGUE: dict[str, Kind] = {
         "{mean_um:.3g} um, p = {p:.1g}): one value of backlash over-corrects somewhere"
     ),
     "unlike-first-test": _warning(
-        "{component}: the readings of --verify differ from the first test less k tables by more "
-        "than its scatter (chi2/dof {ratio:.3g}, p = {p:.1g}): the axis or the control has "
-        "changed otherwise, too",
+        "{component}: beyond what the table does, the readings of --verify differ from the first "
+        "test by more than its scatter (chi2/dof {ratio:.3g}, p = {p:.1g}): the axis or the "
+        "control has changed, too",
         True,
     ),
     "no-better": _warning(

@@ -2,9 +2,9 @@
 
 One algebra serves machines, effects, budgets and graphs; the rule of every operation stands in the
 table of functions. A name without a known unit (a constant, say) may stand for anything. In a sum a
-literal has the unit of the other side, but beside a ratio (um/m, %) it is a plain number; as a
-factor it has what the `Algebra` says; in the argument of a function, as in ``exp(-t/30 + 1)``, it
-may have any, so that its dimension is not judged.
+literal has the unit of the other side, but beside a product that is a ratio (um/m) it is a plain
+number; as a factor it has what the `Algebra` says; in the argument of a function, as in
+``exp(-t/30 + 1)``, it may have any, so that its dimension is not judged.
 """
 
 from __future__ import annotations
@@ -101,11 +101,11 @@ class Algebra:
                 continue
             if _has_literal_factor(rest):  # in 1 + x/500 the 500 may be mm
                 return unit * ANY
-            if value and verb == "added" and unit.alike(PLAIN) and not unit.agrees(PLAIN):
-                # 1 + alpha*dT is no number of um/m.
-                expected = f"a plain number{times(unit, PLAIN, f': {short_text(rest)}')}"
-                self.add(f"what is added to {short_text(side)}", unit, PLAIN, expected,
-                         column=column)  # fmt: skip
+            if value and verb == "added" and _is_product(rest) and _is_scaled_ratio(unit):
+                # 1 + alpha*dT is no number of um/m; in phi - 90 the 90 is in deg, as phi is.
+                expected = times(unit, PLAIN, short_text(rest)) or "a plain number"
+                of = f"what is added to {short_text(side)}"
+                self.add(of, unit, PLAIN, expected, column=column)
                 return ANY
             return unit
         if one.agrees(other):
@@ -126,6 +126,16 @@ class Algebra:
         """A fault: what is of a `unit` that is not the `target`."""
         facts = {"unit": unit.text(self.names), "wanted": target.text(self.names)}
         self.faults.append(finding("wrong-unit", of=of, **facts, expected=expected, **place))
+
+
+def _is_product(node: Node) -> bool:
+    products = ("product", "quotient", "power")
+    return isinstance(node, Call) and FUNCTIONS[node.function].unit in products
+
+
+def _is_scaled_ratio(unit: Powers) -> bool:
+    """Of no dimension, and another size than 1, as um/m and %."""
+    return unit.alike(PLAIN) and not unit.agrees(PLAIN)
 
 
 def _has_literal_factor(node: Node) -> bool:

@@ -72,6 +72,18 @@ def test_one_direction_does_not_separate_squareness_from_servo_lag() -> None:
     assert "squareness-or-servo" not in two_ways
 
 
+def test_the_sum_of_squareness_and_lag_scatters_by_its_u() -> None:
+    causes = Causes()
+    lag = (causes.lag[0] - causes.lag[1]) * causes.feed / 60
+    z = []
+    for seed in range(40):
+        traces = made(causes, ways="ccw", s=0.0003, phi=0.8, seed=seed)
+        both = diagnose(traces).cause("squareness-or-servo")
+        z.append((both.value - (causes.lean * causes.radius + lag) / 2) / both.u)
+    # Four standard errors of a standard deviation.
+    assert np.sqrt(np.mean(np.square(z))) == pytest.approx(1.0, abs=4 / np.sqrt(2 * len(z)))
+
+
 def test_the_diagram_holds_the_whole_trace() -> None:
     """A reach of 14 um is no 10."""
     result = diagnose(made(replace(Causes(), lean=200e-6, lag=(0.0, 0.0))))

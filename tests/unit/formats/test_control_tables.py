@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from control_simulations import CONTROLS
+from scipy.stats import f
 
 from mtu_cli.analyses.compensate import (
     AxisErrors,
@@ -313,6 +314,29 @@ def test_a_new_reversal_or_wave_is_reported_beside_the_verdict() -> None:
         for change in (np.array([[6e-3], [-6e-3]]), wave):
             assert all(warned(change, stops, runs) for _ in range(10))
         assert sum(warned(0.0, stops, runs) for _ in range(200)) <= 4
+
+
+def test_the_misfit_is_that_of_a_straight_line() -> None:
+    """Of repeats without runs every reading has s^2 (1 + 1/n) and the last place: chi^2/(n - 2)
+    about a line of least squares, plainly.
+    """
+    rng, s, n = np.random.default_rng(8), 1e-3, 6
+    at, way = np.tile(TARGETS, 2 * n), np.repeat([1, -1], n * len(TARGETS))
+    value = TRUE[(way < 0).astype(int), np.tile(np.arange(15), 2 * n)] + rng.normal(0, s, at.size)
+    first = axis_errors(at, way, value, np.zeros(at.size, int))
+    result = compensate(first, *made("table"), TableRequest(), trials=10)
+    assert result.applied is not None
+    after = rng.normal(0, 2 * s, 30)
+    place, turn = np.tile(TARGETS, 2), np.repeat([1, -1], 15)
+    found = verified(result, (place, turn, after, np.zeros(30, int)))
+    t = result.applied.ravel()
+    y = after - first.means.ravel() + t
+    rest = y - np.polyval(np.polyfit(t, y, 1), t)
+    scatter = value.reshape(2, n, 15) - value.reshape(2, n, 15).mean(1, keepdims=True)
+    variance = (scatter**2).sum() / (30 * (n - 1)) * (1 + 1 / n) + result.quantum**2 / 12
+    assert found.misfit is not None
+    assert pytest.approx((rest @ rest) / 28 / variance, rel=1e-6) == found.misfit.F
+    assert found.misfit.p == pytest.approx(f.sf(found.misfit.F, 28, 30 * (n - 1)), rel=1e-6)
 
 
 def test_the_interval_of_k_covers_also_readings_that_scatter_more() -> None:

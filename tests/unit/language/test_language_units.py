@@ -98,6 +98,8 @@ def consistency(text: str, result: str, **units: str) -> str | None:
         ("l*(1 + a*t)", "nm", {"l": "mm", "a": "um/m/K", "t": "K"}, "wrong-unit"),
         ("l*(1 + a*t/1000000)", "mm", {"l": "mm", "a": "um/m/K", "t": "K"}, None),
         ("a + 0.5", "mm", {"a": "mm"}, None),
+        ("a + b - 90", "deg", {"a": "deg", "b": "deg"}, None),
+        ("100 - p", "%", {"p": "%"}, None),
         ("l*a*t/1000", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, None),
         ("1000*V/I*cos(p)", "ohm", {"V": "V", "I": "mA", "p": "rad"}, None),
         ("cos(p)", "1", {"p": "deg"}, "wrong-unit"),
