@@ -20,7 +20,7 @@ from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.main import main
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.findings import InputError, finding
+from mtu_cli.findings import Finding, InputError, finding
 
 STUDY = """\
 schema: mtu/study/1
@@ -148,19 +148,25 @@ def test_readings_that_a_report_was_fitted_to_are_no_news(small: Path) -> None:
     fitted = small / "r.json"
     execute(Options("fit-components", {"out": fitted, "quiet": True}), fit_components)
 
-    def names(values: Mapping[str, Any]) -> list[Any]:
+    def unused(values: Mapping[str, Any]) -> list[Finding]:
         found = modelled(Inputs(Options("lengths", {"components": [fitted], **values}))).warnings
-        return [item.facts["names"] for item in found if item.code == "not-used"]
+        return [item for item in found if item.code == "not-used"]
+
+    def names(values: Mapping[str, Any]) -> list[Any]:
+        return [item.facts["names"] for item in unused(values)]
 
     assert names({}) == []
     (small / "new.csv").write_bytes((small / "lbb.csv").read_bytes() + b"# once more\n")
+    assert "other files" in unused({"lbb": [Path("new.csv")]})[0].message
     for lbb in (["new.csv"], ["lbb.csv", "new.csv"]):
         assert names({"lbb": [Path(name) for name in lbb]}) == [["new.csv"]]
     with pytest.raises(InputError, match=r"lbb\.cvs: no such file; did you mean 'lbb\.csv'"):
         names({"lbb": [Path("lbb.cvs")]})
     document = json.loads(fitted.read_text())
     fitted.write_text(json.dumps(document | {"inputs": []}))
-    assert len(names({})) == 1
+    # A report that names no readings may be of these.
+    (item,) = unused({})
+    assert "other files" not in item.message
 
 
 @pytest.mark.parametrize("name", ["dir_z=0", "dir_x=2", "dir_*=0.5"])
