@@ -246,8 +246,9 @@ class BoundTemplate:
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
     of each parameter; `used` are the columns that these and `needs` name, `covariate` the one
-    that the effect depends on, `grid` (G,) the values of the searched parameter, if any. With it
-    its `margins`; of a family `over` features, parts or operations one member each is `chosen`.
+    that the effect depends on, `grid` (G,) the values of the searched parameter, if any, and `ends`
+    (D,) the data's values that it lies between. With it its `margins`; of a family `over` features,
+    parts or operations one member each is `chosen`.
     """
 
     family: Family
@@ -259,6 +260,7 @@ class BoundTemplate:
     used: tuple[str, ...]
     covariate: str | None
     grid: FloatArray | None
+    ends: FloatArray | None = None
     margins: tuple[BoundTemplate, ...] = ()
     chosen: tuple[str, ...] | None = None
 
@@ -271,6 +273,16 @@ class BoundTemplate:
     def scale(self) -> str:
         """Of the grid of the searched parameter; empty without one."""
         return "" if self.template.search is None else self.template.search.grid
+
+    def gap(self, place: float) -> tuple[float, float, list[float]]:
+        """The data's values next to a place between them, and places in this gap as close to each
+        other as most of the values: from all of these on the errors are the same.
+        """
+        assert self.ends is not None
+        i = int(np.searchsorted(self.ends, place))
+        low, high = float(self.ends[i - 1]), float(self.ends[i])
+        count = max(1, round((high - low) / float(np.median(np.diff(self.ends)))))
+        return low, high, (low + (np.arange(count) + 0.5) * (high - low) / count).tolist()
 
     def columns(self, searched: FloatArray | None) -> tuple[Levers, ...]:
         """The levers of each parameter at values (G,) of the searched one.
@@ -359,7 +371,7 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         pairs = (pair for by_name in levers.values() for pair in by_name.items())
         timed = dict.fromkeys(name for name, lever in pairs if TIME in names(lever))
         units |= {name: per_minute(name, units[name]) for name in timed}
-    grid = None
+    grid = ends = None
     if (search := template.search) is not None:
         along = search.of and _column(search.of, binding, data)[0]
         if along:
@@ -368,6 +380,8 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         grid = grid_of(search, data.values[along] if along else None, size)
         if not len(grid):
             raise NoMember(f"too few values of {along} to search {template.searched}")
+        if along and search.grid == "between":
+            ends = np.unique(data.values[along])
     used = sorted(inputs - {*AXES})
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
     whole = BoundTemplate(
@@ -380,6 +394,7 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         used=tuple(used),
         covariate=next(iter([*goes_with, *used]), None),
         grid=grid,
+        ends=ends,
     )
     whole.columns(grid)
     if grid is not None:

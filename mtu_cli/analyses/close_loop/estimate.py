@@ -5,7 +5,7 @@ profiles as tables of values along an axis with their covariance.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -61,8 +61,8 @@ class Estimates:
     fit: Fit
 
 
-def searched_set(models: ModelSet, model: Model, item: int) -> tuple[tuple[float, float], ...]:
-    """The 95 % set of what was searched of one effect of a model; empty where nothing was.
+def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
+    """The 95 % set of what was searched of one effect of a model; None where nothing was.
 
     It is the union of the profile-likelihood set and of the highest-posterior set, the prior
     uniform in the angle between columns: the first alone forgets values that the search could have
@@ -70,11 +70,12 @@ def searched_set(models: ModelSet, model: Model, item: int) -> tuple[tuple[float
     """
     design, like = models.design, models.likelihood
     member = design.members[item]
+    form = member.form
     if member.value is None:
-        return ()
+        return None
     rest = tuple(x for x in models.members(model) if x != item)
     base = like.fit(like.closure(rest))
-    items = members_at(design, member.form, grid_values(member.form))
+    items = members_at(design, form, grid_values(form))
     items, _, arcs = neighbours(sorted(items, key=lambda m: m.value or 0.0))
     values = np.array([m.value for m in items], float)
     gains = _gains(like, base, items)
@@ -84,10 +85,22 @@ def searched_set(models: ModelSet, model: Model, item: int) -> tuple[tuple[float
     ranked = np.argsort(-shares, kind="stable")
     credible[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
     # Runs of values; a gap of one value is bridged, as the grid may miss a peak.
-    places, ends = np.flatnonzero(credible), np.pad(values, 1, mode="edge")
-    edges = (ends[1:] + ends[:-1]) / 2
-    runs = np.split(places, np.flatnonzero(np.diff(places) > 2) + 1)
-    return tuple((float(edges[run[0]]), float(edges[run[-1] + 1])) for run in runs)
+    hits, ends = np.flatnonzero(credible), np.pad(values, 1, mode="edge")
+    lows, highs = (ends[:-2] + values) / 2, (ends[2:] + values) / 2
+    places = list[tuple[float, float]]()
+    if form.ends is not None:
+        gaps = [form.gap(value) for value in values.tolist()]
+        lows = np.minimum(lows, [low for low, _, _ in gaps])
+        highs = np.maximum(highs, [high for _, high, _ in gaps])
+        for i, share in zip(hits, (shares[hits] / shares[hits].sum()).tolist(), strict=True):
+            places += [(place, share / len(gaps[i][2])) for place in gaps[i][2]]
+    runs = np.split(hits, np.flatnonzero(np.diff(hits) > 2) + 1)
+    return Searched(
+        name=form.searched,
+        value=member.value,
+        intervals=tuple((float(lows[run[0]]), float(highs[run[-1]])) for run in runs),
+        places=tuple(places),
+    )
 
 
 def without_aliases(models: ModelSet, model: Model) -> Model:
@@ -96,7 +109,8 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
     of these each predicts other errors between the places.
     """
     for item in model:
-        if item < 0 or len(searched_set(models, model, item)) < 2:
+        searched = searched_set(models, model, item) if item >= 0 else None
+        if searched is None or len(searched.intervals) < 2:
             continue
         axis = models.design.candidates[models.design.members[item].candidate].axis
         smooth = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
@@ -201,6 +215,11 @@ def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estima
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
     J, labels, starts = _map(design, fit.columns, optima)
     covariance, values = J @ fit.covariance @ J.T, J @ fit.beta
+    for (best, _), end in zip(optima, starts[1:], strict=True):
+        last = end - 1
+        if labels[last][2] == "searched" and _beyond(design.members[best], values[last]):
+            # The estimates given that it does not change.
+            values = values - covariance[:, last] / covariance[last, last] * values[last]
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
     parts = np.abs(J) * np.sqrt(np.diag(fit.covariance))
     dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
@@ -221,10 +240,10 @@ def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estima
     for item, member, (_, tangent), ends in zip(
         items, members, optima, pairwise(starts), strict=True
     ):
-        form, rows, searched = member.form, tuple(range(*ends)), None
-        if sets and member.value is not None:
-            runs = searched_set(models, model, item)
-            searched = Searched(name=form.searched, value=member.value, intervals=runs)
+        form, rows = member.form, tuple(range(*ends))
+        searched = searched_set(models, model, item) if sets else None
+        if searched is not None and member.value is not None:
+            searched = replace(searched, value=member.value)
         effects.append(
             FoundEffect(
                 candidate=design.candidates[member.candidate],
@@ -232,7 +251,7 @@ def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estima
                 parameters=sizes[slice(*ends)],
                 covariance=covariance[np.ix_(rows, rows)],
                 rows=rows,
-                equations=_equations(member, tangent, sizes[slice(*ends)]),
+                equations=_equations(member, tangent, sizes[slice(*ends)], searched),
                 chosen=None if form.chosen is None else form.chosen[member.chosen or 0],
                 searched=searched,
             )
@@ -244,6 +263,15 @@ def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estima
         covariance=covariance,
         fit=fit,
     )
+
+
+def _beyond(member: Member, change: float) -> bool:
+    """Whether what was searched is at an end of its range and a `change` leads out of it."""
+    assert member.value is not None
+    assert member.form.grid is not None
+    low, high = float(member.form.grid.min()), float(member.form.grid.max())
+    at_low, at_high = member.value <= low * (1 + 1e-9), member.value >= high * (1 - 1e-9)
+    return (at_low and change < 0) or (at_high and change > 0)
 
 
 def _map(
@@ -278,16 +306,20 @@ def _map(
 
 
 def _equations(
-    member: Member, tangent: Tangent | None, sizes: Sequence[Parameter]
+    member: Member, tangent: Tangent | None, sizes: Sequence[Parameter], searched: Searched | None
 ) -> dict[str, str]:
     """The equations of an effect with its margins, and the change of what was searched: by its
-    logarithm, the sizes in proportion.
+    logarithm, the sizes in proportion. A place between values is averaged over its set.
     """
     bound, value = member.form, member.value
+    places = (searched is not None and searched.places) or ((value, 1.0),)
     terms: dict[str, list[str]] = {}
     for form in (bound, *bound.margins):
-        for key, text in form.texts(value).items():
-            terms.setdefault(key, []).append(text)
+        texts = [(form.texts(place), share) for place, share in places]
+        for key in texts[0][0]:
+            of_places = [f"{share:.6g}*({text[key]})" for text, share in texts]
+            same = len({text[key] for text, _ in texts}) == 1
+            terms.setdefault(key, []).extend([texts[0][0][key]] if same else of_places)
     # Two effects that have the same change have it once.
     changed = any(size.role == "searched" for size in sizes)
     if changed and value is not None and tangent is not None:

@@ -24,7 +24,7 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.threads import available_threads, workers
 
-FOLDS = 5
+FOLDS = 7
 FEWEST = 4
 """Parts from which on parts are held out, else columns of the table."""
 

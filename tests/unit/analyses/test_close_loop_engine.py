@@ -290,6 +290,56 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
     assert effect.table.between == pytest.approx(amplitude**2, rel=0.2)
 
 
+def test_a_step_is_averaged_over_the_places_that_fit() -> None:
+    """Between the parts that were measured it may be at any place: in the mean a ramp, and a step
+    where the parts follow each other.
+    """
+    parts, jump = 16, 12 * NOISE_MM
+    own = noise(4, parts, part=0.2 * NOISE_MM)
+    errors = own.errors.copy()
+    errors[8:, :, 0] += jump
+
+    def written(sequence: FloatArray) -> FloatArray:
+        there = replace(own, errors=errors, covariates={"sequence": sequence[:, None]})
+        found = diagnosis(there, "step")
+        (effect,) = effects_of(found, estimates_of(found.models, found.model))
+        assert effect.name == "step-x"
+        values = {p.name: p.value for p in effect.parameters}
+        at = np.arange(6.0, 14.0)
+        (text,) = effect.equations.values()
+        shift = evaluate(parse(text), values | {"sequence": at}) - values["level_x"]
+        return np.asarray(shift / values["jump"])
+
+    counted = np.arange(1.0, parts + 1)
+    np.testing.assert_allclose(written(counted), [0, 0, 0, 1, 1, 1, 1, 1], atol=1e-6)
+    # Parts 9 to 11 were not measured.
+    gap = np.where(counted > 8, counted + 3, counted)
+    np.testing.assert_allclose(written(gap), [0, 0, 0, 0.25, 0.5, 0.75, 1, 1], atol=1e-5)
+
+
+def test_a_searched_value_at_an_end_of_its_range_does_not_leave_it() -> None:
+    """A warm-up that has settled before the first part: sizes are those of least squares at the end
+    of the range, without a change that would lead out of it.
+    """
+    parts = 16
+    own = noise(9, parts, part=0.0, feature=0.0)
+    time = np.linspace(60.0, 600.0, parts)[:, None]
+    errors = own.errors.copy()
+    errors[..., 0] += 60 * NOISE_MM * np.exp(-time / 25.0)
+    found = diagnosis(replace(own, errors=errors, covariates={"time_min": time}), "warm-up")
+    sizes = estimates_of(found.models, found.model)
+    (effect,) = sizes.effects
+    assert effect.searched is not None
+    assert effect.searched.value == pytest.approx(60.0)
+    (change,) = effect.of_role("searched")
+    assert change.value == pytest.approx(0.0, abs=1e-12)
+    # Parts and features hardly scatter: plain least squares.
+    settled = 1 - np.exp(-time[:, 0] / 60.0)
+    X = np.column_stack([settled, np.ones(parts)])
+    expected = np.linalg.lstsq(X, errors[..., 0].mean(axis=1), rcond=None)[0]
+    assert effect.parameters[0].value == pytest.approx(expected[0], rel=1e-6)
+
+
 # Where effects cancel: of sizes that are known to the last digit.
 
 
