@@ -274,15 +274,14 @@ class BoundTemplate:
         """Of the grid of the searched parameter; empty without one."""
         return "" if self.template.search is None else self.template.search.grid
 
-    def gap(self, place: float) -> tuple[float, float, list[float]]:
-        """The data's values next to a place between them, and places in this gap as close to each
-        other as most of the values: from all of these on the errors are the same.
+    def gap(self, place: float) -> tuple[float, float, int]:
+        """The data's values next to a place between them, and how many times as far apart they are
+        as most: of all places in this gap the errors are the same.
         """
         assert self.ends is not None
         i = int(np.searchsorted(self.ends, place))
         low, high = float(self.ends[i - 1]), float(self.ends[i])
-        count = max(1, round((high - low) / float(np.median(np.diff(self.ends)))))
-        return low, high, (low + (np.arange(count) + 0.5) * (high - low) / count).tolist()
+        return low, high, max(1, round((high - low) / float(np.median(np.diff(self.ends)))))
 
     def columns(self, searched: FloatArray | None) -> tuple[Levers, ...]:
         """The levers of each parameter at values (G,) of the searched one.

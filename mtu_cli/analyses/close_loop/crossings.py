@@ -52,7 +52,7 @@ def without_references(diagnosis: Diagnosis) -> Diagnosis:
     values = TableData.of(table).values
     for offset in diagnosis.offsets if diagnosis.entries else ():
         rest = replace(diagnosis, offsets=tuple(x for x in diagnosis.offsets if x is not offset))
-        sizes = estimates_of(rest.models, rest.model, sets=False)
+        sizes = estimates_of(rest.models, rest.model)
         for zero in crossings(effects_of(rest, sizes), sizes.covariance, table):
             column, (low, high) = values[zero.covariate], zero.interval95
             inside = low <= column.max() and high >= column.min()

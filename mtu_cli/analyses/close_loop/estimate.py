@@ -4,6 +4,7 @@ profiles as tables of values along an axis with their covariance.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -34,6 +35,8 @@ from mtu_cli.stats.smooth_profile import averaged
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""
 COVERED = 0.95
+PLACES = 20
+"""Quantiles of its posterior over which a place between values is averaged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,13 +90,17 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     # Runs of values; a gap of one value is bridged, as the grid may miss a peak.
     hits, ends = np.flatnonzero(credible), np.pad(values, 1, mode="edge")
     lows, highs = (ends[:-2] + values) / 2, (ends[2:] + values) / 2
-    places = list[tuple[float, float]]()
+    places = list[float]()
     if form.ends is not None:
         gaps = [form.gap(value) for value in values.tolist()]
         lows = np.minimum(lows, [low for low, _, _ in gaps])
         highs = np.maximum(highs, [high for _, high, _ in gaps])
-        for i, share in zip(hits, (shares[hits] / shares[hits].sum()).tolist(), strict=True):
-            places += [(place, share / len(gaps[i][2])) for place in gaps[i][2]]
+        ends = np.cumsum([0.0, *shares[hits] / shares[hits].sum()])
+        for level in (np.arange(PLACES) + 0.5) / PLACES:
+            i = int(np.searchsorted(ends[1:-1], level))
+            low, high, count = gaps[hits[i]]
+            inside = int(count * (level - ends[i]) / (ends[i + 1] - ends[i]))
+            places.append(low + (inside + 0.5) * (high - low) / count)
     runs = np.split(hits, np.flatnonzero(np.diff(hits) > 2) + 1)
     return Searched(
         name=form.searched,
@@ -202,9 +209,9 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     return Tangent(index=int(index), norm=float(norm), sizes=sizes)
 
 
-def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates:
-    """Generalised least squares of all effects of a model at once; with the 95 % `sets` of what was
-    searched, if required.
+def estimates_of(models: ModelSet, model: Model) -> Estimates:
+    """Generalised least squares of all effects of a model at once, with the 95 % set of what was
+    searched.
     """
     design, like = models.design, models.likelihood
     items = models.members(model)
@@ -215,11 +222,14 @@ def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estima
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
     J, labels, starts = _map(design, fit.columns, optima)
     covariance, values = J @ fit.covariance @ J.T, J @ fit.beta
-    for (best, _), end in zip(optima, starts[1:], strict=True):
-        last = end - 1
-        if labels[last][2] == "searched" and _beyond(design.members[best], values[last]):
-            # The estimates given that it does not change.
-            values = values - covariance[:, last] / covariance[last, last] * values[last]
+    bounded = [
+        end - 1
+        for (best, _), end in zip(optima, starts[1:], strict=True)
+        if labels[end - 1][2] == "searched" and _beyond(design.members[best], values[end - 1])
+    ]
+    # The estimates given that these do not change, with the u of a free range.
+    cross = covariance[:, bounded]
+    values = values - cross @ np.linalg.solve(cross[bounded], values[bounded])
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
     parts = np.abs(J) * np.sqrt(np.diag(fit.covariance))
     dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
@@ -241,7 +251,7 @@ def estimates_of(models: ModelSet, model: Model, *, sets: bool = True) -> Estima
         items, members, optima, pairwise(starts), strict=True
     ):
         form, rows = member.form, tuple(range(*ends))
-        searched = searched_set(models, model, item) if sets else None
+        searched = searched_set(models, model, item)
         if searched is not None and member.value is not None:
             searched = replace(searched, value=member.value)
         effects.append(
@@ -312,14 +322,13 @@ def _equations(
     logarithm, the sizes in proportion. A place between values is averaged over its set.
     """
     bound, value = member.form, member.value
-    places = (searched is not None and searched.places) or ((value, 1.0),)
+    places = (searched is not None and searched.places) or (value,)
     terms: dict[str, list[str]] = {}
     for form in (bound, *bound.margins):
-        texts = [(form.texts(place), share) for place, share in places]
-        for key in texts[0][0]:
-            of_places = [f"{share:.6g}*({text[key]})" for text, share in texts]
-            same = len({text[key] for text, _ in texts}) == 1
-            terms.setdefault(key, []).extend([texts[0][0][key]] if same else of_places)
+        counts = Counter(pair for place in places for pair in form.texts(place).items())
+        for (key, text), count in counts.items():
+            weight = count / len(places)
+            terms.setdefault(key, []).append(text if weight == 1 else f"{weight:g}*({text})")
     # Two effects that have the same change have it once.
     changed = any(size.role == "searched" for size in sizes)
     if changed and value is not None and tangent is not None:

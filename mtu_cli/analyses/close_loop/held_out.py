@@ -24,7 +24,8 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.threads import available_threads, workers
 
-FOLDS = 7
+FOLDS = {"parts": 7, "columns": 5}
+"""Blocks of parts are short: what changes with time has to be followed across them."""
 FEWEST = 4
 """Parts from which on parts are held out, else columns of the table."""
 
@@ -44,7 +45,7 @@ def held_out(
     size = P if by == "parts" else H
     if size < FEWEST:
         return diagnose(table), None
-    count = min(FOLDS, size)
+    count = min(FOLDS[by], size)
     number = np.arange(size) * count // size if by == "parts" else np.arange(size) % count
     errors = np.full((3, *table.errors.shape), np.nan)
 
@@ -139,6 +140,6 @@ def model_average(
             entries = list(diagnosis.entries)
             entries[i] = replace(entry, item=item, name=name)
             rival = replace(diagnosis, model=model, entries=tuple(entries))
-            alternative = effects_of(rival, estimates_of(diagnosis.models, model, sets=False))
+            alternative = effects_of(rival, estimates_of(diagnosis.models, model))
             total += p / norm * (contribution(alternative, table) - best)
     return total

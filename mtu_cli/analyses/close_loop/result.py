@@ -21,13 +21,13 @@ WORST = ("unexplained", "class", "named", "none")
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Searched:
     """A parameter in which an effect is not linear: its likeliest value and its 95 % set, a union
-    of intervals; of a place between values all `places` of the set, each with its share.
+    of intervals; of a place between values the `places` at equal steps of its posterior.
     """
 
     name: str
     value: float
     intervals: tuple[tuple[float, float], ...]
-    places: tuple[tuple[float, float], ...] = ()
+    places: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
