@@ -165,6 +165,7 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     cell_values = table.astype(object).where(table.notna(), None)
     result.columns = {str(name): cell_values[name].tolist() for name in table}
     result.rows = table.index.tolist()
+    result.headings = {name: header[place[name]] for name in profile.columns}
     unused = [cell for i, cell in enumerate(header) if i not in place.values()]
     result.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
     result.drop("lines above the header", skip)
