@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome
@@ -11,7 +12,7 @@ from mtu_cli.cli.load import Inputs, named_file
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
-from mtu_cli.files.csv_file import read_tables
+from mtu_cli.files.csv_file import Converted, read_tables
 from mtu_cli.files.csv_table import CellFaults
 from mtu_cli.files.source import same
 from mtu_cli.findings import Finding, InputError, error
@@ -111,7 +112,8 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     unit = values["unit"]
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
-    tables, findings, faults = list[Imported](), list[Finding](), list[Finding]()
+    tables, findings, faults = list[Imported](), list[Finding](), CellFaults()
+    files = list[RawFile]()
     target = None if options.to_csv == STANDARD_OUTPUT else options.to_csv
     for path in options.file:
         try:
@@ -125,16 +127,19 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
             whose = "the unit given" if unit else "the component's unit"
             table = read(file, Ask(kind=kind, component=name, whose_unit=whose,
                                    profile=options.map, **values))  # fmt: skip
-            _check(inputs, file, table)
         except InputError as fault:
-            faults += fault.findings
+            for each in fault.findings:
+                faults.add(each)
             continue
         findings.append(file.finding("instrument-file", how=table.sentence))
         findings += [file.finding("instrument-doubt", doubt=text) for text in table.doubts]
         tables.append(table)
-    if faults:
-        raise InputError(faults)
-    text = _join(tables).csv(list(SPECS[kind].columns))
+        files.append(file)
+    joined = _join(tables, kind)
+    if files:
+        _check(inputs, files, tables, joined, faults)
+    faults.raise_if_any()
+    text = joined.csv(list(SPECS[kind].columns))
     notes = [each for each in findings if each.severity == "note"]
     return Outcome(
         tables=lambda detail: [each.message for each in notes] if target else [text.rstrip("\n")],
@@ -143,19 +148,9 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     )
 
 
-def _check(inputs: Inputs, file: RawFile, table: Imported) -> None:
-    """Raises InputError, by the lines of the file, for what is none of the contract's CSV."""
-    spec, faults = SPECS[table.kind], CellFaults()
-    if inputs.options.machine and table.kind != "points":
-        spec = spec.with_texts("component", inputs.machine.machine.components)
-    content, place = table.csv(list(spec.columns)).encode(), (file.source.path, file.source.role)
-    read_tables([place], spec, faults, lambda source, raw: (content, table.rows))
-    faults.raise_if_any()
-
-
-def _join(tables: list[Imported]) -> Imported:
+def _join(tables: list[Imported], kind: str) -> Imported:
     """Files end to end; the passes of a component that was read before are counted on."""
-    result, last = Imported(format="", kind=tables[0].kind), dict[str, int]()
+    result, last = Imported(format="", kind=kind), dict[str, int]()
     for table in tables:
         offsets = dict(last)
         for i, row in enumerate(table.rows):
@@ -166,6 +161,25 @@ def _join(tables: list[Imported]) -> Imported:
                 last[name] = max(last.get(name, 0), cells["pass"])
             result.add(row, **cells)
     return result
+
+
+def _check(
+    inputs: Inputs, files: list[RawFile], tables: list[Imported], joined: Imported,
+    faults: CellFaults,
+) -> None:  # fmt: skip
+    """Adds to `faults`, by the rows of the files, what in their `joined` tables is none of the
+    contract's CSV.
+    """
+    spec, parts, first = SPECS[joined.kind], list[Converted](), 0
+    if inputs.options.machine and joined.kind != "points":
+        spec = spec.with_texts("component", inputs.machine.machine.components)
+    for table in tables:
+        rows = slice(first, first := first + len(table.rows))
+        columns = {name: cells[rows] for name, cells in joined.columns.items()}
+        part = replace(table, columns=columns or table.columns)
+        parts.append(part.converted(list(spec.columns)))
+    places, rest = [(file.source.path, file.source.role) for file in files], iter(parts)
+    read_tables(places, spec, faults, lambda source, raw: next(rest), parts=True)
 
 
 def _unit_of(options: Options, component: str | None) -> str | None:

@@ -56,8 +56,11 @@ PIECE = 1 << 20
 """Bytes that are looked through at once."""
 
 
-Convert = Callable[[Source, bytes], tuple[bytes, list[int]] | None]
-"""Makes a CSV of an instrument's file, with the line of each row in that; None of what is a CSV."""
+Converted = tuple[bytes, list[int], Mapping[str, str]]
+"""A CSV that was made of an instrument's file, with the line of each row and the headings of
+columns in that."""
+Convert = Callable[[Source, bytes], Converted | None]
+"""Makes a CSV of an instrument's file; None of what is a CSV."""
 
 
 def read_tables(
@@ -65,10 +68,13 @@ def read_tables(
     spec: TableSpec,
     faults: CellFaults,
     convert: Convert | None = None,
+    *,
+    parts: bool = False,
 ) -> Table:
     """The rows of all (path, role) in one table; what is wrong with cells goes to `faults`.
 
-    Reported, too: a file that is read twice, times that contradict each other, and equal rows.
+    Reported, too: a file that is read twice, times that contradict each other, and equal rows of a
+    file. Files that are `parts` of one CSV are compared by their rows alone.
 
     Raises InputError where no file has a sound header, and ValueError without files.
     """
@@ -83,42 +89,45 @@ def read_tables(
         faults.raise_if_any()
         raise ValueError("no files to read")
     table = joined(tables)
-    _check_files(table, faults)
+    _check_files(table, faults, parts)
     if not faults.listed:
-        _check_equal_rows(table, faults)
+        _check_equal_rows(table, faults, parts)
     return table
 
 
-def _check_files(table: Table, faults: CellFaults) -> None:
+def _check_files(table: Table, faults: CellFaults, parts: bool) -> None:
     """Files that are read twice, and times that contradict each other."""
     first: dict[str, File] = {}
     dated_files = [file for file in table.files if "time" in file.header]
     for file in table.files:
         place: dict[str, Any] = {"file": file.source.shown}
         original = first.setdefault(file.source.sha256, file)
-        if original is not file:
+        if original is not file and not parts:
             name = original.source.shown
             faults.add(finding("copied-rows", other=name, expected="each file once", **place))
         elif dated_files and "time_min" in file.header:
             expected = "one of them in all files"
             faults.add(finding("exclusive", names=EXCLUSIVE, expected=expected, **place))
         elif dated_files and len(file.aware | dated_files[0].aware) > 1:
-            place |= {"column": "time", "other": "the other times"}
+            place |= {"column": file.headings.get("time", "time"), "other": "the other times"}
             expected = "all times of all files with an offset from UTC, or none"
             faults.add(finding("contradicts", expected=expected, **place))
 
 
-def _check_equal_rows(table: Table, faults: CellFaults) -> None:
-    """Rows equal to an earlier one of their file, where a pass, a repeat or a time is stated."""
+def _check_equal_rows(table: Table, faults: CellFaults, parts: bool) -> None:
+    """Rows equal to an earlier one of their CSV, where a pass, a repeat or a time is stated."""
     keys = [*table.numbers.values(), *(column.codes for column in table.texts.values())]
-    keys = [*keys, table.file_index]
+    keys = keys if parts else [*keys, table.file_index]
     flags = [table.has(name) for name in ("pass", "repeat", *EXCLUSIVE)]
     first: dict[tuple[object, ...], int] = {}
     for i in np.flatnonzero(perhaps_equal(keys) & np.logical_or.reduce(flags)).tolist():
         cells = tuple(None if key[i] != key[i] else key[i].item() for key in keys)
         earlier = first.setdefault(cells, i)
         if earlier != i:
-            other = f"row {table.rows[earlier]}"
+            original = table.place(earlier)
+            other = f"row {original['row']}"
+            if table.file_index[earlier] != table.file_index[i]:
+                other += f" of {original['file']}"
             place = {**table.place(i), "expected": "each row once"}
             faults.add(finding("copied-rows", other=other, **place))
 
@@ -177,8 +186,9 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
     """
     source, content = read_source(path, role)
     lines: list[int] | None = None
+    headings: Mapping[str, str] = {}
     if convert and (converted := convert(source, content)):
-        content, lines = converted
+        content, lines, headings = converted
     if content.startswith(GZIP):
         content = inflated(content, source.shown)
     elif path.suffix.lower() == ".gz":
@@ -209,6 +219,7 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
         separator=separator,
         decimal=_decimal(content, body) if separator == ";" else ".",
         lines=lines,
+        headings=headings,
     )
 
 

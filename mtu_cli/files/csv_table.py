@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from typing import Any, Literal
@@ -61,7 +61,7 @@ class CellFaults:
         rows = np.flatnonzero(bad)
         room = max(0, LISTED_FAULTS - len(self.listed))
         for i in rows[:room].tolist():
-            self.add(finding(**{**table.place(i), "column": column, **facts, **describe(i)}))
+            self.add(finding(**{**table.place(i, column), **facts, **describe(i)}))
         self.uncounted += max(0, len(rows) - room)
 
     def raise_if_any(self) -> None:
@@ -84,8 +84,8 @@ class File:
     still count as in an editor; its `content` until that is read.
 
     `body` is the offset of the line after the header; `aware`: whether its times state their
-    offset from UTC, both where they contradict each other; `lines`: of rows that were made from
-    an instrument's file, the lines there.
+    offset from UTC, both where they contradict each other; `lines` and `headings`: of rows and
+    columns that were made from an instrument's file, those there.
     """
 
     source: Source
@@ -97,6 +97,7 @@ class File:
     decimal: Decimal
     aware: frozenset[bool] = frozenset()
     lines: list[int] | None = None
+    headings: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def place(self) -> dict[str, Any]:
@@ -131,9 +132,11 @@ class Table:
         """The columns of all files."""
         return [*dict.fromkeys(name for file in self.files for name in file.header)]
 
-    def place(self, i: int) -> dict[str, Any]:
-        """File and row of a row counted from 0."""
-        return {"file": self.files[self.file_index[i]].source.shown, "row": int(self.rows[i])}
+    def place(self, i: int, column: str | None = None) -> dict[str, Any]:
+        """File and row of a row counted from 0, and the heading of a column in that file."""
+        file = self.files[self.file_index[i]]
+        place = {"file": file.source.shown, "row": int(self.rows[i])}
+        return place if column is None else {**place, "column": file.headings.get(column, column)}
 
     def number(self, name: str) -> Floats:
         """A column of numbers (n,), nan where there is none; not to be written to."""

@@ -167,7 +167,7 @@ def _count_positions(
         "value": ", ".join(f"{value:g}" for value in distinct) + " mm",
         "expected": f"at least {degree + 1} positions",
     }
-    place = {**table.place(int(np.flatnonzero(inside)[0])), "column": "position_mm"}
+    place = table.place(int(np.flatnonzero(inside)[0]), "position_mm")
     faults.add(finding("too-little-data", **place, **facts))
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-from mtu_cli.files.csv_file import GZIP, inflated
+from mtu_cli.files.csv_file import GZIP, Converted, inflated
 from mtu_cli.files.csv_table import Decimal
 from mtu_cli.files.source import MARKS, Source, read_source
 from mtu_cli.findings import Finding, InputError, error, finding
@@ -85,14 +85,16 @@ class Ask:
 @dataclass(kw_only=True)
 class Imported:
     """What a file holds: columns of the contract's CSV, one entry a row, whose line in the file is
-    `rows`. `says` how it was understood, `left_out` what is not in the columns with its count,
-    `doubts` what ought to be looked at, `facts` what `mtu inspect` shows.
+    `rows`; `headings` of columns in the file. `says` how it was understood, `left_out` what is not
+    in the columns with its count, `doubts` what ought to be looked at, `facts` what `mtu inspect`
+    shows.
     """
 
     format: str
     kind: str = "readings"
     columns: dict[str, list[Any]] = field(default_factory=dict)
     rows: list[int] = field(default_factory=list)
+    headings: dict[str, str] = field(default_factory=dict)
     says: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
     left_out: dict[str, int] = field(default_factory=dict)
@@ -129,6 +131,10 @@ class Imported:
         writer.writerow(names)
         writer.writerows(zip(*(self.columns[name] for name in names), strict=True))
         return out.getvalue()
+
+    def converted(self, order: Sequence[str]) -> Converted:
+        """The same for the reader of that CSV."""
+        return self.csv(order).encode(), self.rows, self.headings
 
 
 class Format(NamedTuple):

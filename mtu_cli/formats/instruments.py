@@ -10,7 +10,7 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
-from mtu_cli.files.csv_file import GZIP
+from mtu_cli.files.csv_file import GZIP, Convert, Converted
 from mtu_cli.files.headers import POINTS, READINGS
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, listed, nearest, shorten
@@ -26,7 +26,6 @@ KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), "readings") | {
 SPECS = {"readings": READINGS, "drift": READINGS, "points": POINTS}
 CONTRACT = "contract-csv"
 HEAD = 1 << 16
-Converted = tuple[bytes, list[int]]
 
 
 def registry() -> Iterator[Format]:
@@ -97,9 +96,9 @@ def unknown(file: RawFile) -> InputError:
 
 def converter(
     ask_of: Callable[[Path, str], Ask], report: Callable[[RawFile, Imported], None]
-) -> Callable[[Source, bytes], Converted | None]:
-    """For the reader of the contract's CSV: what an instrument's file is as such a CSV, with the
-    line of each row in the file; None of what is a CSV already, or may be meant as one.
+) -> Convert:
+    """For the reader of the contract's CSV: what an instrument's file is as such a CSV; None of
+    what is a CSV already, or may be meant as one.
     """
 
     def convert(source: Source, content: bytes) -> Converted | None:
@@ -118,7 +117,7 @@ def converter(
             return None
         result = read(file, ask)
         report(file, result)
-        return result.csv(list(SPECS[result.kind].columns)).encode(), result.rows
+        return result.converted(list(SPECS[result.kind].columns))
 
     return convert
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from mtu_cli.files.contract import Contract, Faults, check_contract, optional
-from mtu_cli.files.headers import TIMES, TableSpec
+from mtu_cli.files.headers import Column, TableSpec
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import suggestion
 from mtu_cli.formats.base import Ask, Imported, RawFile, unit_of
@@ -21,8 +21,6 @@ from mtu_cli.formats.wide import way_of
 from mtu_cli.units import UNITS, plain_unit
 
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
-NUMBERS = ("error", "position_mm", "x_mm", "y_mm", "z_mm", "nominal_x_mm", "nominal_y_mm",
-           "nominal_z_mm", "time_min")  # fmt: skip
 
 
 class Unpivot(Contract):
@@ -65,6 +63,17 @@ class Profile(Contract):
         rows = [self.unpivot.into, self.unpivot.names] if self.unpivot else []
         return [*self.columns, *self.constants, *rows, *(["cycle"] if self.cycles else [])]
 
+    @property
+    def operands(self) -> list[str]:
+        """The columns of the file that are only subtracted, by their headings."""
+        return [name for name in self.subtract.values() if name not in self.made]
+
+    @property
+    def calculated(self) -> list[str]:
+        """The columns that it calculates with: each holds numbers."""
+        units = [name for name in self.units if name != "error"]
+        return [*self.scale, *units, *self.subtract, *self.subtract.values()]
+
 
 def read_profile(source: Path | Mapping[str, Any]) -> Profile:
     """A checked mapping profile; raises InputError with all its faults."""
@@ -74,11 +83,12 @@ def read_profile(source: Path | Mapping[str, Any]) -> Profile:
             if plain_unit(unit) not in UNITS:
                 faults.add(("units", name), "unknown-name", value=unit, what="unit",
                            **suggestion(unit, UNITS))  # fmt: skip
+        columns = [*profile.made, *profile.operands]
         for key in ("scale", "subtract", "units"):
             for name in getattr(profile, key):
-                if name not in profile.made and (key, name) != ("units", "error"):
+                if name not in columns and (key, name) != ("units", "error"):
                     faults.add((key, name), "unknown-name", value=name, what="column",
-                               **suggestion(name, profile.made))  # fmt: skip
+                               **suggestion(name, columns))  # fmt: skip
 
     if not isinstance(source, Path):
         return Profile(**source)
@@ -101,14 +111,13 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     place = _places(file, grid.rows[0], profile, faults)
     cells = Columns(faults, header, rows, ask.decimal or profile.decimal, grid.separator)
     table = pd.DataFrame(profile.constants, index=[row.line for row in rows])
-    for name in dict.fromkeys([*profile.columns, *profile.subtract.values()]):
-        index, column = place.get(name), specs[kind].columns.get(name)
-        numeric = name in (*NUMBERS, *profile.scale, *profile.subtract.values())
-        if index is None:
-            continue
-        if numeric or (column and column.kind == "number" and name not in TIMES):
-            table[name] = cells.numbers(index)
-        elif column:
+    columns = {name: specs[kind].column(name) for name in profile.made}
+    columns |= dict.fromkeys(profile.calculated, Column())
+    for name in dict.fromkeys([*profile.columns, *profile.operands]):
+        index, column = place[name], columns[name]
+        if column.kind == "number":
+            table[name] = cells.numbers(index, may_be_empty=column.may_be_empty)
+        elif column.kind != "free":
             table[name] = cells.texts[index]
         else:
             values = ((number(x, cells.signs[index]), x) for x in cells.texts[index])
@@ -121,7 +130,8 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     if unpivot := profile.unpivot:
         numbers = {x: cells.numbers(place[x], may_be_empty=True) for x in unpivot.columns}
         faults.raise_if_any()
-        rows_of = _row_labels(profile, ask, cells, grid.rows[0].line, place)
+        line = grid.rows[0].line
+        rows_of = _row_labels(profile, ask, cells, line, place, columns[unpivot.names])
         parts = [table.assign(**{unpivot.into: numbers[labels.pop("")]}, **labels)
                  for labels in rows_of]  # fmt: skip
         faults.raise_if_any()
@@ -135,14 +145,15 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
             table = table.assign(unit=plain_unit(text))
         else:
             factors[name] = factors.get(name, 1.0) * UNITS[plain_unit(text)].to_internal
+    for name in profile.calculated:
+        if table[name].dtype.kind not in "if":
+            expected = "numbers, as the profile calculates with it"
+            raise file.error("wrong-type", column=name, kind="numbers", expected=expected)
     for name, by in factors.items():
-        if name in table and table[name].dtype.kind in "if":
-            table[name] = table[name] * by
+        table[name] = table[name] * by
     for name, reference in profile.subtract.items():
-        if {name, reference} <= {*table} and table[name].dtype.kind in "if":
-            table[name] = table[name] - table[reference]
-    subtracted = {*profile.subtract.values()} - {*profile.made}
-    table = table.drop(columns=[*subtracted & {*table}])
+        table[name] = table[name] - table[reference]
+    table = table.drop(columns=profile.operands)
     if kind != "points" and len(table):
         if ask.component:
             table["component"] = ask.component
@@ -151,8 +162,10 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
             raise file.error("missing-input", what="the component", expected=expected)
         if "unit" not in table:
             table["unit"] = unit_of(file, ask, result, None)
-    result.columns = {str(name): table[name].tolist() for name in table}
+    cell_values = table.astype(object).where(table.notna(), None)
+    result.columns = {str(name): cell_values[name].tolist() for name in table}
     result.rows = table.index.tolist()
+    result.headings = {name: header[place[name]] for name in profile.columns}
     unused = [cell for i, cell in enumerate(header) if i not in place.values()]
     result.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
     result.drop("lines above the header", skip)
@@ -169,9 +182,9 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
         return re.sub(r"\s+", " ", str(text)).casefold()
 
     names, result = [plain(cell) for cell in header.cells], dict[str, int]()
-    operands = [*profile.subtract.values(), *([profile.cycles.from_] if profile.cycles else [])]
+    operands = [*profile.operands, *([profile.cycles.from_] if profile.cycles else [])]
     operands += profile.unpivot.columns if profile.unpivot else []
-    headings = {name: name for name in operands if name not in profile.made} | profile.columns
+    headings = {name: name for name in operands} | profile.columns
     for name, heading in headings.items():
         if isinstance(heading, int) and 1 <= heading <= len(names):
             result[name] = heading - 1
@@ -188,10 +201,10 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
 
 
 def _row_labels(
-    profile: Profile, ask: Ask, cells: Columns, line: int, place: Mapping[str, int]
+    profile: Profile, ask: Ask, cells: Columns, line: int, place: Mapping[str, int], column: Column
 ) -> Iterator[dict[str, Any]]:
-    """What the rows of each column have (its name under ""): its heading, in a column of numbers as
-    such, or the number of its pass, counted in each direction; a direction.
+    """What the rows of each column have (its name under ""): its heading as the `column` that takes
+    it has it, or the number of its pass, counted in each direction; a direction.
 
     Raises InputError where directions are stated in a column, too.
     """
@@ -205,10 +218,11 @@ def _row_labels(
         ways = {"headings": way_of(name), "alternate": ("forward", "reverse")[n % 2]}
         way = ways.get(how or "", how)
         passes[way] += 1
-        label: object = passes[way] if target == "pass" else name
-        if target in NUMBERS:
-            heading = cells.header[place[name]]
-            label = number(heading, cells.signs[place[name]])
-            if label is None:
-                cells.faults.cell(line, heading, heading)
+        heading = cells.header[place[name]]
+        value = number(heading, cells.signs[place[name]])
+        label: object = name if value is None or column.kind not in ("number", "free") else value
+        if target == "pass":
+            label = passes[way]
+        elif value is None and column.numeric:
+            cells.faults.cell(line, heading, heading)
         yield {"": name, target: label} | ({"direction": way} if way else {})

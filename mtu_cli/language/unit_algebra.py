@@ -2,9 +2,9 @@
 
 One algebra serves machines, effects, budgets and graphs; the rule of every operation stands in the
 table of functions. A name without a known unit (a constant, say) may stand for anything. In a sum a
-literal has the unit of the other side, but beside a product that is a ratio (um/m) it is a plain
-number; as a factor it has what the `Algebra` says; in the argument of a function, as in
-``exp(-t/30 + 1)``, it may have any, so that its dimension is not judged.
+literal has the unit of the other side, but beside a ratio that no name there is in (um/m of um/m/K
+times K) it is a plain number; as a factor it has what the `Algebra` says; in the argument of a
+function, as in ``exp(-t/30 + 1)``, it may have any, so that its dimension is not judged.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from mtu_cli.language.tree import (
     short_text,
     terms,
 )
-from mtu_cli.units import ANY, PLAIN, Powers, Unit, parameter_units_of
+from mtu_cli.units import ANY, PLAIN, Powers, Unit, parameter_units_of, unit_powers
 
 NO_LENGTH = Powers((0.0, *ANY.exponents[1:]))
 """Of a literal factor that is no length, but may be a number of kelvin or minutes."""
@@ -101,8 +101,7 @@ class Algebra:
                 continue
             if _has_literal_factor(rest):  # in 1 + x/500 the 500 may be mm
                 return unit * ANY
-            if value and verb == "added" and _is_product(rest) and _is_scaled_ratio(unit):
-                # 1 + alpha*dT is no number of um/m; in phi - 90 the 90 is in deg, as phi is.
+            if value and verb == "added" and not self._takes_numbers(rest, unit):
                 expected = times(unit, PLAIN, short_text(rest)) or "a plain number"
                 of = f"what is added to {short_text(side)}"
                 self.add(of, unit, PLAIN, expected, column=column)
@@ -113,6 +112,14 @@ class Algebra:
         expected = "terms of one unit" + times(other, one, f": {short_text(right)}")
         self.add(f"what is {verb}", other, one, expected, column=column)
         return ANY
+
+    def _takes_numbers(self, term: Node, unit: Powers) -> bool:
+        """Whether a number beside a term is in its unit: the 90 of phi - 90 is in deg, the 1 of
+        1 + alpha*dT is no number of um/m.
+        """
+        units = [self.units.get(name, ANY) for name in names(term)]
+        units += map(unit_powers, ("1", "deg", "arcmin", "arcsec", "%"))
+        return not unit.alike(PLAIN) or any(map(unit.agrees, units))
 
     def _check_number(self, node: Node, what: str) -> None:
         powers = self.of(node)
@@ -126,16 +133,6 @@ class Algebra:
         """A fault: what is of a `unit` that is not the `target`."""
         facts = {"unit": unit.text(self.names), "wanted": target.text(self.names)}
         self.faults.append(finding("wrong-unit", of=of, **facts, expected=expected, **place))
-
-
-def _is_product(node: Node) -> bool:
-    products = ("product", "quotient", "power")
-    return isinstance(node, Call) and FUNCTIONS[node.function].unit in products
-
-
-def _is_scaled_ratio(unit: Powers) -> bool:
-    """Of no dimension, and another size than 1, as um/m and %."""
-    return unit.alike(PLAIN) and not unit.agrees(PLAIN)
 
 
 def _has_literal_factor(node: Node) -> bool:

@@ -93,7 +93,35 @@ def test_import_writes_nothing_that_the_contract_does_not_read(folder: Path) -> 
     )
     call = ("import", "w.csv", "--as", "readings", "--map", "w.yaml", "-o", "o.csv")
     refusal = done(mtu(*call, cwd=folder), 2).stderr
-    assert "w.csv, row 2, column 'direction': not a direction: 'auf'" in refusal
+    assert "w.csv, row 2, column 'Weg': not a direction: 'auf'" in refusal
     assert not (folder / "o.csv").exists()
     machine = DATA.parent / "configs" / "laser-mill" / "machine.yaml"
     assert "unknown component: 'dxx'" in done(mtu(*call, "-m", machine, cwd=folder), 2).stderr
+    # The study names that heading, too.
+    (folder / "w.yaml").write_text((folder / "w.yaml").read_text().replace("dxx", "dx_x"))
+    study = "schema: mtu/study/1\nmachine: m.yaml\nlaser: [{file: w.csv, map: w.yaml}]\n"
+    (folder / "mtu.yaml").write_text(study)
+    refusal = done(mtu("fit-components", cwd=folder), 2).stderr
+    assert "w.csv, row 2, column 'Weg': not a direction: 'auf'" in refusal
+
+
+def test_import_checks_its_files_as_the_one_csv_that_it_writes(folder: Path) -> None:
+    """Equal rows of two files, and times with and without an offset."""
+    rows = "Ziel;Zeit;M\n0;2024-05-03T14:30:00;0,1\n50;2024-05-03T14:31:00;0,2\n"
+    (folder / "t1.csv").write_text(rows)
+    (folder / "t2.csv").write_text(rows.replace(";0,1", "+02:00;0,3").replace(";0,2", "+02:00;0,4"))
+    (folder / "t3.csv").write_text(rows.replace("T14", "T15"))
+    (folder / "t.yaml").write_text(
+        "schema: mtu/import/1\nunits: {error: um}\nconstants: {component: dx_x}\n"
+        "columns: {position_mm: Ziel, time: Zeit, error: M}\n"
+    )
+
+    def imported(*names: str, exit_code: int = 2) -> str:
+        call = ("import", *names, "--as", "readings", "--map", "t.yaml", "-o", "o.csv")
+        return done(mtu(*call, cwd=folder), exit_code).stderr
+
+    assert "t1.csv, row 3: the same as row 3 of t1.csv" in imported("t1.csv", "t1.csv")
+    assert "t2.csv, column 'Zeit': contradicts the other times" in imported("t1.csv", "t2.csv")
+    assert not (folder / "o.csv").exists()
+    imported("t1.csv", "t3.csv", exit_code=0)
+    done(mtu("fit-components", "-m", "m.yaml", "--laser", "o.csv", cwd=folder))

@@ -295,6 +295,64 @@ constants: {component: dx_x}
              Ask(kind="readings", profile=path))  # fmt: skip
 
 
+HEAD = "schema: mtu/import/1\nconstants: {component: c}\nunits: {error: mm}\n"
+
+
+@pytest.mark.parametrize(
+    ("profile", "text", "columns"),
+    [
+        (
+            "columns: {position_mm: pos}\nunpivot: {into: error, columns: [error, error_2]}",
+            "pos;error;error_2\n0;1,5;2,5\n",
+            {"error": [1.5, 2.5], "pass": [1, 2]},
+        ),
+        (
+            "columns: {position_mm: pos, error: M}\ncycles: {from: cycle}",
+            "pos;cycle;M\n0;8;1,5\n1;9;2,5\n0;8;1,5\n",
+            {"cycle": ["1", "1", "2"]},
+        ),
+        # Twice, and in inches.
+        (
+            "columns: {position_mm: Soll, error: Ist, gap: Ist}\nscale: {Soll: 25.4}\n"
+            "subtract: {error: Soll, gap: Soll}",
+            "Soll;Ist\n1;25,5\n2;50,75\n",
+            {"position_mm": [1, 2], "error": [25.5 - 25.4, 50.75 - 50.8]},
+        ),
+    ],
+)
+def test_headings_that_a_profile_calculates_with(
+    profile: str, text: str, columns: dict[str, Any], tmp_path: Path
+) -> None:
+    """They may be called as the columns that are made of them, and be converted first."""
+    path = tmp_path / "map.yaml"
+    path.write_text(HEAD + profile)
+    table = read(raw(text), Ask(kind="readings", profile=path))
+    for name, values in columns.items():
+        assert table.columns[name] == values
+    assert "Soll" not in table.columns
+    assert table.columns.get("gap") == (columns["error"] if "gap" in profile else None)
+
+
+def test_headings_in_a_column_of_numbers_are_numbers(tmp_path: Path) -> None:
+    """In any that the contract's reader takes for one; sensors may have no reading."""
+    path = tmp_path / "map.yaml"
+    text = "T_air_degC;0,0;90,5\n20,5;0,5;91,5\n;0,25;91\n"
+    profile = HEAD + (
+        "columns: {T_air_degC: T_air_degC}\n"
+        "unpivot: {into: error, names: position_deg, columns: ['0,0', '90,5']}\n"
+    )
+    for subtract, errors in (("", [0.5, 91.5, 0.25, 91]), ("position_deg", [0.5, 1, 0.25, 0.5])):
+        path.write_text(profile + (f"subtract: {{error: {subtract}}}\n" if subtract else ""))
+        table = read(raw(text), Ask(kind="readings", profile=path))
+        assert table.columns["position_deg"] == [0.0, 90.5] * 2
+        assert table.columns["error"] == errors
+        assert table.columns["T_air_degC"] == [20.5, 20.5, None, None]
+    path.write_text(path.read_text().replace("component: c", "component: c, position_mm: '5'")
+                    .replace(": position_deg}", ": position_mm}"))  # fmt: skip
+    with pytest.raises(InputError, match="column 'position_mm': not numbers"):
+        read(raw(text), Ask(kind="readings", profile=path))
+
+
 @pytest.mark.parametrize("name", ["x.rtl", "wide.csv", "e.dat", "laser.txt"])
 def test_an_instruments_file_reads_as_the_contracts_csv(name: str, tmp_path: Path) -> None:
     heard = list[Imported]()
