@@ -148,7 +148,7 @@ CATALOGUE: dict[str, Kind] = {
         True,
     ),
     "unit-of-positions": _warning(
-        "positions of {names} cover less than a twentieth of the travel of {axis} ({travel} mm)"
+        "positions of {names} are within a twentieth of the travel of {axis} ({travel} mm)"
         "{hint} ({rows})",
         True,
     ),
