@@ -148,7 +148,7 @@ CATALOGUE: dict[str, Kind] = {
         True,
     ),
     "unit-of-positions": _warning(
-        "positions of {names} cover less than a twentieth of the travel of {axis} ({travel} mm)"
+        "positions of {names} are within a twentieth of the travel of {axis} ({travel} mm)"
         "{hint} ({rows})",
         True,
     ),
@@ -282,8 +282,7 @@ CATALOGUE: dict[str, Kind] = {
     "unlike-first-test": _warning(
         "{component}: beyond what the table does, the readings of --verify differ from the first "
         "test by more than its scatter (chi2/dof {ratio:.3g}, p = {p:.1g}): the axis or the "
-        "control has changed, too",
-        True,
+        "control has changed, too"
     ),
     "no-better": _warning(
         "{component}: on held-out cycles the temperatures {effect}: the model is not to be used"

@@ -333,15 +333,23 @@ def _arcs(traces: Traces) -> Iterator[Finding]:
 
 
 def _warnings(causes: list[Cause], both: bool, timed: bool) -> Iterator[Finding]:
-    unknown = [x.name for x in causes if math.isnan(x.value) and x.name != "servo-mismatch"]
+    """Of every cause and figure that is unknown. Feeds separate squareness and servo lag of one
+    direction, too.
+    """
+    unknown = [x.name for x in causes if math.isnan(x.range)]
+    alike = ["squareness", "servo-mismatch"]
+    if both or not {*alike} <= {*unknown}:
+        alike = []
     if not both:
-        reason = "traces in one direction only: squareness and servo lag look alike"
-        names = ["squareness", "servo-mismatch", "G_bidirectional", "D"]
-        yield finding("not-estimable", quantity="causes and figures", names=names, reason=reason)
-    elif not timed:
+        quantity = "causes and figures" if alike else "figures"
+        reason = "traces in one direction only"
+        reason += ": squareness and servo lag look alike" if alike else ""
+        names = [*alike, "G_bidirectional", "D"]
+        yield finding("not-estimable", quantity=quantity, names=names, reason=reason)
+    if not timed and "servo-mismatch" not in unknown:
         reason = "no feed is stated (--feed, or a column feed_mm_min)"
         names = ["servo-mismatch"]
         yield finding("not-estimable", quantity="time", names=names, reason=reason)
-    if rest := [name for name in unknown if both or name != "squareness"]:
+    if rest := [name for name in unknown if name not in alike]:
         reason = "the samples do not separate them from the other terms"
         yield finding("not-estimable", quantity="causes", names=rest, reason=reason)

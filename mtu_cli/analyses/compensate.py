@@ -37,10 +37,13 @@ WAYS = ("forward", "reverse")
 
 
 class Block(NamedTuple):
-    """What one run adds to the errors (2T,): `root` (2T, k) of its covariance, with `dof`."""
+    """What one run adds to the errors (2T,): `root` (2T, k) of its covariance, with `dof`;
+    `shared` by all its readings, as a line is, or independent by reading.
+    """
 
     root: FloatArray
     dof: float
+    shared: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +98,7 @@ class AxisErrors:
         rng, size = stream(seed, 49), self.means.size
         result = np.zeros((trials, size))
         share = np.sqrt((2.0 if self.read else 1.0) / self.runs)
-        for root, dof in self.blocks:
+        for root, dof, _ in self.blocks:
             scale = np.ones(trials) if np.isinf(dof) else np.sqrt(dof / rng.chisquare(dof, trials))
             z = rng.standard_normal((trials, root.shape[1]))
             result += share * scale[:, None] * (z @ root.T)
@@ -188,7 +191,8 @@ def _scatter(
         rows = run == number
         lines[i] = np.linalg.lstsq(X[cell[rows]], residual[rows], rcond=None)[0]
         scatter[rows] -= X[cell[rows]] @ lines[i]
-    of_lines = [Block(spread @ X @ covariance_root(lines.T @ lines / (R - 1)), float(R - 1))]
+    root = spread @ X @ covariance_root(lines.T @ lines / (R - 1))
+    of_lines = [Block(root, float(R - 1), shared=True)]
     dof = rest - X.shape[1] * (R - 1)
     if dof > 0:
         s = np.sqrt(float(scatter @ scatter) / dof)
@@ -276,7 +280,7 @@ class Move(NamedTuple):
 
 class Verified(NamedTuple):
     """The slope k of readings on the applied table, and its verdict; `misfit`: chi^2/(n - 2) of the
-    readings about that, by the scatter of the first test.
+    readings about that, by the scatter of the first test; None where that shows none.
     """
 
     verdict: str
@@ -465,10 +469,10 @@ def verify(
     n, y, X = len(t), value - e + t, np.column_stack([t, np.ones(len(t))])
     cells = np.ix_(index, index)
     V = errors.of_means()[cells] + np.eye(n) * (result.quantum**2 / 12)
-    for i, block in enumerate(errors.blocks):
-        # Lines are shared by a run, the scatter about them is independent by reading.
+    for block in errors.blocks:
         C = block.root @ block.root.T
-        V = V + (np.eye(n) * C.diagonal().mean() if i else C[cells] * (run[:, None] == run))
+        alone = np.eye(n) * C.diagonal().mean()
+        V = V + (C[cells] * (run[:, None] == run) if block.shared else alone)
     if not errors.blocks:
         residuals = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
         V = V + np.eye(n) * (residuals @ residuals) / (n - 2)
@@ -493,7 +497,8 @@ def verify(
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
     t_nearest = -min(abs(k - slope) for slope in VERDICTS) / u
     p = float(2 * (ndtr(t_nearest) if np.isinf(dof) else stdtr(dof, t_nearest)))
-    misfit, warnings = f_test(ratio, 1.0, n - 2, int(dof)), result.warnings
+    misfit = f_test(ratio, 1.0, n - 2, int(dof)) if errors.blocks else None
+    warnings = result.warnings
     if misfit is not None and misfit.p < UNLIKE_P:
         facts = {"component": result.component, "ratio": ratio, "p": misfit.p}
         warnings = (*warnings, finding("unlike-first-test", **facts))

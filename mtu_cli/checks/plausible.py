@@ -25,11 +25,11 @@ CONSTANT_TRAVELS = 20.0
 NEARLY = 0.83
 """Likeness of names of which one is a slip of the other; of operator and operation it is 0.82."""
 SPAN = 0.02
-"""Positions in their right unit span more than this share of a travel ..."""
+"""Positions beyond a travel are in another unit where that takes them to this share of it."""
 NARROW = 0.05
-"""... and those of passes more than this one, or another unit is looked for ..."""
+"""The positions of passes cover more than this share of a travel in their right unit."""
 BEYOND = 3.0
-"""... and lie within so many travels of its origin, or nominal places of their median."""
+"""Positions are within so many travels of the origin, nominal places of their median."""
 
 # Units that are taken for one another, in mm and rad.
 UNITS = {

@@ -78,17 +78,21 @@ def columns_alike(data: ReadingsData | PointsData) -> Iterator[Odd]:
 @check("position-beyond-travel", of=("readings", "drift", "points", "part"))
 def beyond(data: Data) -> Iterator[Odd]:
     """Positions so far out that no coordinate system of the machine holds them, and those of
-    passes that cover too little of the travel, and all of it in metres or inches.
+    passes that cover too little of the travel, but not in metres or inches.
     """
     for names, axis, values, rows, column in _positions(data):
         low, high = data.travels.get(axis, (-np.inf, np.inf))
-        travel, size = abs(high - low), float(np.ptp(values))
+        travel = abs(high - low)
         # Readings are in the frame of the machine, places in one of the part.
         middle = 0.0 if isinstance(data, ReadingsData) else np.median(values)
-        odd = np.flatnonzero(np.abs(values - middle) > BEYOND * travel)
-        if len(odd):
-            size = float(np.abs(values[odd]).max())
-        meant = [unit for unit, to in POSITIONS.items() if SPAN * travel < size * to <= travel]
+        distance = np.abs(values - middle)
+        odd, farthest = np.flatnonzero(distance > BEYOND * travel), float(distance.max())
+        size, least = (farthest, SPAN) if len(odd) else (float(np.ptp(values)), NARROW)
+        meant = [
+            unit
+            for unit, to in POSITIONS.items()
+            if least * travel < size * to <= travel and farthest * to <= BEYOND * travel
+        ]
         hint = f"; in {' or '.join(meant)} they would not be" if meant else ""
         facts = {"axis": axis, "travel": travel, "hint": hint}
         if isinstance(data, DocumentData):

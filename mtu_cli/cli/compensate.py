@@ -70,7 +70,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         raise error("missing-input", what="the component", expected="--component NAME")
     frame = Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))
     request = TableRequest(direction=options.direction, positions=_positions(inputs),
-                     reference=options.reference, frame=frame)  # fmt: skip
+                           reference=options.reference, frame=frame)  # fmt: skip
     names = _names(inputs)
     errors, axis, first = _errors(inputs, names, request, overrides.get("axis", ROTARY).lower())
     _name_axis(inputs, names[0], axis, first, control, parameters, overrides)
@@ -83,15 +83,15 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         seed=settings.seed, trials=settings.trials,
     )  # fmt: skip
     if readings := inputs.verify if options.verify else None:
+        file = ", ".join(source.shown for source in readings.sources)
         if names[0] not in readings.components:
             components = ", ".join(readings.components)
             reason = f"--verify holds readings of {components}, not of {names[0]}"
-            raise error("not-applicable", reason=reason)
+            raise error("not-applicable", reason=reason, file=file)
         columns = _columns(readings, _rows(readings, names[0]), axis)
         try:
             result = verify(result, *columns)
         except InputError as fault:
-            file = readings.sources[0].shown
             raise InputError([each.at(file=file) for each in fault.findings]) from None
 
     def files() -> dict[Path, bytes]:

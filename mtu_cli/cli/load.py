@@ -47,7 +47,7 @@ KINDS = {
 }
 """What is read, by attributes of `Inputs`, and the roles of its files."""
 JUDGED_AS: dict[str, Any] = {"before": "readings", "verify": "readings"}
-"""Of the checks."""
+"""Kinds of data that the checks treat as another kind."""
 MEASURED = ("lbb", "laser", "drift", "cmm", "before", "verify")
 """Roles whose files may be an instrument's own."""
 OPTION_OF = {"coverage_factor": "k"}

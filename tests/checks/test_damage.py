@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -72,6 +74,24 @@ def test_damages_are_found_and_named(drawn: list[tuple]) -> None:
     assert sum(found.values()) >= FOUND, counts
     fewer = {kind for kind in DAMAGES if found[kind] < FEWER.get(kind, DRAWS)}
     assert fewer <= {WORSE}, counts
+
+
+def narrow(low: float, high: float, travel: float) -> list[str]:
+    """What is said of a pass over these positions."""
+    component = SimpleNamespace(of="x", unit="um")
+    at = np.linspace(low, high, 9)
+    table = made_readings(np.sin(at) * 1e-3, position=at, passes=np.repeat([1, 2, 3], 3))
+    data = checks.ReadingsData(table, {"dx_x": component}, {"x": (0.0, travel)})
+    return [x.message for x in checks.run("readings", data) if x.code == "unit-of-positions"]
+
+
+def test_short_passes_are_suspicious_only_where_another_unit_explains_them() -> None:
+    """It takes the positions to more than a twentieth of the travel, and not beyond it."""
+    (metres,) = narrow(0.0, 0.5, 500.0)
+    assert "within a twentieth of the travel of x (500 mm); in metres they would not be" in metres
+    assert "in inches" in narrow(0.0, 19.0, 500.0)[0]
+    # 19 mm away from zero, and 30 um, which are a thirtieth of the travel in metres.
+    assert narrow(300.0, 319.0, 500.0) == narrow(0.0, 0.03, 1000.0) == []
 
 
 def test_sound_readings_raise_no_alarm(drawn: list[tuple]) -> None:

@@ -100,6 +100,7 @@ def test_verification_by_the_instruments_own_file() -> None:
         assert None not in [move["measured_um"] for move in found["moves"]]
     refusal = done(mtu(*call, f"dy_y={runs / 'x.rtl'}"), 2).stderr
     assert "--verify holds readings of dy_y, not of dx_x" in refusal
+    assert "x.rtl: --verify" in refusal
 
 
 def test_what_the_loop_found_is_compensated_from_the_machine_file(tmp_path: Path) -> None:

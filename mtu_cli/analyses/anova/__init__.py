@@ -208,7 +208,7 @@ CONDITIONS: dict[str, tuple[Callable[[Analysed], BoolArray], dict[str, Any]]] = 
 
 def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
     """Every figure that is missing has its reason here, for each kind of table by name, features
-    first; and parts that were not measured everywhere.
+    first; and parts that were not measured in all tables where they are due.
     """
     result = []
     for code, (condition, facts) in CONDITIONS.items():
@@ -223,12 +223,10 @@ def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
         ]
     if method == "paper":
         result.append(finding("paper-method"))
-    parts = kinds[0].tables.parts
+    parts, due_at = kinds[0].tables.parts, _parts_due(kinds[0].tables)
     for kind in kinds:
-        present, operations = kind.tables.cells.present, [x[0] for x in kind.tables.labels]
-        # Of the parts that an operation made, all are due in its tables.
-        made = {op: present[[x == op for x in operations]].any(axis=0) for op in {*operations}}
-        due = np.array([made[op] for op in operations])
+        present = kind.tables.cells.present
+        due = np.array([due_at[label[0]] for label in kind.tables.labels])
         if (empty := due & ~present).any():
             table, part = np.argwhere(empty)[0].tolist()
             label = " ".join(filter(None, kind.tables.labels[table]))
@@ -244,3 +242,16 @@ def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
         facts = {"parts": len(parts), "items": "all", "consequence": consequence}
         result.append(finding("few-parts", **facts))
     return result
+
+
+def _parts_due(features: MeasuredTables) -> dict[str, BoolArray]:
+    """The parts (parts,) that are due in all tables of each operation: those with any feature of
+    it, and those of operations it is crossed with, that is, whose parts are mostly its own, too.
+    Parts nested in operations, each made by one of several machines, are due there alone.
+    """
+    of = np.array([label[0] for label in features.labels])
+    operations = np.unique(of)
+    made = np.array([features.cells.present[of == each].any(axis=0) for each in operations])
+    shared = made.astype(int) @ made.T
+    crossed = 2 * shared > made.sum(axis=1)[:, None]
+    return dict(zip(operations.tolist(), crossed.T @ made, strict=True))

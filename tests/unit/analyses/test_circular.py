@@ -72,6 +72,18 @@ def test_one_direction_does_not_separate_squareness_from_servo_lag() -> None:
     assert "squareness-or-servo" not in two_ways
 
 
+def test_feeds_separate_squareness_from_servo_lag_of_one_direction() -> None:
+    feeds = [made(replace(Causes(), feed=feed), ways="ccw") for feed in (1000.0, 4000.0)]
+    both = replace(feeds[0], traces=feeds[0].traces + feeds[1].traces)
+    result = diagnose(both)
+    expected = Causes().expected()
+    for name in ("squareness", "servo-mismatch"):
+        assert values(result)[name] == pytest.approx(expected[name], abs=1e-3)
+    (note,) = result.warnings
+    assert note.facts["names"] == ["G_bidirectional", "D"]
+    assert "look alike" not in note.message
+
+
 def test_the_sum_of_squareness_and_lag_scatters_by_its_u() -> None:
     causes = Causes()
     lag = (causes.lag[0] - causes.lag[1]) * causes.feed / 60

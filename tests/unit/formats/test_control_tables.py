@@ -27,6 +27,7 @@ from mtu_cli.findings import InputError
 from mtu_cli.formats.control import CONTROLLERS
 from mtu_cli.formats.control.errors import Controller, ErrorTable
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
+from mtu_cli.reports.compensate import document
 
 AT = np.array([0.0, 50.0, 100.0])
 FORWARD, REVERSE = np.array([2.0, 5.0, -3.0]) * 1e-3, np.array([-1.0, 1.0, -8.0]) * 1e-3
@@ -337,6 +338,59 @@ def test_the_misfit_is_that_of_a_straight_line() -> None:
     assert found.misfit is not None
     assert pytest.approx((rest @ rest) / 28 / variance, rel=1e-6) == found.misfit.F
     assert found.misfit.p == pytest.approx(f.sf(found.misfit.F, 28, 30 * (n - 1)), rel=1e-6)
+
+
+def test_a_first_test_without_scatter_has_no_misfit() -> None:
+    """One run, or stated errors: whatever the verification shows, there is nothing to compare."""
+    rng = np.random.default_rng(18)
+    one_run = tuple(x[:30] for x in readings(rng, TARGETS, TRUE))
+    stated = AxisErrors(targets=TARGETS, means=TRUE, expected=TRUE, ways=2, read=False,
+                        known=1e-8 * np.eye(30))  # fmt: skip
+    for first in (axis_errors(*one_run), stated):
+        result = compensate(first, *made("table"), TableRequest(), trials=10)
+        assert result.applied is not None
+        after = readings(rng, TARGETS, TRUE - result.applied + np.array([[6e-3], [-6e-3]]))
+        found = verify(result, *after)
+        assert found.verified is not None
+        assert found.verified.misfit is None
+        assert "unlike-first-test" not in [each.code for each in found.warnings]
+        assert document(found).record()["verification"]["misfit"] is None
+
+
+def test_p_of_the_misfit_is_an_upper_bound() -> None:
+    """Of verifications without a change it is below 0.05 in fewer than 5 %, with few runs, too."""
+    rng, targets = np.random.default_rng(20), np.linspace(0, 500, 11)
+    for runs in (2, 3, 5):
+        p = []
+        for _ in range(150):
+            true = np.cumsum(rng.normal(0, 2e-3, 11)) + np.array([[1e-3], [-1e-3]])
+            before, after = (readings(rng, targets, true, **DRIFTING) for _ in range(2))
+            first = axis_errors(*(x[: 22 * runs] for x in before))
+            result = compensate(first, *made("table"), TableRequest(), trials=10)
+            assert result.applied is not None
+            after[2][:] -= result.applied[(after[1] < 0).astype(int), np.tile(np.arange(11), 10)]
+            found = verified(result, tuple(x[: 22 * runs] for x in after))
+            assert found.misfit is not None
+            p.append(found.misfit.p)
+        assert np.mean(np.array(p) < 0.05) <= 0.05
+
+
+def test_repeats_without_runs_scatter_each_by_itself() -> None:
+    """Not as one line of the run that they count as: F is about 1, and u that of k."""
+    rng, k, u, F = np.random.default_rng(3), [], [], []
+    at, way = np.tile(TARGETS, 10), np.repeat([1, -1], 75)
+    cell = (way < 0).astype(int), np.tile(np.arange(15), 10)
+    none = np.zeros(150, int)
+    for _ in range(60):
+        first = axis_errors(at, way, TRUE[cell] + rng.normal(0, 1e-3, 150), none)
+        result = compensate(first, *made("table"), TableRequest(), trials=10)
+        assert result.applied is not None
+        left = (TRUE - result.applied)[cell] + rng.normal(0, 1e-3, 150)
+        found = verified(result, (at, way, left, none))
+        assert found.misfit is not None
+        k, u, F = [*k, found.k], [*u, found.u], [*F, found.misfit.F]
+    assert np.mean(F) == pytest.approx(1.0, abs=0.1)
+    assert 0.9 * np.std(k) <= np.mean(u) <= 1.5 * np.std(k)
 
 
 def test_the_interval_of_k_covers_also_readings_that_scatter_more() -> None:
