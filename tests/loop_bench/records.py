@@ -21,7 +21,7 @@ from typing import Any
 import mtu_cli
 from loop_bench.command import judged, rounded
 from loop_bench.rows import table
-from loop_bench.sets import KINDS, Kind, drawn
+from loop_bench.sets import JUDGING, KINDS, TUNING, Kind, drawn
 
 SEED = 1
 """Of the command."""
@@ -82,7 +82,7 @@ def identity(item: Record) -> tuple[str, int, int]:
 def draw(given: argparse.Namespace) -> None:
     """Appends what is missing of a shard."""
     shard, of = map(int, given.shard.split("/"))
-    base, folder = 2 if given.judging else 1, Path(mtu_cli.__file__).parent
+    base, folder = JUDGING if given.judging else TUNING, Path(mtu_cli.__file__).parent
     code = state(folder)
     held = list(read(given.out)) if given.out.exists() else []
     if given.out.exists() and not given.out.read_bytes().endswith(b"\n"):
