@@ -54,9 +54,9 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
         _errors(panel, item, errors, effect)
     figures.legend(lower)
     _ranking(panels[-1], item, result.alpha / len(result.tables))
-    names = "; ".join(" or ".join(e.class_names) for e in item.effects) or "none"
+    names = "; ".join(" or ".join(e.class_names) for e in item.effects)
     of = "" if item.table.component is None else f" of {item.table.component}"
-    text = f"Undeclared effects{of} ({item.verdict}): {names}"
+    text = f"Undeclared effects{of}: {item.verdict}{f' ({names})' if names else ''}"
     figures.title(page, shorten(text, TITLE, placeholder=" ..."))
     return page
 
