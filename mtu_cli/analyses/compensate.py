@@ -362,6 +362,10 @@ def compensate(
         if size > VARIES_SHARE * abs(mean):
             facts = {"component": component, "p": test.p, "range_um": size, "mean_um": mean}
             warnings.append(finding("backlash-varies", **facts))
+    if errors.read and errors.ways == 1:
+        reason = "readings in one direction only: the other one is taken to be alike"
+        facts = {"quantity": "reversal", "names": [component], "reason": reason}
+        warnings.append(finding("not-estimable", **facts))
     if errors.blocks or errors.known is not None:
         draws = errors.draw(trials or TRIALS, seed)
         after = figures(errors.expected - applied + draws, errors.ways)
@@ -421,6 +425,8 @@ def _moves(
     indices = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
     indices |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
+    if not errors.blocks and errors.known is None:
+        u = np.full((2, T), np.nan)
     result = []
     for way, name in enumerate(WAYS[: errors.ways]):
         stops = indices if measured is None else np.flatnonzero(np.isfinite(measured[way])).tolist()

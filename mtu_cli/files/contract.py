@@ -318,7 +318,8 @@ def expectation(item: ErrorDetails, annotation: Any) -> str:
     words = EXPECTED.get(kind) or EXPECTED.get(kind.partition("_")[0], "another value")
     words = words.format(**item.get("ctx", {}))
     if kind.startswith(("float", "int")) and isinstance(value, str):
-        return f"{words} with a decimal point, without quotes or unit"
+        point = " with a decimal point" if kind.startswith("float") else ""
+        return f"{words}{point}, without quotes or unit"
     if kind == "string_type" and is_number(value):
         return f"{words}: '{shown_value(value)}' in quotes"
     if kind in ("dict_type", "model_type") and (keys := keys_of(annotation)):

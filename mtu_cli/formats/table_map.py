@@ -18,8 +18,9 @@ from mtu_cli.formats.base import Ask, Imported, RawFile, unit_of
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.wide import way_of
-from mtu_cli.units import UNITS, plain_unit
+from mtu_cli.units import LENGTH, UNITS, plain_unit
 
+LENGTHS = {name: unit.to_internal for name, unit in UNITS.items() if unit.dimension == LENGTH}
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
 
 
@@ -152,7 +153,14 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     for name, by in factors.items():
         table[name] = table[name] * by
     for name, reference in profile.subtract.items():
-        table[name] = table[name] - table[reference]
+        operand = table[reference]
+        if name == "error" and (reference.endswith("_mm") or reference in profile.units):
+            # It is in mm: so is what has no unit of its own.
+            if "unit" not in table:
+                table = table.assign(unit="mm")
+                result.says.append(f"readings in mm, as {reference}")
+            operand = operand / table["unit"].map(plain_unit).map(LENGTHS).fillna(1.0)
+        table[name] = table[name] - operand
     table = table.drop(columns=profile.operands)
     if kind != "points" and len(table):
         if ask.component:

@@ -148,7 +148,7 @@ TOTAL = declare(
     of_tested=lambda value, u, digits: f"{value} of {u}" if u else "",
 )
 SLOPE = """
-    slope_UNIT | slope | change from part to part in the sequence | slope, u=u
+    slope_UNIT | slope | change as `sequence` rises by 1 | slope, u=u
     u_slope_UNIT | u | its standard uncertainty
 """
 TREND = declare(
@@ -249,7 +249,7 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
         "deviation from the mean of the other parts; false alarms in "
         f"{100 * FAMILY_RATE:g} % of studies"
     )
-    of_trends = "change from part to part, p over all tables (Holm)"
+    of_trends = "change as sequence rises by 1, p over all tables (Holm)"
     of_capability = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"
     papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))"
     papers = papers if result.method == "paper" else ""

@@ -119,7 +119,7 @@ def document(result: CircularResult, digits: int = 2) -> Document:
         f"{x.name} {_value(x, digits)}({100 * x.share:.0f} %)"
         for x in [x for x in causes if x.share == x.share and x.exceeds][:3]
     )
-    verdict += f". Largest causes: {largest}." if largest else ". No cause exceeds 2 u."
+    verdict += f". Largest significant causes: {largest}." if largest else ". No cause exceeds 2 u."
     figure = partial(polar, result)
     return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
 

@@ -67,7 +67,7 @@ def test_one_direction_does_not_separate_squareness_from_servo_lag() -> None:
     both = result.cause("squareness-or-servo")
     assert both.value == pytest.approx((causes.lean * causes.radius + lag) / 2, abs=1e-6)
     assert both.exceeds
-    assert "Largest causes: squareness-or-servo" in document(result).verdict
+    assert "Largest significant causes: squareness-or-servo" in document(result).verdict
     two_ways = [each.name for each in diagnose(made(causes)).causes]
     assert "squareness-or-servo" not in two_ways
 
