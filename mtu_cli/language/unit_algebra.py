@@ -32,6 +32,8 @@ from mtu_cli.units import ANY, PLAIN, Powers, Unit, parameter_units_of, unit_pow
 
 NO_LENGTH = Powers((0.0, *ANY.exponents[1:]))
 """Of a literal factor that is no length, but may be a number of kelvin or minutes."""
+ANGLES = ("deg", "arcmin", "arcsec")
+"""Units of angles in which numbers are written."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,13 +120,14 @@ class Algebra:
         1 + alpha*dT is no number of um/m.
         """
         units = [self.units.get(name, ANY) for name in names(term)]
-        units += map(unit_powers, ("1", "deg", "arcmin", "arcsec", "%"))
+        units += map(unit_powers, ("1", "%", *ANGLES))
         return not unit.alike(PLAIN) or any(map(unit.agrees, units))
 
     def _check_number(self, node: Node, what: str) -> None:
         powers = self.of(node)
-        # Empirical equations take logarithms of numbers: log(t + 273.15).
-        if has_literal(node) or powers.agrees(PLAIN):
+        # Empirical equations take logarithms of numbers: log(t + 273.15); none takes degrees.
+        angle = any(map(powers.agrees, map(unit_powers, ANGLES)))
+        if powers.agrees(PLAIN) or (has_literal(node) and not angle):
             return
         expected = "a plain number, or an angle in rad" + times(powers, PLAIN, ": the argument")
         self.add(what, powers, PLAIN, expected, column=first_column(node), value=short_text(node))
