@@ -47,9 +47,11 @@ def told_apart(record: Record) -> bool:
 
 
 def gains(records: Records) -> Figure:
-    """Of the command's held-out gain over that of an oracle that knows shape and noise."""
-    pairs = []
-    for record in records:
+    """Of the command's held-out gain over that of an oracle that knows shape and noise, on the days
+    that no change of what is held out has seen.
+    """
+    pairs, last = [], max((record["base"] for record in records), default=0)
+    for record in (record for record in records if record["base"] == last):
         report, oracle = record["report"], record["truth"]["oracle"]
         if oracle and "before" in report and "after" in report:
             before, after = (report[key]["rms_um"] ** 2 for key in ("before", "after"))
