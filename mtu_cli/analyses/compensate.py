@@ -366,7 +366,7 @@ def compensate(
         reason = "readings in one direction only: the other one is taken to be alike"
         facts = {"quantity": "reversal", "names": [component], "reason": reason}
         warnings.append(finding("not-estimable", **facts))
-    if errors.blocks or errors.known is not None:
+    if errors.blocks or not errors.read:
         draws = errors.draw(trials or TRIALS, seed)
         after = figures(errors.expected - applied + draws, errors.ways)
     else:
@@ -425,7 +425,7 @@ def _moves(
     indices = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
     indices |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
-    if not errors.blocks and errors.known is None:
+    if errors.read and not errors.blocks:
         u = np.full((2, T), np.nan)
     result = []
     for way, name in enumerate(WAYS[: errors.ways]):

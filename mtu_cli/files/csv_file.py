@@ -191,7 +191,7 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
         content, lines, headings = converted
     if content.startswith(GZIP):
         content = inflated(content, source.shown)
-    elif path.suffix.lower() == ".gz":
+    elif path.suffix.lower() == ".gz" and lines is None:
         raise error("not-readable", file=source.shown, reason="it is not compressed by gzip")
     check_text(content, source.shown)
     content = content.removeprefix(codecs.BOM_UTF8)

@@ -18,9 +18,8 @@ from mtu_cli.formats.base import Ask, Imported, RawFile, unit_of
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.wide import way_of
-from mtu_cli.units import LENGTH, UNITS, plain_unit
+from mtu_cli.units import UNITS, Unit, plain_unit
 
-LENGTHS = {name: unit.to_internal for name, unit in UNITS.items() if unit.dimension == LENGTH}
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
 
 
@@ -68,6 +67,14 @@ class Profile(Contract):
     def operands(self) -> list[str]:
         """The columns of the file that are only subtracted, by their headings."""
         return [name for name in self.subtract.values() if name not in self.made]
+
+    def unit_of(self, name: str) -> Unit | None:
+        """The unit of a column by its name or, once converted, by `units`; None if unknown."""
+        if name in self.units:
+            dimension = UNITS[plain_unit(self.units[name])].dimension
+            internal = (x for x in UNITS.values() if x.to_internal == 1.0)
+            return next((unit for unit in internal if unit.dimension == dimension), None)
+        return UNITS["mm"] if name.endswith("_mm") else None
 
     @property
     def calculated(self) -> list[str]:
@@ -153,13 +160,13 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     for name, by in factors.items():
         table[name] = table[name] * by
     for name, reference in profile.subtract.items():
-        operand = table[reference]
-        if name == "error" and (reference.endswith("_mm") or reference in profile.units):
-            # It is in mm: so is what has no unit of its own.
+        operand, unit = table[reference], profile.unit_of(reference)
+        if name == "error" and unit is not None:
             if "unit" not in table:
-                table = table.assign(unit="mm")
-                result.says.append(f"readings in mm, as {reference}")
-            operand = operand / table["unit"].map(plain_unit).map(LENGTHS).fillna(1.0)
+                stated = None if ask.unit else unit.name
+                table["unit"] = unit_of(file, ask, result, stated)
+            factors = {text: _ratio(file, unit, text, reference) for text in {*table["unit"]}}
+            operand = operand * table["unit"].map(factors)
         table[name] = table[name] - operand
     table = table.drop(columns=profile.operands)
     if kind != "points" and len(table):
@@ -181,6 +188,17 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
     result.says[:0] = [summary(grid, cells.signs), *less, *times]
     return result
+
+
+def _ratio(file: RawFile, unit: Unit, text: Any, column: str) -> float:
+    """By what a column in a unit is multiplied, to be subtracted from readings in the unit `text`;
+    one that is not known is none of the contract's.
+    """
+    other = UNITS.get(plain_unit(str(text)), unit)
+    if other.dimension != unit.dimension:
+        reason = f"{column} is in {unit.name}, and what it is subtracted from in {text}"
+        raise file.error("not-applicable", reason=reason)
+    return unit.to_internal / other.to_internal
 
 
 def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict[str, int]:

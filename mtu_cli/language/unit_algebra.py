@@ -2,9 +2,10 @@
 
 One algebra serves machines, effects, budgets and graphs; the rule of every operation stands in the
 table of functions. A name without a known unit (a constant, say) may stand for anything. In a sum a
-literal has the unit of the other side, but beside a ratio that no name there is in (um/m of um/m/K
-times K) it is a plain number; as a factor it has what the `Algebra` says; in the argument of a
-function, as in ``exp(-t/30 + 1)``, it may have any, so that its dimension is not judged.
+literal has the unit of the other side; beside a ratio that is neither in deg, arcmin, arcsec or %
+nor in the unit of a name that stands there alone (um/m of um/m/K times K) it is a plain number. As
+a factor it has what the `Algebra` says; in the argument of a function, as in ``exp(-t/30 + 1)``, it
+may have any, so that its dimension is not judged.
 """
 
 from __future__ import annotations
@@ -119,7 +120,8 @@ class Algebra:
         """Whether a number beside a term is in its unit: the 90 of phi - 90 is in deg, the 1 of
         1 + alpha*dT is no number of um/m.
         """
-        units = [self.units.get(name, ANY) for name in names(term)]
+        alone = [each.name for each in terms(term) if isinstance(each, Name)]
+        units = [self.units.get(name, ANY) for name in alone]
         units += map(unit_powers, ("1", "%", *ANGLES))
         return not unit.alike(PLAIN) or any(map(unit.agrees, units))
 

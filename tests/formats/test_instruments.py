@@ -296,17 +296,18 @@ constants: {component: dx_x}
 
 
 @pytest.mark.parametrize(
-    ("measured", "unit", "error", "made"),
+    ("measured", "unit", "asked", "error", "made"),
     [
-        ("67.00892", "units: {error: mm}", 0.00892, "mm"),
-        ("67008.92", "units: {error: um}", 8.92, "um"),
-        ("67.00892", "", 0.00892, "mm"),
+        ("67.00892", "units: {error: mm}", "um", 0.00892, "mm"),
+        ("67008.92", "units: {error: um}", None, 8.92, "um"),
+        ("67008.92", "", "um", 8.92, "um"),
+        ("67.00892", "", None, 0.00892, "mm"),
     ],
 )
 def test_a_position_is_subtracted_in_the_unit_of_the_error(
-    measured: str, unit: str, error: float, made: str, tmp_path: Path
+    measured: str, unit: str, asked: str | None, error: float, made: str, tmp_path: Path
 ) -> None:
-    """Whatever the component's unit is: without one of its own the error is in mm, too."""
+    """That of the profile or of the call; without one the error is in mm, too."""
     path = tmp_path / "map.yaml"
     path.write_text(f"""schema: mtu/import/1
 columns: {{position_mm: target, error: actual}}
@@ -314,10 +315,13 @@ subtract: {{error: position_mm}}
 constants: {{component: dx_x}}
 {unit}
 """)
-    ask = Ask(kind="readings", profile=path, unit="um", whose_unit="the component's unit")
-    table = read(raw(f"target;actual\n67;{measured}\n"), ask)
+    text = f"target;actual\n67;{measured}\n"
+    table = read(raw(text), Ask(kind="readings", profile=path, unit=asked))
     assert table.columns["unit"] == [made]
     assert table.columns["error"] == [pytest.approx(error, abs=1e-9)]
+    path.write_text(f"{path.read_text()}units: {{error: arcsec}}\n".replace(unit, "", bool(unit)))
+    with pytest.raises(InputError, match=r"position_mm is in mm, and .* in arcsec"):
+        read(raw(text), Ask(kind="readings", profile=path))
 
 
 HEAD = "schema: mtu/import/1\nconstants: {component: c}\nunits: {error: mm}\n"

@@ -100,7 +100,7 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
             i = int(np.searchsorted(ends[1:-1], level))
             low, high, count = gaps[hits[i]]
             inside = int(count * (level - ends[i]) / (ends[i + 1] - ends[i]))
-            places.append(low + (inside + 0.5) * (high - low) / count)
+            places.append(low + (min(inside, count - 1) + 0.5) * (high - low) / count)
     runs = np.split(hits, np.flatnonzero(np.diff(hits) > 2) + 1)
     return Searched(
         name=form.searched,

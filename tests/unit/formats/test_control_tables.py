@@ -377,7 +377,7 @@ def test_p_of_the_misfit_is_an_upper_bound() -> None:
 
 def test_repeats_without_runs_scatter_each_by_itself() -> None:
     """Not as one line of the run that they count as: F is about 1, and u that of k."""
-    rng, k, u, F = np.random.default_rng(3), [], [], []
+    rng, k, u, F = np.random.default_rng(3), list[float](), list[float](), list[float]()
     at, way = np.tile(TARGETS, 10), np.repeat([1, -1], 75)
     cell = (way < 0).astype(int), np.tile(np.arange(15), 10)
     none = np.zeros(150, int)
