@@ -272,6 +272,18 @@ def test_mean_and_forward_tables_leave_what_they_promise() -> None:
         assert np.allclose(errors.means - applied, np.array(left)[:, None], atol=1e-6)
 
 
+def test_one_run_in_one_direction_leaves_reversal_and_u_unknown() -> None:
+    """They are no zeros: the table takes the other direction to be alike, and says so."""
+    none = np.zeros(len(TARGETS), int)
+    first = axis_errors(TARGETS, none + 1, TRUE[0], none)
+    result = compensate(first, *made("table"), TableRequest(), trials=10)
+    unknown = [x.facts["quantity"] for x in result.warnings if x.code == "not-estimable"]
+    assert unknown == ["reversal", "figures after compensation"]
+    assert result.after is None
+    assert result.moves
+    assert all(np.isnan(move.u) for move in result.moves)
+
+
 def test_the_interval_of_k_covers_also_where_the_table_is_noise() -> None:
     """1000 verifications of tables from half to twenty times their scatter high: the table applied
     as it is, not at all, and with the other sign.
