@@ -204,7 +204,7 @@ def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
     >>> nearest("dx_y", ["dx_x", "dy_y", "ez_x"])
     ('dx_x', 'dy_y')
     """
-    words = {str(each).casefold(): str(each) for each in names}
+    words = {str(x).casefold(): str(x) for x in names if len(str(x)) <= LONGEST_NAME}
     key = name.casefold()[:LONGEST_NAME]
     # Letters in another order ('azx' for 'axz') are likelier than other letters.
     result = [each for each in words if sorted(each) == sorted(key)]
@@ -230,7 +230,7 @@ def suggestion(name: str, names: Iterable[str]) -> dict[str, Any]:
     choices = list(names)
     if near := nearest(name, choices):
         return {"meant": near}
-    text = ", ".join(choices[:12]) + (", ..." if len(choices) > 12 else "")
+    text = ", ".join(map(shorten, choices[:12])) + (", ..." if len(choices) > 12 else "")
     return {"expected": f"one of: {text}" if choices else "no such name: none is known here"}
 
 
