@@ -246,8 +246,8 @@ def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
 
 def _parts_due(features: MeasuredTables) -> dict[str, BoolArray]:
     """The parts (parts,) that are due in all tables of each operation: those with any feature of
-    it, and those of operations it is crossed with, that is, whose parts are mostly its own, too.
-    Parts nested in operations, each made by one of several machines, are due there alone.
+    it, and all parts of an operation that is crossed with it: more than half of them have features
+    of both. Parts nested in operations, each made by one of several machines, are due there alone.
     """
     of = np.array([label[0] for label in features.labels])
     operations = np.unique(of)

@@ -227,7 +227,7 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
         for (best, _), end in zip(optima, starts[1:], strict=True)
         if labels[end - 1][2] == "searched" and _beyond(design.members[best], values[end - 1])
     ]
-    # The estimates given that these do not change, with the u of a free range.
+    # The estimates given that these do not change; u is kept as if they could.
     cross = covariance[:, bounded]
     values = values - cross @ np.linalg.solve(cross[bounded], values[bounded])
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
