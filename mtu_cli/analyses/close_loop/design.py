@@ -356,11 +356,11 @@ def _at_equal_angles(members: list[Member]) -> list[Member]:
     angle = np.concatenate([[0.0], np.cumsum(arcs)])
     at = np.linspace(0, angle[-1], max(2, round(angle[-1] / STEP_RAD) + 1))
     selection = np.unique(np.minimum(np.searchsorted(angle, at - 1e-9), len(members) - 1))
-    for j, i in enumerate(selection):
-        low = (selection[j - 1] + i) // 2 if j else i
-        high = (selection[j + 1] + i) // 2 if j + 1 < len(selection) else i
-        window = np.unique(np.linspace(low, high, AROUND).astype(int))
-        members[i].around = tuple(float(members[q].value or 0.0) for q in window)
+    middles = (selection[1:] + selection[:-1]) // 2
+    lows, highs = np.append(selection[:1], middles), np.append(middles, selection[-1:])
+    windows = lows[:, None] + (highs - lows)[:, None] * np.arange(AROUND) // (AROUND - 1)
+    for i, window in zip(selection, windows.tolist(), strict=True):
+        members[i].around = tuple(float(members[q].value or 0.0) for q in dict.fromkeys(window))
     return [members[i] for i in selection]
 
 
@@ -380,11 +380,12 @@ def _distinct_members(members: list[Member]) -> list[Member]:
         rows = bases.reshape(-1, len(coordinates))
         products = (rows @ rows.T).reshape(len(group), k, len(group), k)
         squares = np.einsum("gkhl,gkhl->gh", products, products)
-        for n, i in enumerate(group):
-            least = STEP_RAD / 2 if members[i].around else SAME_RAD
-            # The least cosine of all is at most their root mean square.
-            overlap = distinct[group[:n]] & (squares[n, :n] > k * np.cos(least) ** 2)
-            distinct[i] = not overlap.any() or _angles(products[:n, :, n][overlap]).min() >= least
+        least = np.array([STEP_RAD / 2 if members[i].around else SAME_RAD for i in group])
+        # The least cosine of all is at most their root mean square.
+        close = np.tril(squares > k * np.cos(least)[:, None] ** 2, -1)
+        for n in np.flatnonzero(close.any(axis=1)):
+            rivals = close[n] & distinct[group]
+            distinct[group[n]] = np.all(_angles(products[rivals, :, n]) >= least[n])
     return [item for item, keep in zip(members, distinct, strict=True) if keep]
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import chdtri, logsumexp
+from scipy.special import chdtri
 
 from mtu_cli.analyses.close_loop.design import (
     DEPENDENT,
@@ -83,7 +83,7 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     values = np.array([m.value for m in items], float)
     gains = _gains(like, base, items)
     logs = gains / 2 + np.log(np.maximum(arcs, 1e-12))
-    shares = np.exp(logs - logsumexp(logs))
+    shares = np.exp(logs - np.logaddexp.reduce(logs))
     credible = gains.max() - gains <= chdtri(1, 1 - COVERED)
     ranked = np.argsort(-shares, kind="stable")
     credible[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri, logsumexp
+from scipy.special import chdtri
 
 from mtu_cli.analyses.close_loop.columns import PADDING
 from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
@@ -177,7 +177,7 @@ class Likelihood:
         rss = np.maximum(R + (total - R) / (1 + g[:, None]), floor)
         logs = -0.5 * np.einsum("s,gsm->gm", self.n, np.log(rss / np.maximum(total, floor)))
         logs -= 0.5 * k * np.log1p(g)
-        return np.asarray(logsumexp(logs, axis=0) - np.log(len(g)))
+        return np.asarray(np.logaddexp.reduce(logs) - np.log(len(g)))
 
     def fit(self, columns: Columns) -> Fit:
         """Generalised least squares, each stratum's variance its residual sum of squares over the
@@ -227,4 +227,4 @@ class Likelihood:
         """
         c = np.tan(np.pi / 2 * QUANTILES) ** 2 * kernel.informed
         logs = 0.5 * self.kernel_deviance(fit, kernel, fit.residual[None], c)[:, 0]
-        return float(logsumexp(logs) - np.log(len(c))), float(c[int(np.argmax(logs))])
+        return float(np.logaddexp.reduce(logs) - np.log(len(c))), float(c[int(np.argmax(logs))])

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.special import logsumexp
 
 from mtu_cli.analyses.close_loop.columns import PADDING
 from mtu_cli.analyses.close_loop.design import Design
@@ -66,6 +65,7 @@ class ModelSet:
         self.names += [self.design.kernels[k].name for k in self.named]
         self.stopped = False
         self._smooth: dict[tuple[int, ...], Columns] = {}
+        self._values: dict[Model, float] = {}
         self._added: dict[Model, tuple[FloatArray, list[Item]]] = {}
 
     # What a model is.
@@ -99,9 +99,11 @@ class ModelSet:
     def value(self, model: Model) -> float:
         """Log marginal likelihood of a model, in the units of its additions."""
         model = tuple(sorted(model))
-        columns = self.likelihood.closure(self.members(model))
-        base = float(self.likelihood.evidence(columns)[0])
-        return base + sum(self._gains(columns, [-1 - item for item in model if item < 0]))
+        if model not in self._values:
+            columns = self.likelihood.closure(self.members(model))
+            gains = self._gains(columns, [-1 - item for item in model if item < 0])
+            self._values[model] = float(self.likelihood.evidence(columns)[0]) + sum(gains)
+        return self._values[model]
 
     def _gains(self, columns: Columns, kernels: Sequence[int]) -> list[float]:
         """Log Bayes factors of random functions given a model of these columns."""
@@ -131,9 +133,10 @@ class ModelSet:
         logs += like.evidence(columns, smooth, design.closures, design.inner)
         total = np.full(len(self.names), -np.inf)
         best = [0] * len(self.names)
-        for c in np.unique(design.owner):
-            members = np.flatnonzero(design.owner == c)
-            total[c], best[c] = logsumexp(logs[members]), int(members[np.argmax(logs[members])])
+        owners, starts = np.unique(design.owner, return_index=True)
+        total[owners] = np.logaddexp.reduceat(logs, starts)
+        for c, start, of_owner in zip(owners, starts, np.split(logs, starts[1:]), strict=True):
+            best[c] = int(start + np.argmax(of_owner))
         present = {self.place(item) for item in model}
         for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE):
             m = best[c]
@@ -142,7 +145,7 @@ class ModelSet:
                 share = np.log(design.members[m].prior / len(fine))
                 finer = like.evidence(columns, smooth, design.closures_of(fine)) + base + share
                 rest = logs[(design.owner == c) & (np.arange(design.tested) != m)]
-                total[c] = logsumexp(np.concatenate([rest, finer]))
+                total[c] = np.logaddexp.reduce(np.concatenate([rest, finer]))
                 best[c] = fine[int(np.argmax(finer))]
         first = len(design.candidates)
         total[first:] = value + np.array(self._gains(columns, self.named))
@@ -246,7 +249,7 @@ class ModelSet:
                 if terms <= low and p.get(self.names[i], 1.0) > self.alpha:
                     total[i] = -np.inf
             logs = np.concatenate([total, smooth])
-            posterior = np.exp(logs - logsumexp(logs))
+            posterior = np.exp(logs - np.logaddexp.reduce(logs))
             order = np.argsort(-posterior, kind="stable").tolist()
             count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
             best[c], rivals = item, [i for i in order[:count] if i < len(self.names) and i != c]
