@@ -9,7 +9,6 @@ from typing import Any
 
 from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome
 from mtu_cli.cli.load import Inputs, named_file
-from mtu_cli.cli.options import Options
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
 from mtu_cli.files.csv_file import Converted, read_tables
@@ -109,7 +108,8 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
         name: known_name(f"--{name}", "value", options.values.get(name), choices)
         for name, choices in words.items()
     }
-    unit = values["unit"]
+    entries = inputs.machine.machine.components if options.machine else {}
+    units = {name: entry.unit for name, entry in entries.items()}
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
     tables, findings, faults = list[Imported](), list[Finding](), CellFaults()
@@ -121,11 +121,9 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
             if target and same(target, file.source.path):
                 raise file.error("not-overwritten", reason="it is an input")
             name = named_file(path)[0] or options.component
-            values["unit"] = unit or _unit_of(options, name)
             if is_contract(file.content) and not options.map:
                 raise file.error("other-table", kind="the contract's CSV already")
-            whose = "the unit given" if unit else "the component's unit"
-            table = read(file, Ask(kind=kind, component=name, whose_unit=whose,
+            table = read(file, Ask(kind=kind, component=name, machine_units=units,
                                    profile=options.map, **values))  # fmt: skip
         except InputError as fault:
             for each in fault.findings:
@@ -149,16 +147,17 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _join(tables: list[Imported], kind: str) -> Imported:
-    """Files end to end; the passes of a component that was read before are counted on."""
-    result, last = Imported(format="", kind=kind), dict[str, int]()
+    """Files end to end; passes and cycles of a component that was read before are counted on."""
+    result, last = Imported(format="", kind=kind), Counter[tuple[object, str]]()
     for table in tables:
-        offsets = dict(last)
+        offsets = last.copy()
         for i, row in enumerate(table.rows):
             cells = {name: column[i] for name, column in table.columns.items()}
-            if isinstance(cells.get("pass"), int):
-                name = str(cells.get("component"))
-                cells["pass"] += offsets.get(name, 0)
-                last[name] = max(last.get(name, 0), cells["pass"])
+            for name in ("pass", "cycle"):
+                if str(cells.get(name)).isdecimal():
+                    place = (cells.get("component"), name)
+                    cells[name] = int(cells[name]) + offsets[place]
+                    last[place] = max(last[place], cells[name])
             result.add(row, **cells)
     return result
 
@@ -180,14 +179,3 @@ def _check(
         parts.append(part.converted(list(spec.columns)))
     places, rest = [(file.source.path, file.source.role) for file in files], iter(parts)
     read_tables(places, spec, faults, lambda source, raw: next(rest), parts=True)
-
-
-def _unit_of(options: Options, component: str | None) -> str | None:
-    """The unit that the machine of the call gives a component."""
-    if options.machine is None or component is None:
-        return None
-    from mtu_cli.files.machine import load_machine
-
-    components = load_machine(options.machine).machine.components
-    known_name("--component", "component", component, components)
-    return components[component].unit

@@ -106,13 +106,12 @@ class Inputs:
         # Where neither names one, the component of --component.
         components = self.options.values.get("component") or (None,)
         component = names.get(path) or instrument.component or components[0]
-        entries = self.machine.machine.components if self.files("machine") and component else {}
-        machine_unit = entries[component].unit if component in entries else None
+        entries = self.machine.machine.components if self.files("machine") else {}
         return Ask(
             kind=KIND_OF[role],
             component=component,
-            unit=instrument.unit or machine_unit,
-            whose_unit="the unit given" if instrument.unit else "the component's unit",
+            unit=instrument.unit,
+            machine_units={name: entry.unit for name, entry in entries.items()},
             decimal=instrument.decimal,
             directions=instrument.directions,
             profile=study.source.path.parent / instrument.map if study and instrument.map else None,

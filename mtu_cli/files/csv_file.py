@@ -89,20 +89,20 @@ def read_tables(
         faults.raise_if_any()
         raise ValueError("no files to read")
     table = joined(tables)
-    _check_files(table, faults, parts)
+    _check_files(table, faults)
     if not faults.listed:
         _check_equal_rows(table, faults, parts)
     return table
 
 
-def _check_files(table: Table, faults: CellFaults, parts: bool) -> None:
+def _check_files(table: Table, faults: CellFaults) -> None:
     """Files that are read twice, and times that contradict each other."""
     first: dict[str, File] = {}
     dated_files = [file for file in table.files if "time" in file.header]
     for file in table.files:
         place: dict[str, Any] = {"file": file.source.shown}
         original = first.setdefault(file.source.sha256, file)
-        if original is not file and not parts:
+        if original is not file:
             name = original.source.shown
             faults.add(finding("copied-rows", other=name, expected="each file once", **place))
         elif dated_files and "time_min" in file.header:

@@ -70,13 +70,14 @@ class RawFile:
 @dataclass(frozen=True, kw_only=True)
 class Ask:
     """What the caller says of a file: the component it reads and its unit, what it is wanted as,
-    and what the file leaves open. Of `kind` inspect nothing has to be answered.
+    and what the file leaves open; `machine_units` are those of the machine's components. Of `kind`
+    inspect nothing has to be answered.
     """
 
     kind: str | None = None
     component: str | None = None
     unit: str | None = None
-    whose_unit: str = "the unit given"
+    machine_units: Mapping[str, str] = field(default_factory=dict)
     decimal: Decimal | None = None
     directions: str | None = None
     profile: Path | Mapping[str, Any] | None = None
@@ -187,16 +188,22 @@ def unit_in(text: str) -> str | None:
     return next((name for name in reversed(result) if name), None)
 
 
-def unit_of(file: RawFile, ask: Ask, result: Imported, stated: str | None) -> str:
-    """The unit of the readings: as the file has it, or as the caller says where it has none."""
+def unit_of(
+    file: RawFile, ask: Ask, result: Imported, stated: str | None, component: str | None = None
+) -> str:
+    """The unit of the readings of a component: as the file has it, or as the caller says where it
+    has none, or the machine.
+    """
+    unit = stated or ask.unit or ask.machine_units.get(component or ask.component or "", "")
     if stated:
         result.says.append(f"readings in {stated}, as the file says")
-    elif ask.unit:
-        result.says.append(f"readings without a unit taken in {ask.unit}, {ask.whose_unit}")
+    elif unit:
+        whose = "the unit given" if ask.unit else "the component's unit"
+        result.says.append(f"readings without a unit taken in {unit}, {whose}")
     elif ask.kind != "inspect":
         expected = "`unit: um` in the study, import --unit um, or a machine with the component"
         raise file.error("missing-input", what="the unit of the readings", expected=expected)
-    return stated or ask.unit or ""
+    return unit
 
 
 def add_readings(

@@ -69,12 +69,13 @@ class Profile(Contract):
         return [name for name in self.subtract.values() if name not in self.made]
 
     def unit_of(self, name: str) -> Unit | None:
-        """The unit of a column by its name or, once converted, by `units`; None if unknown."""
-        if name in self.units:
-            dimension = UNITS[plain_unit(self.units[name])].dimension
-            internal = (x for x in UNITS.values() if x.to_internal == 1.0)
-            return next((unit for unit in internal if unit.dimension == dimension), None)
-        return UNITS["mm"] if name.endswith("_mm") else None
+        """The unit of a column by its name or, converted to it, by `units`; None if unknown."""
+        by_name = [UNITS[unit] for unit in ("mm", "deg") if name.endswith(f"_{unit}")]
+        if name not in self.units:
+            return next(iter(by_name), None)
+        dimension = UNITS[plain_unit(self.units[name])].dimension
+        internal = (unit for unit in UNITS.values() if unit.to_internal == 1.0)
+        return next((unit for unit in (*by_name, *internal) if unit.dimension == dimension), None)
 
     @property
     def calculated(self) -> list[str]:
@@ -105,6 +106,7 @@ def read_profile(source: Path | Mapping[str, Any]) -> Profile:
 
 def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Imported:
     """The table of a file as the profile of `ask` says; every bad cell at once."""
+    import numpy as np
     import pandas as pd
 
     assert ask.profile is not None
@@ -124,23 +126,26 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     for name in dict.fromkeys([*profile.columns, *profile.operands]):
         index, column = place[name], columns[name]
         if column.kind == "number":
-            table[name] = cells.numbers(index, may_be_empty=column.may_be_empty)
+            values = cells.numbers(index, may_be_empty=column.may_be_empty)
+            table[name] = np.array(values, float)
         elif column.kind != "free":
             table[name] = cells.texts[index]
         else:
-            values = ((number(x, cells.signs[index]), x) for x in cells.texts[index])
-            table[name] = pd.Series([x if v is None else v for v, x in values], table.index, object)
+            pairs = ((number(x, cells.signs[index]), x) for x in cells.texts[index])
+            table[name] = pd.Series([x if v is None else v for v, x in pairs], table.index, object)
     if profile.cycles:
         level = pd.Series(cells.texts[place[profile.cycles.from_]], table.index)
         first = level == level.iloc[0]
         # A cycle begins where the set-point returns to its first value.
         table["cycle"] = (first & ~first.shift(fill_value=False)).cumsum().astype(str)
     if unpivot := profile.unpivot:
-        numbers = {x: cells.numbers(place[x], may_be_empty=True) for x in unpivot.columns}
+        runs = {
+            x: np.array(cells.numbers(place[x], may_be_empty=True), float) for x in unpivot.columns
+        }
         faults.raise_if_any()
         line = grid.rows[0].line
         rows_of = _row_labels(profile, ask, cells, line, place, columns[unpivot.names])
-        parts = [table.assign(**{unpivot.into: numbers[labels.pop("")]}, **labels)
+        parts = [table.assign(**{unpivot.into: runs[labels.pop("")]}, **labels)
                  for labels in rows_of]  # fmt: skip
         faults.raise_if_any()
         stack = pd.concat(parts).sort_index(kind="stable")
@@ -152,7 +157,9 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         if name == "error":
             table = table.assign(unit=plain_unit(text))
         else:
-            factors[name] = factors.get(name, 1.0) * UNITS[plain_unit(text)].to_internal
+            converted = profile.unit_of(name)
+            to = 1.0 if converted is None else converted.to_internal
+            factors[name] = factors.get(name, 1.0) * UNITS[plain_unit(text)].to_internal / to
     for name in profile.calculated:
         if table[name].dtype.kind not in "if":
             expected = "numbers, as the profile calculates with it"
@@ -163,8 +170,8 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         operand, unit = table[reference], profile.unit_of(reference)
         if name == "error" and unit is not None:
             if "unit" not in table:
-                stated = None if ask.unit else unit.name
-                table["unit"] = unit_of(file, ask, result, stated)
+                table["unit"] = ask.unit or unit.name
+                result.says.append(f"errors in {ask.unit or unit.name}")
             factors = {text: _ratio(file, unit, text, reference) for text in {*table["unit"]}}
             operand = operand * table["unit"].map(factors)
         table[name] = table[name] - operand
@@ -176,7 +183,9 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
             expected = "--component NAME, or constants: {component: NAME} in the profile"
             raise file.error("missing-input", what="the component", expected=expected)
         if "unit" not in table:
-            table["unit"] = unit_of(file, ask, result, None)
+            names = dict.fromkeys(table["component"])
+            units = {name: unit_of(file, ask, result, None, name) for name in names}
+            table["unit"] = table["component"].map(units)
     cell_values = table.astype(object).where(table.notna(), None)
     result.columns = {str(name): cell_values[name].tolist() for name in table}
     result.rows = table.index.tolist()

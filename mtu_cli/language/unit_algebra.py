@@ -120,10 +120,11 @@ class Algebra:
         """Whether a number beside a term is in its unit: the 90 of phi - 90 is in deg, the 1 of
         1 + alpha*dT is no number of um/m.
         """
-        alone = [each.name for each in terms(term) if isinstance(each, Name)]
-        units = [self.units.get(name, ANY) for name in alone]
+        parts = [*terms(term)]
+        units = [self.units.get(part.name, ANY) for part in parts if isinstance(part, Name)]
         units += map(unit_powers, ("1", "%", *ANGLES))
-        return not unit.alike(PLAIN) or any(map(unit.agrees, units))
+        products = any(isinstance(x, Call) and x.function in ("*", "/", "**") for x in parts)
+        return not (products and unit.alike(PLAIN)) or any(map(unit.agrees, units))
 
     def _check_number(self, node: Node, what: str) -> None:
         powers = self.of(node)

@@ -80,8 +80,12 @@ def test_import_states_what_was_left_open_and_overwrites_nothing(folder: Path) -
     assert "ends in .csv" in done(mtu(*call, "-o", "p.json", cwd=folder), 2).stderr
     wrong = mtu("import", "p.csv", "--as", "point", cwd=folder)
     assert "did you mean 'points'" in done(wrong, 2).stderr
-    joined = mtu("import", "x.rtl", "x.rtl", "--as", "readings", "--component", "dx_x", cwd=folder)
-    assert {line.split(",")[2] for line in done(joined).stdout.splitlines()[1:]} == {"1", "2"}
+    (folder / "y.rtl").write_bytes((folder / "x.rtl").read_bytes().replace(b"0.5", b"0.6"))
+    run = ("import", "--as", "readings", "--component", "dx_x", "x.rtl")
+    joined = done(mtu(*run, "y.rtl", cwd=folder)).stdout
+    assert {line.split(",")[2] for line in joined.splitlines()[1:]} == {"1", "2"}
+    (folder / "z.rtl").write_bytes((folder / "x.rtl").read_bytes())
+    assert "z.rtl: the same as x.rtl" in done(mtu(*run, "z.rtl", cwd=folder), 2).stderr
 
 
 def test_import_writes_nothing_that_the_contract_does_not_read(folder: Path) -> None:
@@ -120,8 +124,51 @@ def test_import_checks_its_files_as_the_one_csv_that_it_writes(folder: Path) -> 
         call = ("import", *names, "--as", "readings", "--map", "t.yaml", "-o", "o.csv")
         return done(mtu(*call, cwd=folder), exit_code).stderr
 
-    assert "t1.csv, row 3: the same as row 3 of t1.csv" in imported("t1.csv", "t1.csv")
+    (folder / "t4.csv").write_text(rows + "60;2024-05-03T14:32:00;0,1\n")
+    assert "t4.csv, row 3: the same as row 3 of t1.csv" in imported("t1.csv", "t4.csv")
     assert "t2.csv, column 'Zeit': contradicts the other times" in imported("t1.csv", "t2.csv")
     assert not (folder / "o.csv").exists()
     imported("t1.csv", "t3.csv", exit_code=0)
     done(mtu("fit-components", "-m", "m.yaml", "--laser", "o.csv", cwd=folder))
+
+
+def test_passes_and_cycles_of_files_are_apart(folder: Path) -> None:
+    """As they are where the files are read directly; days may count alike and begin with zeros."""
+    days, warm_ups = ("d1.csv", "d2.csv"), ("w1.csv", "w2.csv")
+    for n, (day, warm_up) in enumerate(zip(days, warm_ups, strict=True)):
+        cells = [(run, at, 0.01 * at * n) for run in (1, 2) for at in (0, 50, 100)]
+        (folder / day).write_text("Run;Ziel;M\n" + "".join(f"{r};{x};{e}\n" for r, x, e in cells))
+        channels = [(t, (n + 1) * t / 10, 20 + t / 5) for t in (0, 10, 20)]
+        lines = "".join(f"{t},{e},{T}\n" for t, e, T in channels)
+        (folder / warm_up).write_text("time [min],probe [um],T spindle [degC]\n" + lines)
+    (folder / "d.yaml").write_text(
+        "schema: mtu/import/1\nconstants: {component: dx_x}\n"
+        "columns: {pass: Run, position_mm: Ziel, error: M}\n"
+    )
+    # The unit is that of the machine's component, which the profile names.
+    call = ("import", *days, "--as", "readings", "--map", "d.yaml", "-m", "m.yaml", "-o", "d.csv")
+    assert "taken in um, the component's unit" in done(mtu(*call, cwd=folder)).stdout
+    rows = [line.split(",") for line in (folder / "d.csv").read_text().splitlines()]
+    assert {row[rows[0].index("pass")] for row in rows[1:]} == {"1", "2", "3", "4"}
+    logged = mtu("import", *warm_ups, "--as", "drift", "--component", "dx_x", cwd=folder)
+    written = done(logged).stdout.splitlines()
+    assert [line.split(",")[3] for line in written[1:]] == ["w1.csv"] * 3 + ["w2.csv"] * 3
+
+
+def test_a_profile_calculates_with_empty_runs_and_with_angles(folder: Path) -> None:
+    """A template has runs that were not made; positions of a rotary axis are in deg."""
+    (folder / "a.csv").write_text("Soll;Lauf 1;Lauf 2\n0;0,0001;\n30;30,0005;\n")
+    (folder / "a.yaml").write_text(
+        "schema: mtu/import/1\ncolumns: {position_deg: Soll}\nunits: {error: arcsec}\n"
+        "unpivot: {into: error, columns: [Lauf 1, Lauf 2]}\nconstants: {component: ec}\n"
+        "scale: {error: 3600}\nsubtract: {error: position_deg}\n"
+    )
+    call = ("import", "a.csv", "--as", "readings", "--map", "a.yaml")
+    expected = [0.36, 1.8]
+    profile = (folder / "a.yaml").read_text()
+    for units in ("error: arcsec", "error: arcsec, position_deg: deg"):
+        (folder / "a.yaml").write_text(profile.replace("error: arcsec", units))
+        rows = [line.split(",") for line in done(mtu(*call, cwd=folder)).stdout.splitlines()]
+        error, place = rows[0].index("error"), rows[0].index("position_deg")
+        assert [float(row[error]) for row in rows[1:]] == pytest.approx(expected)
+        assert [float(row[place]) for row in rows[1:]] == [0.0, 30.0]

@@ -246,7 +246,7 @@ def test_a_logger_gives_drift_readings_with_temperatures() -> None:
     found = read(raw(made.LOGGER.encode("cp1252")), Ask(kind="drift", component="dz"))
     assert found.columns["time"][1] == "2024-08-13T10:01:00"
     assert found.columns["T_spindle_degC"] == [20.1, 20.25, 20.4]
-    assert rows(found, "error", "unit", "cycle")[2] == (0.9, "um", "1")
+    assert rows(found, "error", "unit", "cycle")[2] == (0.9, "um", "x.txt")
     with pytest.raises(InputError, match="day or month first"):
         read(raw(made.LOGGER.replace("13.08.", "01/08/")), Ask(component="dz"))
 
@@ -366,7 +366,7 @@ def test_headings_in_a_column_of_numbers_are_numbers(tmp_path: Path) -> None:
     """In any that the contract's reader takes for one; sensors may have no reading."""
     path = tmp_path / "map.yaml"
     text = "T_air_degC;0,0;90,5\n20,5;0,5;91,5\n;0,25;91\n"
-    profile = HEAD + (
+    profile = HEAD.replace("error: mm", "error: deg") + (
         "columns: {T_air_degC: T_air_degC}\n"
         "unpivot: {into: error, names: position_deg, columns: ['0,0', '90,5']}\n"
     )

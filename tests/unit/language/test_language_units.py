@@ -103,6 +103,8 @@ def consistency(text: str, result: str, **units: str) -> str | None:
         ("n*p - 90", "deg", {"n": "1", "p": "deg"}, None),
         ("a*t - 90", "deg", {"a": "deg/K", "t": "K"}, None),
         ("p - 3", "mrad", {"p": "mrad"}, None),
+        ("sqrt(p**2 + r**2) - 5", "urad", {"p": "urad", "r": "urad"}, None),
+        ("abs(p) + 0.5", "mrad", {"p": "mrad"}, None),
         ("1 + e*c", "1", {"e": "um/m", "c": "1"}, "wrong-unit"),
         ("l*(1 + a*t)", "mm", {"l": "mm", "a": "1/K", "t": "K"}, None),
         ("l*a*t/1000", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, None),
