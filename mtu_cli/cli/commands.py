@@ -102,13 +102,11 @@ COMMANDS = declare(f"""
         | file:budget k digits {RANDOM} {OUT}
     simulate | simulate | machine | - | A virtual machine: synthetic readings and points, with \
         any effect, seeded. \
-        | study machine part components seed passes one_way positions laser_component parts \
-        repeats cmm_u_um part_offset_um reverse_every minutes first_repeats operation scatter \
-        effect covariate write_lbb write_laser write_cmm write_drift cycles cycle_minutes \
-        soak_minutes interval_min room room_lag_min room_wobble_degc sensor_lag_min \
-        sensor_spread sensor_wobble_degc sensor_noise_degc reading_noise_um reading_noise_arcsec \
-        drift_positions settled_drift most_drift_um most_drift_arcsec twin cmm_room \
-        cmm_wobble_degc quiet
+        | study machine part components seed passes positions laser_component parts \
+        repeats cmm_u_um reverse_every minutes first_repeats operation scatter effect covariate \
+        cmm_room write_lbb write_laser write_cmm write_drift cycles interval_min \
+        sensor_noise_degc reading_noise_um reading_noise_arcsec drift_positions settled_drift \
+        twin quiet
     graph check | measurement | - | - | Whether a graph is sound, with all its faults at once; \
         and its firing order. \
         | file:graph {OUT}

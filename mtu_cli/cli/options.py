@@ -30,8 +30,8 @@ class Options:
 class Option:
     """One option: the type of its value, the word for it in the help, where ``...`` says that it
     may be repeated, and what it means. `shown`: the default that a study or the command chooses;
-    `panel`: its group in the help; `bounds` of a number, or of those in a text; `endings` of the
-    name of a file to write.
+    `panel`: its group in the help; `bounds` of a number; `endings` of the name of a file to
+    write.
     """
 
     kind: type
@@ -155,7 +155,7 @@ def declare(text: str, panel: str | None = None) -> dict[str, Option]:
     return result
 
 
-READINGS, POINTS, PARTS_ROOM = "Readings", "Points of parts", "Room of the parts"
+READINGS, POINTS = "Readings", "Points of parts"
 DRIFT, CLIMATE = "Drift test", "Room and sensors (of a drift test, or of parts with --cmm-room)"
 FILES = declare("""
     study | path argument | STUDY | Study file; without it and without -m, mtu.yaml here or above
@@ -255,7 +255,6 @@ CHOICES = declare("""
 SIMULATED = {
     READINGS: """
     passes | int 1..10000 | N | Passes in each direction | 5
-    one_way | flag | - | Read forward only
     positions | text | LOW:HIGH:COUNT | Positions along every axis, mm, or x=0:500:8,y=0:300:8,... \
         | shown: the part's extent, 8 of them
     laser_component | text | NAME | The component of --write-laser
@@ -264,7 +263,6 @@ SIMULATED = {
     parts | int 1..10000 | N | Parts to make | 21
     repeats | int 1..10000 | N | CMM measurements a feature | 2
     cmm_u_um | float 0..1e6 | UM | CMM standard uncertainty, um | 1.0
-    part_offset_um | float 0..1e6 | UM | Random offset of each part, um | 0.0
     reverse_every | int 0..10000 | N | Machine every n-th part backwards; 0: none | 0
     minutes | float 0..1e6 | MIN | Minutes a feature | 0.5
     first_repeats | text | PARTS:REPEATS | Measurements of the first parts, such as 4:5
@@ -272,35 +270,22 @@ SIMULATED = {
     scatter | text | 'Ex: EQUATION'... | Standard deviation of each feature's error, mm
     effect | text | 'Ex: EQUATION'... | Undeclared effect, mm; names: x y z, covariates
     covariate | text | 'NAME: EQUATION'... | A column, 'T_spindle_degC: 20 + time_min/60'
+    cmm_room | float -50..200 | DEGC... | Room while parts are measured, in turn: adds the \
+        sensors' columns
 """,
     DRIFT: """
     cycles | int 1..1000 | N | Warm-ups and cool-downs in turn, each a cycle | 4
-    cycle_minutes | float 0..1e6 | MIN | Minutes of readings a cycle | 190.0
-    soak_minutes | float 0..1e6 | MIN | Minutes without readings between cycles | 120.0
     interval_min | float 0.01..1e6 | MIN | Minutes from reading to reading | 1.0
-    room_lag_min | float 0..1e6 | MIN | Time constant of the room | 30.0
-    room_wobble_degc | float 0..1e6 | DEGC | Swings of the room: standard deviation | 0.5
     reading_noise_um | float 0..1e6 | UM | Standard deviation of a drift reading | 0.25
     reading_noise_arcsec | float 0..1e6 | ARCSEC | The same of an angle | 0.05
 """,
     CLIMATE: """
-    room | text -50..200 | LOW:HIGH | Room, driven to and fro, degC | 20:26
-    sensor_lag_min | text 0..1e6 | LOW:HIGH | Time constants, spread | 5:25
-    sensor_spread | float 0..1e6 | NUMBER | Sensors see 1 -+ this of the room's rise | 0.05
-    sensor_wobble_degc | float 0..1e6 | DEGC | Draughts at a sensor: standard deviation | 0.8
     sensor_noise_degc | float 0..1e6 | DEGC | Standard deviation of a sensor's reading | 0.015
     drift_positions | text | 'NAME: NUMBERS'... | Where a component's drift is read, mm; else at \
         the positions of its thermal model
     settled_drift | text | 'NAME: NUMBERS'... | Drift at each position once the room has settled \
-        at HIGH
-    most_drift_um | float 0..1e6 | UM | Largest settled drift of the other components | 40.0
-    most_drift_arcsec | float 0..1e6 | ARCSEC | The same of angles | 40.0
+        at 26 degC
     twin | text | 'NAME: SENSOR'... | A second sensor at the place of another
-""",
-    PARTS_ROOM: """
-    cmm_room | float -50..200 | DEGC... | Room while parts are measured, in turn: adds the \
-        sensors' columns
-    cmm_wobble_degc | float 0..1e6 | DEGC | Draughts at a sensor then: standard deviation | 0.1
 """,
 }
 """Of a virtual machine, by panels: each says for which of the files its options matter."""

@@ -17,7 +17,6 @@ from mtu_cli.cli.options import (
     CLIMATE,
     DRIFT,
     OPTIONS,
-    PARTS_ROOM,
     POINTS,
     READINGS,
     Options,
@@ -94,7 +93,7 @@ def _heading(options: Options, seed: int, name: str) -> str:
     """Comment lines that mark the file as synthetic, with the options that made it."""
     panels = {DRIFT, CLIMATE} if name == "write_drift" else {READINGS, POINTS}
     if name == "write_cmm" and options.cmm_room:
-        panels |= {CLIMATE, PARTS_ROOM}
+        panels.add(CLIMATE)
     arguments = [
         f"{option_name(name)} {shlex.quote(' '.join(str(item).split()))}"
         for name, value in options.values.items()
@@ -142,7 +141,7 @@ def _readings(
         model,
         seed,
         passes=inputs.options.passes,
-        directions=(1,) if inputs.options.one_way else (1, -1),
+        directions=(1, -1),
         positions={axis: positions.get(axis, other) for axis in AXES},
         only=only,
     )
@@ -196,7 +195,6 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     plan = PartsPlan(
         **{name: options.values[name] for name in same},
         cmm_u=options.cmm_u_um * 1e-3,
-        part_offset=options.part_offset_um * 1e-3,
         first_repeats=first,
         scatter=_equations("--scatter", options.scatter, model),
         effects=_equations("--effect", options.effect, model),
@@ -206,7 +204,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         drifts, test = _drift_test(inputs, model)
         sensors = sensors_for(drifts, test, seed)
         rooms = np.resize(options.cmm_room, plan.parts)
-        temperatures = settled(test, sensors, rooms, options.cmm_wobble_degc, seed)
+        temperatures = settled(test, sensors, rooms, seed)
         columns = dict(zip(sensors.names, temperatures.T, strict=True))
         columns |= {name: columns[of] for name, of in test.twins}
         table = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
@@ -273,12 +271,6 @@ def _drift_test(
             raise error("wrong-count", found=f"{len(values)} values", **place)
     units = {name: UNITS[machine.components[name].unit].to_internal for name in settled_values}
 
-    def span(name: str, unit: str) -> tuple[float, float]:
-        option, entry = option_name(name), OPTIONS[name]
-        low, high = ends(option, options.values[name], "LOW:HIGH", entry.default, ordered=True)
-        within(option, (low, high), entry.bounds or (low, high), unit)
-        return low, high
-
     sensors = {sensor for drift in drifts for sensor in drift.sensors}
 
     def sensor_of(name: str, sensor: str) -> str:
@@ -291,25 +283,14 @@ def _drift_test(
     form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
     # Second sensors at the places of others.
     twins = assignments("--twin", options.twin, ":", form, example, sensor_of)
-    low, high = span("room", "degC")
     plan = DriftPlan(
         reference=machine.reference_temperature_degC,
-        low=low,
-        high=high,
-        room_lag=options.room_lag_min,
-        room_wobble=options.room_wobble_degc,
-        sensor_lag=span("sensor_lag_min", "min"),
-        sensor_spread=options.sensor_spread,
-        sensor_wobble=options.sensor_wobble_degc,
         sensor_noise=options.sensor_noise_degc,
         cycles=options.cycles,
-        minutes=options.cycle_minutes,
         interval=options.interval_min,
-        soak=options.soak_minutes,
         positions=positions,
         noise={LENGTH: options.reading_noise_um * UM, ANGLE: options.reading_noise_arcsec * ARCSEC},
         settled={name: values * units[name] for name, values in settled_values.items()},
-        limits={LENGTH: options.most_drift_um * UM, ANGLE: options.most_drift_arcsec * ARCSEC},
         twins=tuple(twins.items()),
     )
     return drifts, plan

@@ -49,7 +49,7 @@ def ends(
     the count alone.
 
     Raises InputError for another form, for what is no number, for a count out of range, and for
-    ends that are not `ordered`; without a count they may be equal.
+    ends that are not `ordered`.
     """
     items = text.split(":")
     if len(items) != len(form.split(":")) or not all(item.strip() for item in items):
@@ -58,7 +58,7 @@ def ends(
     if len(result) == 3 and not 2 <= result[2] <= MOST_STEPS:
         expected = f"a COUNT from 2 to {MOST_STEPS}"
         raise error("out-of-range", path=option, value=text, expected=expected)
-    if ordered and (result[0] > result[1] or (result[0] == result[1] and len(result) == 3)):
+    if ordered and result[0] >= result[1]:
         raise error("out-of-range", path=option, value=text, expected="LOW below HIGH")
     return result
 
@@ -77,7 +77,7 @@ def check_bounds(options: Mapping[str, Option], values: Mapping[str, Any]) -> No
     """Raises InputError for a number that is out of the bounds of its option."""
     for name, option in options.items():
         value = values.get(name)
-        if option.bounds and option.kind is not str and value is not None:
+        if option.bounds and value is not None:
             within(option_name(name), value if option.many else [value], option.bounds)
 
 

@@ -142,9 +142,9 @@ class PartsPlan:
     parts: int
     repeats: int
     cmm_u: float
-    part_offset: float
     reverse_every: int
     minutes: float
+    part_offset: float = 0.0
     first_repeats: tuple[int, int] = (0, 0)
     scatter: Equations = ()
     operation: str | None = None

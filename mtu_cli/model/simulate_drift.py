@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
+from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM
 
 WOBBLE_MEMORY_MIN = 15.0
 """Correlation time of draughts and of the air conditioning's swings."""
@@ -29,7 +30,8 @@ class DriftPlan:
     for all and `sensor_wobble` for each sensor, standard deviations of Ornstein-Uhlenbeck
     processes. Sensors follow with lags spread over `sensor_lag` (lowest, highest; evenly in the
     logarithm), with shares of the room's rise of 1 +- `sensor_spread`, and read with the standard
-    deviation `sensor_noise`.
+    deviation `sensor_noise`. While parts are measured the room is settled, with draughts of the
+    standard deviation `parts_wobble` at each sensor.
 
     `cycles` warm-ups and cool-downs in turn, read every `interval` for `minutes`, then `soak`
     without readings; each component at its `positions` (mm, by name; nan where it has no axis).
@@ -40,22 +42,25 @@ class DriftPlan:
     """
 
     reference: float
-    low: float
-    high: float
-    room_lag: float
-    room_wobble: float
-    sensor_lag: tuple[float, float]
-    sensor_spread: float
-    sensor_wobble: float
+    low: float = 20.0
+    high: float = 26.0
+    room_lag: float = 30.0
+    room_wobble: float = 0.5
+    sensor_lag: tuple[float, float] = (5.0, 25.0)
+    sensor_spread: float = 0.05
+    sensor_wobble: float = 0.8
     sensor_noise: float
+    parts_wobble: float = 0.1
     cycles: int
-    minutes: float
+    minutes: float = 190.0
     interval: float
-    soak: float
+    soak: float = 120.0
     positions: Mapping[str, FloatArray]
     noise: Mapping[int, float]
     settled: Mapping[str, FloatArray]
-    limits: Mapping[int, float]
+    limits: Mapping[int, float] = field(
+        default_factory=lambda: {LENGTH: 40.0 * UM, ANGLE: 40.0 * ARCSEC}
+    )
     twins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -101,17 +106,15 @@ def followed(plan: DriftPlan, sensors: Sensors, targets: FloatArray, seed: int) 
     return np.column_stack([lagged(T, lag) for T, lag in zip(air, sensors.lags, strict=True)])
 
 
-def settled(
-    plan: DriftPlan, sensors: Sensors, rooms: FloatArray, wobble: float, seed: int
-) -> FloatArray:
+def settled(plan: DriftPlan, sensors: Sensors, rooms: FloatArray, seed: int) -> FloatArray:
     """Noise-free temperatures (r, s) with the room settled at each of `rooms`, degC, each with
-    independent draughts of standard deviation `wobble`.
+    independent draughts.
     """
     draughts = np.empty((len(rooms), len(sensors.names)))
     for r, s in np.ndindex(draughts.shape):
         draughts[r, s] = stream(seed, _CLIMATE_STREAM, 3, r, s).standard_normal()
     rise = sensors.shares * (rooms[:, None] - plan.reference)
-    return plan.reference + rise + wobble * draughts
+    return plan.reference + rise + plan.parts_wobble * draughts
 
 
 def as_read(
