@@ -191,7 +191,8 @@ WRITTEN = declare("""
     write_machine | path .yaml .yml | FILE | The machine YAML with the found effects added to it
     write_components | path .json | FILE | Components report (-c) with the effects' covariance
     write_lbb | path .csv | FILE | Readings CSV to write
-    write_laser | path .rtl .rta | FILE | Run of a laser to write, of --laser-component
+    write_laser | path .rtl .rta | FILE | Run of a laser to write, of --laser-component; \
+        .rta of angles
     write_cmm | path .csv | FILE | Points CSV to write
     write_drift | path .csv | FILE | Drift readings CSV to write, of the thermal models
 """)
@@ -268,7 +269,8 @@ SIMULATED = {
     first_repeats | text | PARTS:REPEATS | Measurements of the first parts, such as 4:5
     operation | text | NAME | How the features are made
     scatter | text | 'Ex: EQUATION'... | Standard deviation of each feature's error, mm
-    effect | text | 'Ex: EQUATION'... | Undeclared effect, mm; names: x y z, covariates
+    effect | text | 'Ex: EQUATION'... | Undeclared effect, mm, such as \
+        'Ey: -0.003*dir_y': would your plan find it? Names: x y z, covariates
     covariate | text | 'NAME: EQUATION'... | A column, 'T_spindle_degC: 20 + time_min/60'
     cmm_room | float -50..200 | DEGC... | Room while parts are measured, in turn: adds the \
         sensors' columns
