@@ -228,15 +228,12 @@ def document(result: FitResult, digits: int = 2) -> Document:
     footer = "natural cubic interpolation between the positions; ± one standard uncertainty"
     tables = [table, Table("Values of the tables", KNOT, knots, footer)]
     pairs = [(x.label, instrument.tests) for x in components for instrument in x.instruments]
-    findings, gaps = [], []
+    findings = []
     for name, words in TESTS.items():
-        outcomes = [(label, tests[name].significant) for label, tests in pairs if name in tests]
-        if names := listed(dict.fromkeys(label for label, significant in outcomes if significant)):
-            findings.append(f"{words} of {names}")
-        gaps += [] if outcomes else [words]
+        labels = [label for label, tests in pairs if name in tests and tests[name].significant]
+        if labels:
+            findings.append(f"{words} of {listed(labels)}")
     verdict = f"Significant: {'; '.join(findings)}." if findings else "No test is significant."
-    if gaps:
-        verdict += f" Not tested, as the readings do not allow it: {', '.join(gaps)}."
     source = results(fields), result
     figure_ = partial(figure, result)
     return Document("Components", source, tables, figure_, verdict, digits)

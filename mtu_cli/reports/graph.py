@@ -15,7 +15,7 @@ from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import COMMON, Field, Fields, declare, record
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.monte_carlo_figures import simulation, sweep_curves
-from mtu_cli.reports.numbers import fixed, plus_minus, significant
+from mtu_cli.reports.numbers import fixed, significant
 
 MOST = 12
 """Places named in one cell."""
@@ -162,16 +162,12 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
     places, figure = Table(title, fields, result.coordinates, footer), partial(simulation, result)
-    verdict = _simulation_text(result, digits)
+    verdict = _simulation_text(result)
     return Document(name, (SIMULATION, result), [places], figure, verdict, digits)
 
 
-def _simulation_text(result: GraphSimulation, digits: int) -> str:
-    """The result of a single coordinate; of several, their validation by clause 8."""
-    if len(result.coordinates) == 1:
-        (item,) = result.coordinates
-        unit = "" if item.output.unit == "1" else f" {item.output.unit}"
-        return f"{item.output} = {plus_minus(item.mean, item.U, digits)}{unit} (k = {item.k:g})."
+def _simulation_text(result: GraphSimulation) -> str:
+    """Whether first order is valid by clause 8."""
     verdicts = {x.output: x.validation.passed for x in result.coordinates if x.validation}
     failures = listed(output for output, valid in verdicts.items() if valid is False)
     if failures:

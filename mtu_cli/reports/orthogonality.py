@@ -10,7 +10,7 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table, least_conforming
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.monte_carlo_figures import Trials, histograms
-from mtu_cli.reports.numbers import interval, significant, with_u
+from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.units import ARCSEC
 
 DRAWN = 6
@@ -63,16 +63,7 @@ def document(result: OrthogonalityResult, digits: int = 2) -> Document:
     out = listed(item.id for item in angles if not item.run.low[0] <= 0.0 <= item.run.high[0])
     verdict = f"The 95 % interval does not contain 0 for {out}."
     if not out:
-        verdict = "All 95 % intervals contain 0."
-    if len(angles) == 1:
-        (item,) = angles
-        scale, run = item.scale / ARCSEC, item.run
-        mean, low, high = (x[0] / ARCSEC for x in (run.mean, run.low, run.high))
-        verdict = (
-            f"{item.id} is predicted {with_u(mean, scale, digits)[0]} arcsec from a right angle; "
-            f"its 95 % interval {interval(low, high, scale, digits)} "
-            f"{'does not contain' if out else 'contains'} 0."
-        )
+        verdict = "Every 95 % interval contains 0."
     if least := least_conforming([x.id for x in angles], [x.conformance for x in angles]):
         verdict += f" {least}."
     table = Table(title, ROW, angles, footer)
