@@ -248,7 +248,7 @@ def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
                 names = f"readings and {key}"
                 faults.add((*path, key), "exclusive", names=names, expected=expected)
     elif item.value is None and item.low is None and item.high is None:
-        faults.lacks(path, "value", "a value or readings", ("readings", "low", "high"))
+        faults.add(path, "missing-key", key="value", expected="a value or readings")
     elif item.value is not None and item.low is not None and item.high is not None:
         difference = abs(item.value - 0.5 * (item.low + item.high))
         if difference > ROUNDING * max(abs(item.low), abs(item.high)):
@@ -260,7 +260,7 @@ def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
         if part.middle is not None:
             expected = "half_width, about the input's value"
             faults.add(place, "misplaced", key="low", where="the input itself", expected=expected)
-        elif not part.ways and not faults.is_faulty(*place):
+        elif not part.ways:
             faults.add(place, "missing-key", key="u", expected="u, half_width or U")
 
 

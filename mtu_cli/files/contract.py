@@ -8,7 +8,7 @@ what takes more than one value to see.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
@@ -31,7 +31,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mtu_cli.files.source import Source, a_file
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, shown_value
-from mtu_cli.findings import Finding, InputError, error, finding, nearest, suggestion
+from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 
 MAX_DEGREE = 9
 """Of a polynomial in position."""
@@ -162,7 +162,6 @@ class Faults:
 
     document: YamlDocument
     findings: list[Finding] = field(default_factory=list)
-    unknown_keys: dict[YamlPath, list[str]] = field(default_factory=dict)
 
     def add(self, path: YamlPath, code: str, *, value: object = None, **facts: Any) -> None:
         """One more finding at `path`: `expected`, `meant`, `column` and the facts of its code.
@@ -223,23 +222,6 @@ class Faults:
             if first.setdefault(name, index) != index:
                 self.add((*path, index, *key), "appears-twice", value=name, what=what, **facts)
 
-    def lacks(
-        self, path: YamlPath, key: str, expected: str = "", alternatives: Sequence[str] = ()
-    ) -> None:
-        """That an entry has a `key`, or one of the `alternatives`, unless one is misspelt."""
-        if not self.misspelt(path, (key, *alternatives)):
-            self.add(path, "missing-key", key=key, expected=expected)
-
-    def misspelt(self, path: YamlPath, keys: Sequence[str]) -> bool:
-        """Whether an unknown key of an entry, reported already, is meant for one of `keys`."""
-        names = self.unknown_keys.get(path, [])[:HINTED]
-        return any(nearest(name, [key]) for name in names for key in keys)
-
-    def is_faulty(self, *path: str | int) -> bool:
-        """Whether something is wrong with an entry."""
-        prefix = path_text(path)
-        return any((item.path or "").startswith(prefix) for item in self.findings)
-
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""
         result = self.document.at(*path)
@@ -276,9 +258,7 @@ def check_contract(
     try:
         result = model.model_validate(data)
     except ValidationError as fault:
-        # Missing keys last: an unknown one may be meant.
-        items = fault.errors(include_url=False)
-        for item in sorted(items, key=lambda item: item["type"] == "missing"):
+        for item in fault.errors(include_url=False):
             _report(item, faults, model)
         result = _sound_part(model, data)
     check(result, faults)
@@ -294,11 +274,9 @@ def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
     literal = "null" if value is None else value
     at = type_at(model, path)
     if kind == "missing":
-        faults.lacks(path[:-1], str(path[-1]))
+        faults.add(path[:-1], "missing-key", key=path[-1])
     elif kind == "extra_forbidden":
-        name, keys = str(path[-1]), list(keys_of(type_at(model, path[:-1])))
-        faults.unknown_keys.setdefault(path[:-1], []).append(name)
-        faults.unknown(path, name, keys, "key")
+        faults.unknown(path, str(path[-1]), keys_of(type_at(model, path[:-1])), "key")
     elif kind == "findings":
         # Of an entry the keys at fault are named, or a value of them.
         facts = {"value": None if isinstance(value, dict) else literal}

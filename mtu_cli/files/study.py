@@ -172,10 +172,11 @@ def load_study(
         # A temperature says nothing without the expansion, and nobody corrects to 20 degC twice.
         of_heat = bool(budget.T_half_width_K) or budget.T_mean_degC != 20.0
         if of_heat and budget.alpha_um_per_m_K is None:
-            faults.lacks(("budget",), "alpha_um_per_m_K", "the expansion coefficient, um/(m K)")
+            facts = {"key": "alpha_um_per_m_K", "expected": "the expansion coefficient, um/(m K)"}
+            faults.add(("budget",), "missing-key", **facts)
         if budget.T_mean_degC != 20.0 and budget.already_at_20 is None:
             expected = "true where the instrument has corrected the readings to 20 degC, else false"
-            faults.lacks(("budget",), "already_at_20", expected)
+            faults.add(("budget",), "missing-key", key="already_at_20", expected=expected)
 
     study = check_contract(document, Study, "study", check)
     return LoadedStudy(document=document, study=study, files=files, instruments=instruments)

@@ -177,9 +177,7 @@ class _Net:
     def __init__(self, graph: Graph, faults: Faults) -> None:
         self.faults, self.places = faults, graph.places or {}
         self.place_names = dict.fromkeys(faults.keys("places"))
-        misread = {path[1] for path in faults.unknown_keys if path[:1] == ("transitions",)}
-        items = present(graph.transitions)
-        self.transitions = {index: item for index, item in items if index not in misread}
+        self.transitions = dict(present(graph.transitions))
         self.report = present(graph.report)
         self.makers: dict[str, list[int]] = {}
         for index, item in self.transitions.items():
@@ -236,7 +234,7 @@ class _Net:
             places = ", ".join(kinds) or "nothing"
             faults.add((*path, side), "wrong-connection", places=places, **facts)
         elif item.do == "meas" and makes == ["a point"] and item.along is None:
-            faults.lacks(path, "along", "x, -x, ... or [i, j, k]")
+            faults.add(path, "missing-key", key="along", expected="x, -x, ... or [i, j, k]")
         elif item.do == "meas" and makes != ["a point"] and item.along is not None:
             faults.add((*path, "along"), "misplaced", key="along", where="a point")
         again = any(self.makers[name][0] != index for name in item.out)
@@ -257,7 +255,8 @@ class _Net:
         point or vector by those of its coordinates, ``H1.x``.
         """
         if item.formula is None:
-            self.faults.lacks(path, "formula", "a formula in the input places")
+            expected = "a formula in the input places"
+            self.faults.add(path, "missing-key", key="formula", expected=expected)
             return None
         inputs: list[str] = []
         for name in item.in_:
@@ -294,17 +293,18 @@ class _Net:
                 other = self.made_by(makers[0])
                 faults.add((*path, key), "contradicts", other=other, expected="one of the two")
         if place.kind == "coordinate" and place.axis is None:
-            faults.lacks(path, "axis", "x, y or z")
+            faults.add(path, "missing-key", key="axis", expected="x, y or z")
         count, expected = NOMINAL.get(place.kind, (0, ""))
         nominal = place.nominal_mm
         if nominal is not None and count and len(nominal) != count:
             key_path = (*path, "nominal_mm")
             faults.add(key_path, "wrong-value", value=list(nominal), expected=expected)
-        if place.u is not None and place.value is None and not faults.misspelt(path, STARTS):
+        if place.u is not None and place.value is None:
             faults.add((*path, "u"), "incomplete", what="`u`", other="`value`")
         measured = (maker == "meas" and count) or (place.known and not makers)
         if measured and not nominal and place.kind in NOMINAL:
-            faults.lacks(path, "nominal_mm", "where it is measured" if makers else "where it is")
+            expected = "where it is measured" if makers else "where it is"
+            faults.add(path, "missing-key", key="nominal_mm", expected=expected)
 
     def made_by(self, index: int) -> str:
         line = self.faults.document.line_of("transitions", index)
@@ -347,7 +347,7 @@ class _Net:
         for name, place in self.places.items():
             path = ("places", name)
             made = name in self.makers or place.marked or place.known
-            if not made and not faults.misspelt(path, STARTS):
+            if not made:
                 start = "`value:`, or " if place.kind == "constant" else ""
                 reason = f"no transition makes this {place.kind}"
                 expected = f"{start}a transition with `out: {name}`"

@@ -55,7 +55,7 @@ def faults(text: str) -> tuple[Finding, ...]:
         ("count: 3", "name-taken", "it is odd: '3'; expected an even number"),
         ("entries: {from: a}", "wrong-value", "expected a list"),
         ("entries: [{}]", "missing-key", "entries[0]: the key 'from' is missing"),
-        ("entries: [{form: a}]", "unknown-name", "'form'; did you mean 'from'?"),
+        ("entries: [{from: a, form: a}]", "unknown-name", "'form'; did you mean 'from'?"),
         ("entries: [{from: 1, size_mm: 0}]", "wrong-value", "expected a number above 0"),
         ("entries: [{from: 1, size_mm: '5'}]", "wrong-value", "without quotes or unit"),
         ("by_name: {a: {from: 2.5}}", "wrong-value", "by_name.a.from: wrong value: '2.5'"),

@@ -162,6 +162,7 @@ def test_all_problems_come_at_once_in_the_order_of_lines(tmp_path: Path) -> None
     text = text.replace("travel_mm: [0, 762]", "travel_mm: [762, 0]")
     found = faults(tmp_path, text)
     assert [line.split(": ")[0] for line in found] == [
+        "m.yaml:1",
         "m.yaml:2",
         "m.yaml:3",
         "m.yaml:9",
@@ -169,4 +170,4 @@ def test_all_problems_come_at_once_in_the_order_of_lines(tmp_path: Path) -> None
         "m.yaml:21",
     ]
     # The faulty component is known by name: no equation complains of it.
-    assert not any("dy_y" in line for line in found[3:])
+    assert not any("dy_y" in line for line in found[4:])
