@@ -16,7 +16,7 @@ from mtu_cli.files.covariates import (
 )
 from mtu_cli.files.machine_contract import AUTO, Component, Effect, EquationName, Machine
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
-from mtu_cli.findings import Finding, counted, finding, suggestion
+from mtu_cli.findings import Finding, counted, finding
 from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS, Unit, internal
@@ -246,13 +246,6 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
             faults.add(place, "incomplete", what="a component of an effect", other="`coefficients`")
         if name in effect.parameters:
             faults.add(place, "name-taken", value=name, taken="a parameter")
-    axis, components = effect.axis, faults.keys("components")
-    if axis is not None and axis not in components:
-        are_axes = axis and len(set(axis)) == len(axis) and set(axis) <= set(POSITIONS)
-        if not are_axes:
-            expected = "x, y or z, several of them (xy, for an angle), or the name of a component"
-            hint = {"expected": expected, "meant": suggestion(axis, components).get("meant", ())}
-            faults.add((*path, "axis"), "wrong-type", kind="an axis", value=axis, **hint)
     if effect.covariance is not None:
         size = len(effect.parameters)
         check_covariance(effect.covariance, size, (*path, "covariance"), faults)

@@ -71,9 +71,6 @@ LEAST_OF_TABLE = 3
 """Positions: of fewer there is no bend."""
 IsoName = Annotated[str, Field(pattern=r"^E[ABCXYZ](0[ABCXYZ]|\(0[XYZ]\)[ABCXYZ]|[ABCXYZ])$")]
 """Such as EXX, EAX; of squareness EC0Y or EC(0X)Y (ISO 230-1:2012)."""
-# No axis twice; which names are components is known to the machine alone.
-_AXES = r"^(?![xyz]*([xyz])[xyz]*\1[xyz]*$)[A-Za-z_][A-Za-z0-9_]*$"
-EffectAxis = Annotated[str, Field(json_schema_extra={"pattern": _AXES})]
 SensorU = Annotated[float, Field(ge=0, le=100)]
 """degC; more is no reading of a sensor."""
 TimeConstant = Annotated[float, Field(ge=0, le=1e6)]
@@ -217,7 +214,7 @@ class Effect(Contract):
 
     name: Name
     family: str | None = None
-    axis: EffectAxis | None = optional(
+    axis: str | None = optional(
         "The axis, or those of an angle (`xy`), or the component without `of`"
     )
     covariate: str | None = None

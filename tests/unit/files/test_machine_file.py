@@ -140,13 +140,6 @@ def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
             "effects[0].seen.dir_x: wrong value: '[1, 0]'; expected the lower end first",
         ),
         ("parameters: {a: {value: 1, unit: um}}, equations: {Ex: a}", "the name is taken: it is"),
-        *(
-            (
-                f"axis: {axis}, parameters: {{p: {{value: 1, unit: um}}}}, equations: {{Ex: p}}",
-                f"effects[0].axis: not an axis: '{axis}'; expected x, y or z, several of them",
-            )
-            for axis in ("xx", "Ex")
-        ),
     ],
 )
 def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
