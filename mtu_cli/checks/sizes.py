@@ -59,7 +59,8 @@ def names_alike(data: PointsData) -> Iterator[Odd]:
 def columns_alike(data: ReadingsData | PointsData) -> Iterator[Odd]:
     """Covariates that are nearly called as a column of the contract that is not there."""
     table = data.table
-    columns: dict[str, NDArray[np.bool_]] = {"time": ~np.isnan(table.time_min)}
+    columns: dict[str, NDArray[np.bool_]]
+    columns = dict.fromkeys(("time", "time_min"), ~np.isnan(table.time_min))
     if isinstance(data, PointsData):
         columns |= {"operation": table.operation >= 0, "repeat": table.repeat >= 0}
         columns |= {f"dir_{axis}": ~np.isnan(table.direction[:, i]) for i, axis in enumerate("xyz")}

@@ -31,8 +31,8 @@ WANTED = {
 """What a cell of a kind is, and how it is written; those of other kinds are numbers."""
 SAYS_NOTHING = {"no", "nr", "number", "num", "id", "name", "mm", "s"}
 """Words of a column's name that tell it from no other."""
-LIKE, SLIP = 0.6, 0.9
-"""Likeness of the name of a column that has to be there, and of one that need not."""
+LIKE = 0.6
+"""Likeness of the name of a column that has to be there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,21 +208,16 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
     required_names = {*spec.required}
     required_names |= {name for pair in spec.pairs if {*pair} & {*header} for name in pair}
     extras = [name for name in header if name and name not in spec.columns]
-    timed = EXCLUSIVE if {*EXCLUSIVE} & {*header} else ()
-    for name in sorted(spec.columns, key=lambda name: name not in required_names):
-        if name in header or name in timed:
+    for name in spec.columns:
+        if name not in required_names or name in header:
             continue
-        match = meant_by(name, extras, LIKE if name in required_names else SLIP)
+        match = meant_by(name, extras, LIKE)
         extras = [column for column in extras if column != match]
-        if name in required_names:
-            hint = f"a column {name!r} (the columns are {listed(header, 12)})"
-            unit = name.rpartition("_")[2]
-            values = f", its values in {unit}" if unit in UNITS and unit not in f"{match}" else ""
-            expected = f"{match!r} renamed to {name!r}{values}" if match else hint
-            yield finding("missing-column", column=name, expected=expected)
-        elif match:
-            expected = f"it renamed to {name!r}, or to a name of its own"
-            yield finding("unknown-name", what="column", value=match, expected=expected)
+        hint = f"a column {name!r} (the columns are {listed(header, 12)})"
+        unit = name.rpartition("_")[2]
+        values = f", its values in {unit}" if unit in UNITS and unit not in f"{match}" else ""
+        expected = f"{match!r} renamed to {name!r}{values}" if match else hint
+        yield finding("missing-column", column=name, expected=expected)
     if {*EXCLUSIVE} <= {*header}:
         yield finding("exclusive", names=EXCLUSIVE, expected="one of them")
 

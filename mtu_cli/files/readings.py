@@ -15,7 +15,7 @@ from mtu_cli.files.csv_file import Convert, read_tables
 from mtu_cli.files.csv_table import CellFaults, Flags, Floats, Ints, Measured, Table
 from mtu_cli.files.headers import READINGS
 from mtu_cli.files.source import DRIFT
-from mtu_cli.findings import Finding, InputError, counted, finding, listed
+from mtu_cli.findings import Finding, InputError, counted, finding, listed, nearest
 from mtu_cli.units import UNITS, dimension_name
 
 UNKNOWN = -9
@@ -149,7 +149,8 @@ def _check_component(
     unplaced = inside & empty & placed
     for i in np.unique(table.file_index[unplaced & ~has_column]).tolist():
         place = {**table.files[i].place, "column": "position_mm", "expected": expected}
-        faults.add(finding("missing-column", **place))
+        meant = nearest("position_mm", table.files[i].header)
+        faults.add(finding("missing-column", **place, meant=meant))
     faults.cells(table, unplaced & has_column, "position_mm", code="empty-cell", expected=expected)
 
 
