@@ -199,21 +199,14 @@ def counted(number: int, noun: str, several: str = "") -> str:
 
 
 def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
-    """The known names that `name` was probably meant to be: up to three that are equally near.
+    """The known name that `name` was probably meant to be, if there is one.
 
-    >>> nearest("dx_y", ["dx_x", "dy_y", "ez_x"])
-    ('dx_x', 'dy_y')
+    >>> nearest("coverge_factor", ["seed", "coverage_factor"])
+    ('coverage_factor',)
     """
     words = {str(x).casefold(): str(x) for x in names if len(str(x)) <= LONGEST_NAME}
     key = name.casefold()[:LONGEST_NAME]
-    # Letters in another order ('azx' for 'axz') are likelier than other letters.
-    result = [each for each in words if sorted(each) == sorted(key)]
-    if not result and (close := difflib.get_close_matches(key, words, n=4, cutoff=0.65)):
-        ratios = [difflib.SequenceMatcher(None, each, key).ratio() for each in close]
-        result = [each for each, ratio in zip(close, ratios, strict=True) if ratio == ratios[0]]
-    if not result and key:
-        result = [each for each in words if each.startswith(key)]
-    return tuple(words[each] for each in words if each in result) if len(result) <= 3 else ()
+    return tuple(words[each] for each in difflib.get_close_matches(key, words, 1, 0.65))
 
 
 def closest(name: str, names: Iterable[str]) -> str | None:

@@ -163,7 +163,7 @@ VALUE = "the equation has no finite value at"
         (
             "effects",
             "dir_q",
-            "--effect Ex: unknown name at column 1: 'dir_q'; did you mean 'dir_x' or 'dir_y'?",
+            "--effect Ex: unknown name at column 1: 'dir_q'; did you mean 'dir_y'?",
         ),
         ("effects", "1/(2-sequence)", f"{VALUE} sequence = 2 in part 2 at feature 'a'"),
         ("effects", "1e200*x", f"--effect Ex in part 1 at feature 'b': {LARGE}"),
