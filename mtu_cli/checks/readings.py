@@ -16,7 +16,7 @@ from mtu_cli.checks.plausible import (
     largest,
     meant_units,
 )
-from mtu_cli.stats.outliers import FEWEST, median_polish, outlying, spikes
+from mtu_cli.stats.outliers import median_polish, outlying, spikes
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.units import LENGTH
 from mtu_cli.units import UNITS as DECLARED
@@ -142,14 +142,10 @@ def unlike(data: ReadingsData) -> Iterator[Odd]:
 
 @check("outlying-value", of=("readings", "drift"))
 def outlying_readings(data: ReadingsData) -> Iterator[Odd]:
-    """Single readings far off the others of their passes, or off their neighbours in time; a note
-    where passes and positions are too few for that.
-    """
-    error, small_samples = data.table.error, dict[str, Rows]()
+    """Single readings far off the others of their passes, or off their neighbours in time."""
+    error = data.table.error
     for name, sample, mask, s in _samples(data):
-        if np.isnan(s):
-            small_samples[name] = sample.ravel()
-        elif mask.any():
+        if mask.any():
             rows = sample[mask]
             distance = np.abs(error[rows] - np.median(error[sample])).max()
             stated = stated_unit(data, int(rows[0]))
@@ -157,16 +153,11 @@ def outlying_readings(data: ReadingsData) -> Iterator[Odd]:
             facts = {"what": name, "beside": "the others", "unit": stated}
             value = f"{error[rows[0]] / unit:.6g} {stated}"
             yield Odd(rows, {**facts, "off": float(distance) / unit, "s": s / unit}, "error", value)
-    if small_samples:
-        note = {"quantity": "outlying readings", "reason": "too few passes and positions"}
-        rows = next(iter(small_samples.values()))
-        yield Odd(rows, {**note, "names": list(small_samples)}, code="not-estimable")
 
 
 def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
     """Components, rows of readings that differ by noise alone, which are outlying, and the standard
-    deviation s, nan with too few degrees of freedom: the passes in one direction, or one place of a
-    cycle in the order of time.
+    deviation s: the passes in one direction, or one place of a cycle in the order of time.
     """
     table = data.table
     for name, group in profiles(data, fewest=2):
@@ -177,7 +168,6 @@ def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
         residuals = median_polish(table.error[group], table.position_mm[group[0]])
         fitted = residuals.shape[1] + 2 * residuals.shape[0]
         mask, s = outlying(residuals, fitted, _rounding(data, group))
-        s = s if residuals.size - fitted > FEWEST else np.nan
         if len(group) == 2:
             # Both are as far from their mean: the one farther off its neighbours is meant.
             bend = np.abs(np.diff(table.error[group], 2, append=np.nan, prepend=np.nan))
