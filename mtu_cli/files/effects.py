@@ -337,7 +337,7 @@ def _check_equation(
             faults.append(finding("misplaced", key=name, where="E{each}", column=column))
     if faults:
         raise InputError(faults)
-    form = linear_form(tree, parameters, parameters)
+    form = linear_form(tree, parameters)
     # Numbers of the data are written as literals, which have no unit.
     number = {name: 1.0 for name in names(tree) if name == searched or number_of(name)}
     columns = {CHOSEN: NUMBER}

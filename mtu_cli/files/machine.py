@@ -274,7 +274,7 @@ def _linear_forms(
         with faults.collected((*path, key)):
             node = parse(text)
             check_known(node, [*symbols, *filter(is_covariate, names(node))])
-            form = linear_form(node, linear, units)
+            form = linear_form(node, linear)
             # A component has no unit per kelvin or step of a column: beside one any may be meant.
             columns = own_columns(names(node), linear.union(constants))
             check_dimension(node, internal(LENGTH), powers, parameters=units, columns=columns)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from mtu_cli.findings import InputError, error
@@ -20,22 +20,18 @@ class LinearForm:
     remainder: Node | None
 
 
-def linear_form(
-    node: Node, linear_names: Collection[str], parameters: Collection[str] = ()
-) -> LinearForm:
-    """Writes an equation as a linear form in `linear_names`; those of them in `parameters` are an
-    effect's and are called so.
+def linear_form(node: Node, linear: Collection[str]) -> LinearForm:
+    """Writes an equation as a linear form in the names `linear`.
 
-    Raises InputError with the column at which linearity is lost: a product of two
-    components, a division by one, a power or a function of one.
+    Raises InputError with the column at which linearity is lost: a product of two of
+    them, a division by one, a power or a function of one.
     """
-    linear = {name: "parameter" if name in parameters else "component" for name in linear_names}
     parts = _split(node, linear)
     remainder = parts.pop("", None)
     return LinearForm(parts, remainder)
 
 
-def _split(node: Node, linear: Mapping[str, str]) -> Parts:
+def _split(node: Node, linear: Collection[str]) -> Parts:
     if not any(name in linear for name in names(node)):
         return {"": node}
     match node:
@@ -57,7 +53,7 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
             if set(of_right) == {""}:
                 return {name: _times(part, right, column) for name, part in of_left.items()}
             pair = [next(name for name in side if name) for side in (of_left, of_right)]
-            raise _not_linear(pair, linear, "their product", column)
+            raise _not_linear(pair, "their product", column)
         case Call("/", (left, right), column):
             if not any(name in linear for name in names(right)):
                 parts = _split(left, linear).items()
@@ -66,7 +62,7 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
         case Call(function):
             offender, how = node, "in a power" if function == "**" else f"inside {function}()"
     name, column = next((name, at) for name, at in names(offender).items() if name in linear)
-    raise _not_linear((name,), linear, how, column)
+    raise _not_linear((name,), how, column)
 
 
 def _negative(node: Node, column: int) -> Node:
@@ -80,10 +76,7 @@ def _times(left: Node, right: Node, column: int) -> Node:
     return Call("*", (left, right), column) if len(factors) == 2 else (factors or [right])[0]
 
 
-def _not_linear(
-    at_fault: Collection[str], linear: Mapping[str, str], how: str, column: int
-) -> InputError:
-    what = " and ".join(f"the {linear[name]} {name!r}" for name in at_fault)
-    kinds = " and ".join(f"{kind}s" for kind in dict.fromkeys(linear[name] for name in at_fault))
-    expected = f"an equation that is linear in the {kinds}"
+def _not_linear(at_fault: Collection[str], how: str, column: int) -> InputError:
+    what = " and ".join(map(repr, at_fault))
+    expected = "an equation that is linear in components and parameters"
     return error("not-linear", names=what, how=how, column=column, expected=expected)

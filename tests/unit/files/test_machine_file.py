@@ -132,7 +132,7 @@ def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
         (
             "parameters: {p: {value: 1, unit: um}, q: {value: 8, unit: mm}}, "
             "equations: {Ex: p*step(sequence - q)}",
-            "the parameter 'q': inside step() at column 19",
+            "'q': inside step() at column 19",
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "

@@ -133,8 +133,8 @@ def test_folded_constants_agree_with_arrays(name: str) -> None:
 @pytest.mark.parametrize(
     ("text", "column", "says"),
     [
-        ("x + a*b", 6, "the component 'a' and the component 'b': their product"),
-        ("a*a", 2, "the component 'a' and the component 'a': their product"),
+        ("x + a*b", 6, "'a' and 'b': their product"),
+        ("a*a", 2, "'a' and 'a': their product"),
         ("b/a", 3, "'a': in a denominator"), ("x + a**2", 5, "'a': in a power"),
         ("2**(x*b)", 7, "'b': in a power"), ("-(y*(x - sqrt(a)))", 15, "'a': inside sqrt()"),
         ("1/(1/a)", 6, "'a': in a denominator"),
@@ -146,4 +146,4 @@ def test_what_is_not_linear_is_refused_at_its_column(text: str, column: int, say
     (fault,) = caught.value.findings
     assert says in fault.text
     assert (fault.code, fault.column) == ("not-linear", column)
-    assert fault.expected == "an equation that is linear in the components"
+    assert fault.expected == "an equation that is linear in components and parameters"
