@@ -90,11 +90,7 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     Raises InputError for a missing file (with the closest name in its folder), a folder, a
     device, a file that may not be read, is empty or is larger than `max_bytes`.
     """
-    file, expected = shown_path(path), None
-    if not path.parent.is_dir():
-        expected = "a path to an existing folder"
-    elif role == "study" and path.suffix not in (".yaml", ".yml"):
-        expected = "a study or its folder"
+    file = shown_path(path)
     # What is wrong is the path that was written: of /dev/null its last name alone says nothing.
     place = {"file": given_path(path) if path.is_absolute() else file}
     try:
@@ -111,7 +107,7 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
         content = path.read_bytes()
     except FileNotFoundError:
         meant = tuple((Path(file).parent / name).as_posix() for name in near_name(path))
-        raise error("no-such-file", meant=meant, expected=expected, **place) from None
+        raise error("no-such-file", meant=meant, **place) from None
     except (OSError, ValueError) as failed:
         raise error("not-readable", reason=system_reason(failed), **place) from None
     if not content:

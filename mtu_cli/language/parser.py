@@ -67,9 +67,8 @@ def _tokens(text: str, pattern: re.Pattern[str]) -> list[_Token]:
         match = pattern.match(text, position)
         if match is None:
             rest = text[position:].lstrip()
-            power, other = "** for a power", "a number, a name, + - * / ** or parentheses"
             token = _Token("", rest[0], len(text) - len(rest) + 1)
-            raise _unexpected(token, power if rest[0] == "^" else other)
+            raise _unexpected(token, "a number, a name, + - * / ** or parentheses")
         kind = match.lastgroup or ""
         tokens.append(_Token(kind, match.group(kind), match.start(kind) + 1))
         position = match.end()

@@ -41,8 +41,8 @@ def test_the_hash_is_of_the_bytes(tmp_path: Path) -> None:
         ("machine.yaml", "machine", "no such file"),
         ("drft.csv", "lbb", "did you mean 'drift.csv'?"),
         ("lbb.csv", "lbb", "did you mean 'lbb.csv.gz'?"),
-        ("v1.2", "study", "; expected a study or its folder"),
-        ("no/machine.yaml", "machine", "; expected a path to an existing folder"),
+        ("v1.2", "study", "no such file"),
+        ("no/machine.yaml", "machine", "no such file"),
     ],
 )
 def test_a_missing_file_names_what_is_near(

@@ -48,7 +48,7 @@ def test_the_tree_has_columns_and_folded_constants() -> None:
         ("x + (y * (2 + 1)", 17, "'(' at column 5"), ("x + 1)", 6, "unexpected ')'"),
         ("sin x", 1, "sin has 0 arguments"), ("sin()", 5, "unexpected ')'"),
         ("sin(1, 2)", 1, "2 arguments"), ("x = 1", 3, "'='"), ("3 ^ 2", 3, "'^'"),
-        ("x.real", 2, "'.'"), ("x^2", 2, "** for a power"), ("2 x", 3, "such as * between factors"),
+        ("x.real", 2, "'.'"), ("x^2", 2, "+ - * / **"), ("2 x", 3, "such as * between factors"),
         ("zzz(y)", 1, "one of: sin, cos, exp"), ("x)", 2, "an operator or the end"),
         ("lambda: 0", 7, "':'"), ("x × 2", 3, "'×'"), ("٣ + x", 1, "'٣'"),
         ("x \u2212 1", 3, "'\u2212'"), ("x\x00", 2, r"\x00"), ("1/0", 2, "no finite value"),
