@@ -54,8 +54,8 @@ class ComponentDrift:
     `condition` and `vif` (by sensor, None: infinite) of the standardised sensors of the model;
     `shares` (by sensor) the root mean square of its part of the modelled drift. Cycles have
     `offsets` of their own where the probe was zeroed in each (`by`: setting, first readings or
-    test). `normality_p` (D'Agostino & Pearson's K^2 on the effective number) and `lag1`
-    autocorrelation are of the residuals.
+    test). `normality_p` (D'Agostino & Pearson's K^2 of as many as are independent) and
+    `lag1` autocorrelation are of the residuals.
     """
 
     name: str
