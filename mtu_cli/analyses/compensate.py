@@ -16,11 +16,11 @@ from mtu_cli.analyses.iso230 import figures_of
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
 from mtu_cli.model.stated_errors import StatedErrors
+from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pass_tests import FTest, f_test
-from mtu_cli.stats.streams import stream
 from mtu_cli.units import ARCSEC, UM
 
 TRIALS = 10_000

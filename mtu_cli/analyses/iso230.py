@@ -19,9 +19,9 @@ import numpy as np
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.study import InstrumentBudget
 from mtu_cli.findings import Finding, error, finding, listed
+from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import medians, outlying
-from mtu_cli.stats.streams import stream
 from mtu_cli.units import LENGTH, UM, UNITS, dimension_name
 
 ISO = {

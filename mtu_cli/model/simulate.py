@@ -27,9 +27,9 @@ from mtu_cli.model.machine_model import (
     theta,
 )
 from mtu_cli.model.variance import component_blocks, drawable_passes
+from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.streams import stream
 
 READINGS_STREAM, PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 0, 1, 2, 3, 8
 """Further ones: 4 of the climate, 6 of drifts."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from mtu_cli.findings import error
 from mtu_cli.model.estimates import ThermalEstimate
+from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.streams import stream
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM
 
 WOBBLE_MEMORY_MIN = 15.0

@@ -124,13 +124,9 @@ def only_rows(points: Points, rows: NDArray[Any]) -> Points:
 
 def occurrence(codes: IntArray) -> IntArray:
     """How often the code of each entry occurs before it: 0, 1, 2, ..."""
-    order = np.argsort(codes, kind="stable")
-    ordered = codes[order]
-    starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
-    count = np.empty(len(codes), np.int64)
-    lengths = np.diff(np.r_[starts, len(codes)])
-    count[order] = np.arange(len(codes)) - np.repeat(starts, lengths)
-    return count
+    import pandas as pd
+
+    return np.asarray(pd.Series(codes).groupby(codes).cumcount(), np.int64)
 
 
 def check_repeats(points: Points) -> None:

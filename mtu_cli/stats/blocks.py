@@ -71,6 +71,13 @@ def batch_generator(seed: int, batch: range) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(sequence))
 
 
+def stream(seed: int, *key: int) -> np.random.Generator:
+    """A generator that depends on `seed` and `key` alone: of every quantity that is simulated one,
+    so that no draw moves another.
+    """
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=key)))
+
+
 def least_block(probability: float, *, smooth: bool = False) -> int:
     """Fewest trials a block: J of JCGM 101:2008, 7.9.4 b), the smallest integer at or above
     100/(1 - p), or a quarter of it for a `smooth` model. The control takes off what so short a

@@ -197,7 +197,7 @@ def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
     rms = Parameter(name="rms", unit=design.table.unit, value=value, u=u2**0.5, dof=table.dof)
     candidate = Candidate(
         name=entry.name,
-        family=kernel.family,
+        family="profile",
         axis=kernel.axis,
         kind="smooth",
         says=f"a smooth error of {(kernel.axis or '')[:1]} along {kernel.along}",

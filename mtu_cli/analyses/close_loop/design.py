@@ -91,7 +91,6 @@ class Kernel:
     strata: tuple[int, ...]
     directions: tuple[tuple[FloatArray, FloatArray], ...]
     name: str = ""
-    family: str = "profile"
     axis: str | None = None
     along: str = ""
     informed: float = 1.0

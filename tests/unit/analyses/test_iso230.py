@@ -22,8 +22,8 @@ from mtu_cli.analyses.iso230 import (
     warnings_of,
 )
 from mtu_cli.files.study import InstrumentBudget
+from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.streams import stream
 
 UM = 1e-3
 JUDGED = ("A", "R", "E", "M", "B")
