@@ -53,14 +53,6 @@ OF_AXIS = """
         components and points independent (Gilsinn & Ling 2004) | u indep., detail
     independent.var_AXIS_um2 | prediction.independent_variance | its square | -, json
 """
-NATURES = """
-    variance_AXIS_um2.coefficients | split.coefficients | variance of what the readings leave \
-        open | -, json, unit=um2
-    variance_AXIS_um2.passes | split.passes | variance of the drift between passes \
-        | -, json, unit=um2
-    variance_AXIS_um2.repeatability | split.repeatability | variance of each visit \
-        | -, json, unit=um2
-"""
 RESULTS_TEXT = """
     axes | prediction.axes | axes that the machine has an equation for
     points[] | rows() | *point
@@ -84,8 +76,7 @@ def point(axes: tuple[str, ...], independent: bool = False) -> Fields:
         def split(item: Any, j: int = j) -> Any:
             return None if independent else item.table.split.shares(item.index * len(axes) + j)
 
-        text = OF_AXIS + NATURES * (not independent)
-        fields = declare(text, AXIS=axis, U=lambda x: x.coverage_factor * np.sqrt(x.variance))
+        fields = declare(OF_AXIS, AXIS=axis, U=lambda x: x.coverage_factor * np.sqrt(x.variance))
         of_axes += [replace(each, within=(row,)) for each in fields if isinstance(each, Field)]
         of_axes += declare(f"shares.{axis}. | split() | *shares", split=split)
     return declare(
