@@ -140,18 +140,10 @@ def thermal_fit(
             of, unit = components[design.name]
         fitted = Fitted(design, design.every_cycle, choose(design, design.blocks, method))
         if len(design.y) - fitted.parameters < 1 - _ROUNDING_OF_COUNT:
-            rows_of_all = design.rows(design.every_cycle).values()
-            levels, count = sum(x.levels for x in rows_of_all), fitted.coefficients.size
-            of = f"{counted(levels, 'level')} and {counted(count, 'gradient')}"
-            raise error(
-                "too-little-data",
-                what=f"{counted(len(design.y), 'reading')} of {design.name} for the "
-                f"{fitted.spec.kind} model of {of}",
-                file=design.file,
-                # Sensors that depend on each other need fewer.
-                expected=f"{levels + count + 1} (always enough): one more than is fitted gives the "
-                "uncertainty",
-            )
+            levels = sum(x.levels for x in design.rows(design.every_cycle).values())
+            what = f"{counted(len(design.y), 'reading')} of {design.name}"
+            expected = f"{levels + fitted.coefficients.size + 1} for the {fitted.spec.kind} model"
+            raise error("too-little-data", what=what, file=design.file, expected=expected)
         bound = noise_share(fitted, sensor_noise(design))
         result[design.name] = drift = _component(fitted, method, bound, of, unit)
         share = min(share, bound)
