@@ -23,7 +23,7 @@ LARGEST_COLUMNS = 2_000_000
 FEWEST_VALUES = 24
 FEWEST_FOR_WAVES = 6
 """Different values: more than a wave's size, phase and period and a line take."""
-MANY_PLACES = 30
+MANY_PLACES = 20
 """Different values from which on uneven ones show periods shorter than their steps."""
 ALIKE = 0.9
 """Of all values' phases: from which on a frequency looks like a constant at them."""

@@ -76,8 +76,7 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     form = member.form
     if member.value is None:
         return None
-    rest = tuple(x for x in models.members(model) if x != item)
-    base = like.fit(like.closure(rest))
+    base = like.fit(models.columns(tuple(x for x in model if x != item)))
     items = members_at(design, form, grid_values(form))
     items, _, arcs = neighbours(sorted(items, key=lambda m: m.value or 0.0))
     values = np.array([m.value for m in items], float)
@@ -133,12 +132,15 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
     """
     labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].form.parameters)
     X = np.array([item.columns for item in items])
-    weights, result = base.weights, np.zeros(len(items))
-    Z, y = like.design.columns.dense(base.columns), base.residual
+    weights, result, columns = base.weights, np.zeros(len(items)), like.design.columns
+    # What is known beforehand of sizes stands as further errors.
+    known = np.diag(np.sqrt(columns.precisions[list(base.columns)]))
+    Z, y = columns.dense(base.columns), np.concatenate([like.y, np.zeros(len(known))])
     for _ in range(2):
         root = np.sqrt(weights)[labels]
-        Q = np.linalg.qr((Z * root).T)[0]
-        target = y * root - Q @ (Q.T @ (y * root))
+        Q = np.linalg.qr(np.vstack([(Z * root).T, known]))[0]
+        target = y * np.concatenate([root, np.ones(len(known))])
+        target -= Q @ (Q.T @ target)
         M = X * root[at]
         across = M @ Q[at]
         K = M @ M.transpose(0, 2, 1) - across @ across.transpose(0, 2, 1)
@@ -150,7 +152,7 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
         best = int(np.argmax(result))
         rest = target + Q @ (sizes[best, :, 0] @ across[best])
         rest[at] -= sizes[best, :, 0] @ M[best]
-        squares = np.bincount(labels, rest**2, minlength=len(weights))
+        squares = np.bincount(labels, rest[: len(labels)] ** 2, minlength=len(weights))
         R = np.divide(squares, weights, out=np.zeros(len(weights)), where=weights > 0) + like.extra
         weights = like.weights(np.maximum(R, 1e-12), base.dof)
     return result
@@ -170,31 +172,35 @@ def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent 
     if member.value is None or member.form.scale == "between":
         return item, None
     rest = tuple(x for x in models.members(model) if x != item)
+    smooth = models.columns(model)[len(like.closure(models.members(model))) :]
+
+    def columns(m: int) -> Columns:
+        return like.closure((*rest, m)) + smooth
+
     grid = np.asarray(member.form.grid)
-    best, tangent = item, _tangent(design, like, rest, item)
-    top = like.log_likelihood(like.closure((*rest, item)))
+    best, tangent = item, _tangent(design, like.fit(columns(item)), item)
+    top = like.log_likelihood(columns(item))
     for _ in range(4):
         if tangent is None:
             break
-        closure = like.closure((*rest, best))
-        change = like.fit((*closure, tangent.index)).beta[len(closure)] / tangent.norm
+        change = like.fit((tangent.index, *columns(best))).beta[0] / tangent.norm
         new = design.members[best].value * np.exp(np.clip(change, -0.3, 0.3))
         items = members_at(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
         if not items:
             break
         (m,) = add(design, member.candidate, items)
-        now = like.log_likelihood(like.closure((*rest, m)))
+        now = like.log_likelihood(columns(m))
         if now <= top + 1e-9:
             break
-        best, tangent, top = m, _tangent(design, like, rest, m), now
+        best, tangent, top = m, _tangent(design, like.fit(columns(m)), m), now
     return best, tangent
 
 
-def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) -> Tangent | None:
-    """The derivative of an effect by the logarithm of what is searched, at its estimated sizes."""
+def _tangent(design: Design, fit: Fit, m: int) -> Tangent | None:
+    """The derivative of an effect by the logarithm of what is searched, at its sizes in a fit."""
     member = design.members[m]
     assert member.value is not None
-    sizes = like.fit(like.closure((*rest, m))).sizes(member)
+    sizes = fit.sizes(member)
     values = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
     items = members_at(design, member.form, values)
     if len(items) != 2:
