@@ -64,7 +64,7 @@ def predict_points(
 ) -> PointsResult:
     """Predicts every feature of the part: eq. (1) and (18) of Gilsinn & Ling 2004, with the
     covariance of shared coefficients and passes. Errors are linear in the components, and
-    uncertain constants are taken to first order: there is nothing for a Monte Carlo to check.
+    uncertain constants are taken to second order: there is nothing for a Monte Carlo to check.
 
     Raises InputError for a missing covariate or coordinate.
     """

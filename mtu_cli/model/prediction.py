@@ -21,6 +21,7 @@ from mtu_cli.findings import Finding, InputError, finding, listed
 from mtu_cli.model.estimates import term_label
 from mtu_cli.model.machine_model import (
     Covariates,
+    Design,
     MachineModel,
     design,
     missing_covariates,
@@ -42,15 +43,24 @@ from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
 
+NEGLIGIBLE = 1e-9
+"""A change of lever arms below this share of the arms is rounding."""
 INDEFINITE = 1e-9
 """Of the largest eigenvalue: what is further below 0 is no rounding."""
 
 
-def constant_blocks(model: MachineModel, points: FloatArray, covariates: Covariates) -> list[Block]:
-    """The uncertainties of the constants c, to first order: u(c) dE/dc by central differences over
-    one standard uncertainty.
+def constant_effects(
+    model: MachineModel, points: FloatArray, covariates: Covariates, centre: Design
+) -> tuple[list[Block], FloatArray]:
+    """The constants' uncertainties: blocks, and a shift (rows,) of the mean, mm.
+
+    First and second order in every uncertain constant c (JCGM 100, 5.1.2, note): dE/dc and
+    d2E/dc2 by central differences over one standard uncertainty. A constant is a lever arm of
+    components that are uncertain themselves: their product adds u(c)^2 (dJ/dc) (C + D) (dJ/dc)'.
+    `centre` is the design at the constants' values.
     """
-    blocks = []
+    blocks: list[Block] = []
+    shift = np.zeros(len(centre.mean))
     for name, (value, u) in model.constants.items():
         if u == 0:
             continue
@@ -58,8 +68,18 @@ def constant_blocks(model: MachineModel, points: FloatArray, covariates: Covaria
             design(replace(model, constants=model.constants | {name: (end, u)}), points, covariates)
             for end in (value + u, value - u)
         )
+        curve = (up.mean + down.mean - 2 * centre.mean) / 2
+        # Rounding of a difference of errors is no curvature.
+        curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(up.mean - centre.mean), curve, 0.0)
         blocks.append(normal_block(name, ((up.mean - down.mean) / 2)[:, None]))
-    return blocks
+        if curve.any():
+            blocks.append(normal_block(f"{name}^2", np.sqrt(2.0) * curve[:, None]))
+        shift += curve
+        change = (up.J - down.J) / 2
+        if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
+            levers = (up.levers - down.levers) / 2
+            blocks += component_blocks(model, change, levers)
+    return blocks, shift
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,8 +203,9 @@ def predict(
         raise InputError(missing)
     rows = design(model, points, values)
     blocks = component_blocks(model, rows.J, rows.levers)
+    of_constants, shift = constant_effects(model, points, values, rows)
     rest = temperature_blocks(model, points, values, rows.levers)
-    rest += table_blocks(model, points, rows.levers) + constant_blocks(model, points, values)
+    rest += [*table_blocks(model, points, rows.levers), *of_constants]
     independent = np.zeros(len(rows.J))
     for term, columns, lever in zip(model.terms, model.columns, rows.levers.T, strict=True):
         # Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, without readings,
@@ -210,7 +231,7 @@ def predict(
         ids=tuple(ids),
         axes=model.axes,
         points=points,
-        mean=rows.mean,
+        mean=rows.mean + shift,
         blocks=(*blocks, *rest),
         independent_variance=independent,
         outside=tuple(outside),

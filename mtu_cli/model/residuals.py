@@ -29,7 +29,7 @@ from mtu_cli.model.features import guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, Covariates, MachineModel, design, sensors_of
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import judged_axes, roundings
-from mtu_cli.model.prediction import constant_blocks, predict, temperature_gradients
+from mtu_cli.model.prediction import constant_effects, predict, temperature_gradients
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
     BoolArray,
@@ -308,10 +308,11 @@ def cell_model(
     drift with a lag has the history of all measurements.
     """
     centre = design(model, places, values)
-    mean = centre.mean
+    of_constants, shift = constant_effects(model, places, values, centre)
+    mean = centre.mean + shift
     shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
     blocks = component_blocks(model, centre.J, centre.levers)
-    for block in (*blocks, *constant_blocks(model, places, values)):
+    for block in (*blocks, *of_constants):
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: by_name[name].shape if name in by_name else (1, 1) for name in sensors_of(model)}
