@@ -72,7 +72,7 @@ def test_linear_budgets_need_few_trials() -> None:
         equation: a + b + c + d
         inputs:
           a: {value: 0, u: 1, dof: 4}
-          b: {value: 0, half_width: 2, distribution: rectangular}
+          b: {value: 0, half_width: 2, distribution: rectangular, dof: 8}
           c: {value: 0, half_width: 1, distribution: arcsine}
           d: {value: 0, u: 0.5}
     """
@@ -82,13 +82,13 @@ def test_linear_budgets_need_few_trials() -> None:
     plain = np.random.default_rng(11)
     m = 4_000_000
     draws = plain.standard_t(4, m) + 0.5 * plain.standard_normal(m)
-    draws += 2 * plain.uniform(-1, 1, m)
+    draws += 2 * plain.uniform(0.75, 1.25, m) * plain.uniform(-1, 1, m)
     draws += np.cos(2 * math.pi * plain.uniform(size=m))
     low, high = np.quantile(draws, [0.025, 0.975])
     # The plain quantile's standard error is about 2.7 u/sqrt(m) = 0.003.
     assert result.run.low[0] == pytest.approx(low, abs=0.012)
     assert result.run.high[0] == pytest.approx(high, abs=0.012)
-    exact = math.sqrt(2 + 4 / 3 + 0.5 + 0.25)
+    exact = math.sqrt(2 + 4 / 3 * (1 + 1 / 48) + 0.5 + 0.25)
     assert result.run.u[0] == pytest.approx(exact, abs=4 * result.run.se_u[0] + 1e-6)
 
 

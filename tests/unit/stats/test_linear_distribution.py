@@ -27,7 +27,7 @@ def bounded(kind: Kind, share: float, **more: float) -> Distribution:
 
 MIXED: list[Term] = [
     (1.0, Distribution(kind="normal", u=0.4, dof=5.0)),
-    (-2.0, Distribution(kind="rectangular", u=0.5, half_width=0.9)),
+    (-2.0, Distribution(kind="curvilinear-trapezoidal", u=0.5, half_width=0.9, inexact=0.2)),
     (0.5, Distribution(kind="trapezoidal", u=0.7, half_width=1.5, top=0.8)),
     (1.0, Distribution(kind="normal", u=0.3)),
 ]
@@ -51,6 +51,21 @@ def trapezoid(a: float, b: float) -> Callable[[Any], Any]:
     )
 
 
+def inexact(d: float) -> Callable[[Any], Any]:
+    """Of a rectangle whose half-width is rectangular in 1 -+ d: the mean of (1 - x/w)/2 over w."""
+
+    def below(x: Any) -> Any:
+        m = np.clip(x, 1.0 - d, 1.0 + d)
+        return 1.0 - ((1.0 + d - m) - x * np.log((1.0 + d) / m)) / (4.0 * d)
+
+    return below
+
+
+def curved(kind: Kind, share: float, d: float) -> Distribution:
+    u = math.sqrt(share * (1.0 + d * d / 3.0))
+    return Distribution(kind=kind, u=u, half_width=1.0, inexact=d)
+
+
 SUMS: dict[str, tuple[list[Term], Callable[[Any], Any]]] = {
     "rectangle and normal": (
         [(1.0, bounded("rectangular", 1 / 3)), (-1.0, Distribution(kind="normal", u=0.05))],
@@ -60,6 +75,8 @@ SUMS: dict[str, tuple[list[Term], Callable[[Any], Any]]] = {
         [(1.0, bounded("rectangular", 1 / 3)), (0.2, bounded("rectangular", 1 / 3))],
         trapezoid(1.0, 0.2),
     ),
+    "inexact by a half": ([(1.0, curved("curvilinear-trapezoidal", 1 / 3, 0.5))], inexact(0.5)),
+    "inexact by nearly all": ([(1.0, curved("rectangular", 1 / 3, 0.9))], inexact(0.9)),
     "triangle": ([(1.0, bounded("triangular", 1 / 6))], lambda x: 1 - 0.5 * (1 - x) ** 2),
     "arcsine": ([(1.0, bounded("arcsine", 1 / 2))], lambda x: 0.5 + np.arcsin(x) / math.pi),
     "normal": ([(-2.0, Distribution(kind="normal", u=1.5))], lambda x: ndtr(x / 3)),
@@ -93,8 +110,6 @@ def test_where_it_is_not_known() -> None:
     assert sum_quantile([heavy, (1.0, bounded("rectangular", 1 / 3))]) is None
     assert sum_quantile([(0.0, Distribution(kind="normal", u=1.0))]) is None
     assert sum_quantile([]) is None
-    inexact = bounded("curvilinear-trapezoidal", 1 / 3, inexact=0.5)
-    assert sum_quantile([(1.0, inexact), (1.0, Distribution(kind="normal", u=1.0))]) is None
     # An arcsine with little beside it has an end that the series would round off.
     arcsine = (1.0, bounded("arcsine", 1 / 2))
     assert sum_quantile([arcsine, (1e-4, bounded("rectangular", 1 / 3))]) is None
