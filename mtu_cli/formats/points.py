@@ -129,6 +129,12 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
                 coordinate = (feature, axis.casefold(), row.cells[i], nominal)
                 coordinates.append(Coordinate(row.line, part, *coordinate))
     signs = collect(file, ask, result, coordinates, faults, grid.separator)
+    pairs = [(a, b) for axis in "xyz" for a, b in zip(
+        *(result.columns.get(f"{name}{axis}_mm", []) for name in ("", "nominal_")), strict=True)
+        if None not in (a, b)]  # fmt: skip
+    if sum(abs(a - b) for a, b in pairs) > 0.5 * sum(abs(b) for _, b in pairs) > 0:
+        kind = "deviations, no coordinates (they do not follow the nominal places)"
+        raise file.error("other-table", kind=kind, expected="measured coordinates in mm")
     result.says = [summary(grid, signs), f"{len(parts)} parts, coordinates in mm"]
     result.facts = {"parts": list(parts.values())}
     return result
