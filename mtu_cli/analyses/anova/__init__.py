@@ -186,13 +186,6 @@ def _totals(analysis: Analysed) -> tuple[Total, ...]:
     return tuple(result)
 
 
-def _most_parts(analysis: Analysed) -> FloatArray:
-    """The parts (tables,) of the table that has the most in the operation of each."""
-    parts, of = analysis.one_way.parts, np.array([label[0] for label in analysis.labels])
-    most = {each: float(parts[of == each].max()) for each in set(of.tolist())}
-    return np.array([most[each] for each in of.tolist()])
-
-
 KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}
 UNKNOWN = "no scatter from part to part, nor of a future part, can be known"
 CONDITIONS: dict[str, tuple[Callable[[Analysed], BoolArray], dict[str, Any]]] = {
@@ -209,33 +202,56 @@ CONDITIONS: dict[str, tuple[Callable[[Analysed], BoolArray], dict[str, Any]]] = 
         lambda x: (x.components.part_estimate < 0) & (x.method == "anova"),
         {"what": "part-to-part", "consequence": "0 is used for uncertainties"},
     ),
-    "few-degrees-of-freedom": (
-        lambda x: x.dof_future < FEW_DOF,
-        {"how": f"for u of a future part {BELOW_THREE}"},
-    ),
-    "missing-values": (
-        lambda x: x.one_way.parts < _most_parts(x),
-        {"what": "parts", "consequence": "the rest is analysed with unequal counts"},
-    ),
+    "few-degrees-of-freedom": (lambda x: x.dof_future < FEW_DOF, {"how": BELOW_THREE}),
 }
 
 
 def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
     """Every figure that is missing has its reason here, for each kind of table by name, features
-    first.
+    first; and parts that were not measured in all tables where they are due.
     """
     result = []
     for code, (condition, facts) in CONDITIONS.items():
         masks = [(KINDS[kind.kind], condition(kind)) for kind in kinds]
         items = [some(rows, name) for name, rows in masks if rows.any()]
+        names = [f"u of a future part ({each})" for each in items]
         if all(rows.all() for _, rows in masks):
-            items = ["all"]
-        result += [finding(code, items=each, names=[each], **facts) for each in items]
+            items, names = ["all"], ["u of a future part"]
+        result += [
+            finding(code, items=each, names=[name], **facts)
+            for each, name in zip(items, names, strict=True)
+        ]
     if method == "paper":
         result.append(finding("paper-method"))
-    parts = kinds[0].tables.parts
+    parts, due_at = kinds[0].tables.parts, _parts_due(kinds[0].tables)
+    for kind in kinds:
+        present = kind.tables.cells.present
+        due = np.array([due_at[label[0]] for label in kind.tables.labels])
+        if (empty := due & ~present).any():
+            table, part = np.argwhere(empty)[0].tolist()
+            label = " ".join(filter(None, kind.tables.labels[table]))
+            what = "measurements" if kind.kind == "feature" else KINDS[kind.kind]
+            facts = {
+                "what": f"{int(empty.sum())} of {int(due.sum())} {what} by part",
+                "names": [f"first: part {parts[part]!r} at {label}"],
+                "consequence": "the rest is analysed with unequal counts",
+            }
+            result.append(finding("missing-values", part=parts[part], label=label, **facts))
     if 2 <= len(parts) < FEWEST_PARTS:
         consequence = f"{FEWEST_PARTS} are needed to find outliers among them"
         facts = {"parts": len(parts), "items": "all", "consequence": consequence}
         result.append(finding("few-parts", **facts))
     return result
+
+
+def _parts_due(features: MeasuredTables) -> dict[str, BoolArray]:
+    """The parts (parts,) that are due in all tables of each operation: those with any feature of
+    it, and all parts of an operation that is crossed with it: more than half of them have features
+    of both. Parts nested in operations, each made by one of several machines, are due there alone.
+    """
+    of = np.array([label[0] for label in features.labels])
+    operations = np.unique(of)
+    made = np.array([features.cells.present[of == each].any(axis=0) for each in operations])
+    shared = made.astype(int) @ made.T
+    crossed = 2 * shared > made.sum(axis=1)[:, None]
+    return dict(zip(operations.tolist(), crossed.T @ made, strict=True))

@@ -13,7 +13,7 @@ from scipy.stats import ncx2
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
 from mtu_cli.analyses.anova.tables import noncentrality, radial_quantile
-from mtu_cli.files.part import load_part
+from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_rows
@@ -158,25 +158,41 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
     found = study(8, 2, 1)
     gaps = analysed(only_rows(found, ~((found.part == 2) & (found.feature == 1))))
     assert codes(gaps) == ["missing-values"]
-    assert str(gaps.warnings[0]).startswith("parts missing (2 of 6 features and axes): ")
+    assert (gaps.warnings[0].facts["part"], gaps.warnings[0].facts["label"]) == ("P2", "b x")
     assert gaps.features.one_way.parts.tolist().count(7) == 2
     # No part is due at a machine that did not make it.
     nested = replace(found, operations=("A", "B"), operation=found.part % 2)
     assert "missing-values" not in codes(analysed(nested))
 
 
-def test_parts_are_missing_where_others_of_the_operation_have_more() -> None:
-    """Operations may have different parts."""
+def missing(points_read: Points, part: LoadedPart | None = None) -> list[tuple[str, str]]:
+    """What is missing of how many, and the first of it."""
+    result = analyse_variance(points_read, part, "reml", SETTINGS)
+    gaps = [each.facts for each in result.warnings if each.code == "missing-values"]
+    return [(each["what"], each["names"][0]) for each in gaps]
+
+
+def test_parts_are_due_where_most_parts_of_their_operation_are(tmp_path: Path) -> None:
+    """Crossed with another one, and of a kind that a part has nothing of; nested ones are not."""
     drilled, milled = study(6, 2, 1), study(6, 2, 2)
     of = np.repeat([0, 1], len(drilled.part))
     rows = np.tile(np.arange(len(drilled.part)), 2)
     both = replace(only_rows(drilled, rows), operations=("drilled", "milled"), operation=of,
                    measured=np.concatenate([drilled.measured, milled.measured]))  # fmt: skip
-    fewer = only_rows(both, (both.operation == 0) | (both.part < 5))
-    assert "missing-values" not in codes(analysed(fewer))
-    gap = only_rows(both, ~((both.part == 3) & (both.feature == 1) & (both.operation == 1)))
-    (missing,) = (each for each in analysed(gap).warnings if each.code == "missing-values")
-    assert missing.facts["names"] == ["2 of 12 features and axes"]
+    assert missing(both) == []
+    gap = only_rows(both, ~((both.part == 3) & (both.operation == 1)))
+    assert missing(gap) == [
+        ("6 of 72 measurements by part", "first: part 'P3' at milled a x"),
+    ]
+    # Milled is a single control part of another machine, or a selection.
+    for few in ((0,), (0, 1)):
+        selected = only_rows(both, (both.operation == 0) | np.isin(both.part, few))
+        assert missing(selected) == []
+    path = tmp_path / "part.yaml"
+    path.write_text(measured_examples.PART.replace(", {from: c, to: a}", ""), "utf-8")
+    no_b = only_rows(drilled, ~((drilled.part == 3) & (drilled.feature == 1)))
+    found = missing(no_b, load_part(path))
+    assert ("1 of 6 lengths by part", "first: part 'P3' at a-b") in found
 
 
 def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
