@@ -182,7 +182,7 @@ def runs(numbers: Sequence[int]) -> str:
     return ", ".join(texts[:SHOWN_RUNS]) + more
 
 
-def listed(names: Iterable[object], most: int = SHOWN_NAMES) -> str:
+def listed(names: Iterable[object], most: int = SHOWN_NAMES, between: str = ", ") -> str:
     """Names for a sentence: the first few and how many more.
 
     >>> listed("abcdefgh", 3)
@@ -190,7 +190,7 @@ def listed(names: Iterable[object], most: int = SHOWN_NAMES) -> str:
     """
     texts = list(dict.fromkeys(map(str, names)))
     more = f" and {len(texts) - most} more" if len(texts) > most else ""
-    return ", ".join(texts[:most]) + more
+    return between.join(texts[:most]) + more
 
 
 def counted(number: int, noun: str, several: str = "") -> str:

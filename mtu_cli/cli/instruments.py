@@ -150,15 +150,10 @@ def _join(tables: list[Imported], kind: str) -> Imported:
     """Files end to end; passes and cycles of a component that was read before are counted on."""
     result, last = Imported(format="", kind=kind), Counter[tuple[object, str]]()
     for table in tables:
-        offsets = last.copy()
+        if kind != "points":
+            table.count_on(last)
         for i, row in enumerate(table.rows):
-            cells = {name: column[i] for name, column in table.columns.items()}
-            for name in ("pass", "cycle"):
-                if str(cells.get(name)).isdecimal():
-                    place = (cells.get("component"), name)
-                    cells[name] = int(cells[name]) + offsets[place]
-                    last[place] = max(last[place], cells[name])
-            result.add(row, **cells)
+            result.add(row, **{name: column[i] for name, column in table.columns.items()})
     return result
 
 

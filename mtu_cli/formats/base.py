@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -14,9 +15,9 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from mtu_cli.files.csv_file import GZIP, Converted, inflated
-from mtu_cli.files.csv_table import Decimal
+from mtu_cli.files.csv_table import Decimal, number
 from mtu_cli.files.source import MARKS, Source, read_source
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 from mtu_cli.units import UNITS, plain_unit
 
 CODE_PAGES = ("utf-8-sig", "cp1252", "gbk")
@@ -114,6 +115,19 @@ class Imported:
         if count:
             self.left_out[what] = self.left_out.get(what, 0) + count
 
+    def count_on(self, last: Counter[tuple[object, str]]) -> None:
+        """Counts the passes and cycles of each component on from the `last` of earlier files, by
+        component and column, and keeps its own there.
+        """
+        offsets = last.copy()
+        for name in ("pass", "cycle"):
+            for i, cell in enumerate(self.columns.get(name, ())):
+                value = number(str(cell), ".")
+                if value is not None and value.is_integer():
+                    place = self.columns["component"][i], name
+                    self.columns[name][i] = int(value) + offsets[place]
+                    last[place] = max(last[place], self.columns[name][i])
+
     @property
     def sentence(self) -> str:
         """How the file was understood, and what was left out."""
@@ -200,6 +214,9 @@ def unit_of(
     elif unit:
         whose = "the unit given" if ask.unit else "the component's unit"
         result.says.append(f"readings without a unit taken in {unit}, {whose}")
+    elif ask.machine_units and (name := component or ask.component):
+        facts = suggestion(name, ask.machine_units)
+        raise file.error("unknown-name", value=name, what="component", **facts)
     elif ask.kind != "inspect":
         expected = "`unit: um` in the study, import --unit um, or a machine with the component"
         raise file.error("missing-input", what="the unit of the readings", expected=expected)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
+from mtu_cli.findings import listed
 from mtu_cli.formats.base import Ask, Format, Imported, RawFile, unit_in, unit_of
 from mtu_cli.formats.grid import Columns, Faults, Grid, grid_of, summary
 from mtu_cli.units import UNITS, plain_unit
@@ -78,7 +79,12 @@ def _assemble(
         plain = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"^T[ _-]+", "", plain)).strip("_")
         sensors[i] = f"T_{plain}_degC"
     probes = [i for i, unit in enumerate(units) if unit in UNITS]
-    probes = probes or ([i for i in range(len(names)) if i not in sensors][:1] if ask.unit else [])
+    if not probes and (ask.unit or ask.component in ask.machine_units):
+        probes = [i for i in range(len(names)) if i not in sensors]
+        if len(probes) > 1:
+            reason = f"which channel is the probe: {listed(names[i] for i in probes)}"
+            expected = "its unit in its heading, as [um], or a --map profile"
+            raise file.error("undecided", what=reason, expected=expected)
     result.facts = {"channels": list(names), "readings": [names[i] for i in probes],
                    "temperatures": [*sensors.values()], "rows": len(lines)}  # fmt: skip
     if not probes:
@@ -87,15 +93,14 @@ def _assemble(
     if ask.component and len(probes) > 1:
         reason = f"{len(probes)} channels of readings and one component"
         raise file.error("undecided", what=reason, expected="a --map profile")
-    # Files may begin anew at 0 min: each is a cycle of its own.
-    cycle, count = file.source.shown, len(names) - len(sensors) - len(probes)
+    count = len(names) - len(sensors) - len(probes)
     result.drop("channels without a unit of temperature, length or angle", count)
     for i in probes:
         # Without a stated component the channel's name, less its unit.
         plain = re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", names[i])).strip("_")
         unit, component = unit_of(file, ask, result, units[i]), ask.component or plain
         for n, line in enumerate(lines):
-            result.add(line, component=component, error=values[i][n], unit=unit, cycle=cycle,
+            result.add(line, component=component, error=values[i][n], unit=unit, cycle=1,
                       **{times[0]: times[1][n]},
                       **{name: values[j][n] for j, name in sensors.items()})  # fmt: skip
     result.says.append("the file is one cycle: split it by a --map profile with cycles")

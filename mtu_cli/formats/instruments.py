@@ -5,6 +5,7 @@ the contract's CSV, of which that CSV is one entry.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -100,9 +101,11 @@ def converter(
     """For the reader of the contract's CSV: what an instrument's file is as such a CSV; None of
     what is a CSV already, or may be meant as one.
     """
+    last = Counter[tuple[object, str]]()
 
     def convert(source: Source, content: bytes) -> Converted | None:
         ask, names = ask_of(source.path, source.role), header_of(content)
+        foreign = ask.profile is not None or not is_contract(content)
         if content.startswith(GZIP):
             return None
         if is_contract(content) and not ask.profile:
@@ -116,6 +119,8 @@ def converter(
         if not ask.profile and identify(file) is None:
             return None
         result = read(file, ask)
+        if foreign and result.kind != "points":
+            result.count_on(last)
         report(file, result)
         return result.converted(list(SPECS[result.kind].columns))
 

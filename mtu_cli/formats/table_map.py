@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,7 +16,7 @@ from mtu_cli.findings import suggestion
 from mtu_cli.formats.base import Ask, Imported, RawFile, unit_of
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
 from mtu_cli.formats.grid import Faults as Cells
-from mtu_cli.formats.wide import way_of
+from mtu_cli.formats.wide import runs_of, way_of
 from mtu_cli.units import UNITS, Unit, plain_unit
 
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
@@ -243,21 +242,25 @@ def _row_labels(
 
     Raises InputError where directions are stated in a column, too.
     """
-    unpivot, passes = profile.unpivot, Counter[str | None]()
+    unpivot = profile.unpivot
     assert unpivot is not None
     how, target = ask.directions or unpivot.directions, unpivot.names
     if how and "direction" in {*profile.columns, *profile.constants}:
         names = "directions of the unpivoted columns and a column 'direction'"
         raise cells.faults.file.error("exclusive", names=names, expected="one of them")
-    for n, name in enumerate(unpivot.columns):
-        ways = {"headings": way_of(name), "alternate": ("forward", "reverse")[n % 2]}
-        way = ways.get(how or "", how)
-        passes[way] += 1
+    ways: list[str | None] = [how] * len(unpivot.columns)
+    if how == "headings":
+        ways = [way_of(name) for name in unpivot.columns]
+    elif how == "alternate":
+        ways = [("forward", "reverse")[n % 2] for n in range(len(ways))]
+    # What alternates is counted as it comes.
+    passes = runs_of(unpivot.columns if how == "headings" else [""] * len(ways), ways)
+    for name, way, number_of in zip(unpivot.columns, ways, passes, strict=True):
         heading = cells.header[place[name]]
         value = number(heading, cells.signs[place[name]])
         label: object = name if value is None or column.kind not in ("number", "free") else value
         if target == "pass":
-            label = passes[way]
+            label = number_of
         elif value is None and column.numeric:
             cells.faults.cell(line, heading, heading)
         yield {"": name, target: label} | ({"direction": way} if way else {})

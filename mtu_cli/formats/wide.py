@@ -46,6 +46,25 @@ def way_of(heading: str) -> str | None:
     return result.pop() if len(result) == 1 else None
 
 
+def runs_of(headings: Sequence[str], ways: Sequence[str | None]) -> list[int]:
+    """The numbers of runs: those of the headings, where they are a run's alike there and back; else
+    counted in each direction.
+
+    >>> ways = ["forward", "reverse"] * 2
+    >>> runs_of(["Hin 1", "Her 1", "Hin 2", "Her 3"], ways)
+    [1, 1, 2, 3]
+    >>> runs_of(["1 +", "2 -", "3 +", "4 -"], ways)
+    [1, 1, 2, 2]
+    """
+    plain = (re.sub(r"[\[(].*?[\])]", " ", heading) for heading in headings)
+    numbers = [int(found[-1]) if (found := re.findall(r"\d+", each)) else -1 for each in plain]
+    pairs = {*zip(numbers, ways, strict=True)}
+    both = [{number for number, way in pairs if way == each} for each in {*ways}]
+    if len(pairs) == len(numbers) and min(numbers) >= 0 and len(both) > 1 and both[0] & both[1]:
+        return numbers
+    return [list(ways[:n]).count(way) + 1 for n, way in enumerate(ways)]
+
+
 def sniff(file: RawFile) -> bool:
     """Whether most of it is a numeric table with different targets in its first column."""
     if not file.text or file.text.lstrip().startswith(("<", "{")):
@@ -97,7 +116,8 @@ def _read(file: RawFile, ask: Ask, lines: list[str], result: Imported) -> Import
     columns = Columns(faults, names, rows, ask.decimal, grid.separator)
     if not runs:
         raise file.error("missing-input", what="a column of a run", expected="one column a run")
-    ways, how = _ways([[cells[i] for i in runs] for cells in headings], len(runs), ask, result)
+    of_runs = [[cells[i] for i in runs] for cells in headings]
+    ways, passes, how = _ways(of_runs, len(runs), ask, result)
     stated = {unit for i in runs if (unit := unit_in(names[i]))}
     units = {unit for row in header_rows for cell in row.cells if (unit := unit_in(cell))} - {"mm"}
     stated = stated or (units if len(units) == 1 else set())
@@ -108,7 +128,6 @@ def _read(file: RawFile, ask: Ask, lines: list[str], result: Imported) -> Import
     values = [columns.numbers(i, may_be_empty=True) for i in runs]
     faults.raise_if_any()
     result.drop("empty cells", sum(column.count(None) for column in values))
-    passes = [ways[:n].count(way) + 1 for n, way in enumerate(ways)]
     add_readings(file, ask, result, unit, (
         (row.line, target, run, way, value)
         for row, target, *cells in zip(rows, targets, *values, strict=True)
@@ -128,19 +147,21 @@ def _read(file: RawFile, ask: Ask, lines: list[str], result: Imported) -> Import
 
 def _ways(
     headings: Sequence[Sequence[str]], runs: int, ask: Ask, result: Imported
-) -> tuple[list[str], str]:
-    """The direction of each run, and where it was read."""
+) -> tuple[list[str], list[int], str]:
+    """The direction of each run, its number, and where the direction was read."""
     if ask.directions in ("forward", "reverse"):
-        return [ask.directions] * runs, f"all runs {ask.directions}, as given"
+        how = f"all runs {ask.directions}, as given"
+        return [ask.directions] * runs, list(range(1, runs + 1)), how
     for cells in headings:
         ways = [way_of(cell) or "" for cell in cells]
         if all(ways):
-            return ways, "directions from the headings"
+            return ways, runs_of(cells, ways), "directions from the headings"
     alternating = [("forward", "reverse")[n % 2] for n in range(runs)]
+    passes = [1 + n // 2 for n in range(runs)]
     if ask.directions:
-        return alternating, "directions alternating, as given"
+        return alternating, passes, "directions alternating, as given"
     result.doubts.append("directions are not stated: taken as alternating")
-    return alternating, "directions not stated, taken as alternating"
+    return alternating, passes, "directions not stated, taken as alternating"
 
 
 FORMATS = (

@@ -11,7 +11,7 @@ may have any, so that its dimension is not judged.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -35,6 +35,8 @@ NO_LENGTH = Powers((0.0, *ANY.exponents[1:]))
 """Of a literal factor that is no length, but may be a number of kelvin or minutes."""
 ANGLES = ("deg", "arcmin", "arcsec")
 """Units of angles in which numbers are written."""
+KEEPING = ("**", "sqrt", "abs")
+"""Functions of which one or two together keep a unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,11 +122,9 @@ class Algebra:
         """Whether a number beside a term is in its unit: the 90 of phi - 90 is in deg, the 1 of
         1 + alpha*dT is no number of um/m.
         """
-        parts = [*terms(term)]
-        units = [self.units.get(part.name, ANY) for part in parts if isinstance(part, Name)]
+        units = [self.units.get(name, ANY) for name in _names_alone(term)]
         units += map(unit_powers, ("1", "%", *ANGLES))
-        products = any(isinstance(x, Call) and x.function in ("*", "/", "**") for x in parts)
-        return not (products and unit.alike(PLAIN)) or any(map(unit.agrees, units))
+        return not unit.alike(PLAIN) or any(map(unit.agrees, units))
 
     def _check_number(self, node: Node, what: str) -> None:
         powers = self.of(node)
@@ -139,6 +139,18 @@ class Algebra:
         """A fault: what is of a `unit` that is not the `target`."""
         facts = {"unit": unit.text(self.names), "wanted": target.text(self.names)}
         self.faults.append(finding("wrong-unit", of=of, **facts, expected=expected, **place))
+
+
+def _names_alone(node: Node) -> Iterator[str]:
+    """The names in a term whose unit may be the term's: not those of products, but those in sums
+    and in what keeps a unit, as sqrt(a**2 + b**2).
+    """
+    for term in terms(node):
+        match term:
+            case Name(name):
+                yield name
+            case Call(function, arguments) if function in KEEPING:
+                yield from _names_alone(arguments[0])
 
 
 def _has_literal_factor(node: Node) -> bool:

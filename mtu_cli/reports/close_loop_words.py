@@ -21,7 +21,8 @@ CHECKS = {
     "field": "{columns} near one another err alike",
 }
 """What a check of the remainder says where it is significant."""
-NAMELESS = "a drift or a smooth field without a name explains the errors better than any effect"
+WITHOUT_NAME = "a drift or a smooth field without a name"
+NAMELESS = f"{WITHOUT_NAME} explains the errors better than any effect"
 MOST_SEARCHED = 6
 WORTH_WHILE = 1.0
 """Standard deviations that an experiment must separate."""
@@ -58,10 +59,10 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         words["covariate"] = effect.covariate
     if (searched := effect.searched) is not None:
         word, _, unit = searched.name.rpartition("_")
-        # The middles of the ranges that fit alike.
-        middles = [(low + high) / 2 for low, high in searched.intervals]
-        values = middles if len(middles) > 1 else [searched.value]
-        choices = " or ".join(significant(value, 4) for value in values[:MOST_SEARCHED])
+        # The middles of other ranges fit nearly as well.
+        ranges = [ends for ends in searched.intervals if not ends[0] <= searched.value <= ends[1]]
+        values = [searched.value, *(sum(ends) / 2 for ends in ranges)]
+        choices = listed((significant(value, 4) for value in values), MOST_SEARCHED, " or ")
         words["searched"] = f"{word or unit} {choices} {unit if word else ''}".strip()
         # The first part after a step.
         order = item.table.covariates.get("sequence", np.zeros((0, 1)))[:, 0]
@@ -131,7 +132,8 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         tentative = "Tentative: "
     texts = []
     for effect in item.effects:
-        rivals = f", or {listed(effect.class_names[1:])}" if len(effect.class_names) > 1 else ""
+        others = [*effect.class_names[1:], *[WITHOUT_NAME] * effect.nameless]
+        rivals = f", or {listed(others)}" if others else ""
         texts.append(f"{effect_text(effect, item)} ({effect.name}{rivals})")
     if texts:
         held_out = item.held_out

@@ -145,6 +145,7 @@ def test_passes_and_cycles_of_files_are_apart(folder: Path) -> None:
         "schema: mtu/import/1\nconstants: {component: dx_x}\n"
         "columns: {pass: Run, position_mm: Ziel, error: M}\n"
     )
+    (folder / "z.yaml").write_text(MACHINE.replace("of: x, ", ""))
     # The unit is that of the machine's component, which the profile names.
     call = ("import", *days, "--as", "readings", "--map", "d.yaml", "-m", "m.yaml", "-o", "d.csv")
     assert "taken in um, the component's unit" in done(mtu(*call, cwd=folder)).stdout
@@ -152,7 +153,10 @@ def test_passes_and_cycles_of_files_are_apart(folder: Path) -> None:
     assert {row[rows[0].index("pass")] for row in rows[1:]} == {"1", "2", "3", "4"}
     logged = mtu("import", *warm_ups, "--as", "drift", "--component", "dx_x", cwd=folder)
     written = done(logged).stdout.splitlines()
-    assert [line.split(",")[3] for line in written[1:]] == ["w1.csv"] * 3 + ["w2.csv"] * 3
+    assert [line.split(",")[3] for line in written[1:]] == ["1"] * 3 + ["2"] * 3
+    direct = [f"dx_x={folder / name}" for name in warm_ups]
+    read = mtu_cli.read_readings(direct, mtu_cli.read_machine(folder / "z.yaml"), "drift")
+    assert read.cycles == ("1", "2")
 
 
 def test_a_profile_calculates_with_empty_runs_and_with_angles(folder: Path) -> None:

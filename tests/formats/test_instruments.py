@@ -246,7 +246,7 @@ def test_a_logger_gives_drift_readings_with_temperatures() -> None:
     found = read(raw(made.LOGGER.encode("cp1252")), Ask(kind="drift", component="dz"))
     assert found.columns["time"][1] == "2024-08-13T10:01:00"
     assert found.columns["T_spindle_degC"] == [20.1, 20.25, 20.4]
-    assert rows(found, "error", "unit", "cycle")[2] == (0.9, "um", "x.txt")
+    assert rows(found, "error", "unit", "cycle")[2] == (0.9, "um", 1)
     with pytest.raises(InputError, match="day or month first"):
         read(raw(made.LOGGER.replace("13.08.", "01/08/")), Ask(component="dz"))
 
@@ -422,3 +422,23 @@ def test_a_damaged_file_is_read_in_part_or_is_one_error(name: str) -> None:
             found = read(raw(damaged or b"x", name), ASK)
             assert {len(column) for column in found.columns.values()} <= {len(found.rows)}
             assert len(found.rows) <= 2 * whole
+
+
+def test_a_run_that_is_missing_leaves_the_pairs_of_the_others() -> None:
+    """Headings number the runs; where each column has a number of its own they are counted."""
+    numbered = {
+        "Hin 1;Her 1;Hin 2;Hin 3;Her 3": [1, 1, 2, 3, 3],
+        "1 +;2 -;3 +;4 -;5 +": [1, 1, 2, 2, 3],
+    }
+    for headings, runs in numbered.items():
+        text = f"Ziel;{headings}\n0;1;2;3;4;5\n50;1;2;3;4;6\n"
+        table = read(raw(text), Ask(kind="readings", component="c", unit="um"))
+        assert table.columns["pass"][:5] == runs
+
+
+def test_a_logger_without_units_has_one_channel_or_is_undecided() -> None:
+    text = "Zeit min;T Spindel;Taster\n0;20,1;0\n1;20,3;0,5\n"
+    ask = Ask(kind="drift", component="c", unit="um")
+    with pytest.raises(InputError, match="which channel is the probe: T Spindel, Taster"):
+        read(raw(text), ask)
+    assert read(raw(text.replace("T Spindel", "T [degC]")), ask).columns["error"] == [0.0, 0.5]

@@ -11,7 +11,7 @@ from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.estimate import Estimates, smooth_effect
 from mtu_cli.analyses.close_loop.experiment import experiment
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.model_set import Entry
+from mtu_cli.analyses.close_loop.model_set import SHARE, Entry
 from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, SmoothEffect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
@@ -57,6 +57,7 @@ def effects_of(
                 log_bayes_factor=entry.gain,
                 posterior=entry.posterior,
                 class_names=tuple(name for name, _, _ in entry.credible),
+                nameless=entry.nameless > 1 - SHARE,
             )
         )
     for offset in diagnosis.offsets:

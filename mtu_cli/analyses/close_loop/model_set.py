@@ -135,7 +135,7 @@ class ModelSet:
         best = [0] * len(self.names)
         owners, starts = np.unique(design.owner, return_index=True)
         total[owners] = np.logaddexp.reduceat(logs, starts)
-        for c, start, of_owner in zip(owners, starts, np.split(logs, starts[1:]), strict=True):
+        for c, start, of_owner in zip(owners, starts, np.split(logs, starts[1:]), strict=False):
             best[c] = int(start + np.argmax(of_owner))
         present = {self.place(item) for item in model}
         for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE):

@@ -82,7 +82,8 @@ class FoundEffect:
     these and columns; where the candidate is `over` features, parts or operations, which no machine
     has, `chosen` is the one for which ``chosen`` is 1; a smooth effect's component stands for its
     `table` of values in mm or rad. An effect on the scatter has no equation: `ratio` is that of the
-    standard deviations. `class_names` are those that the data cannot separate, itself first;
+    standard deviations. `class_names` are those that the data cannot separate, itself first, with
+    an effect that is `nameless` if so;
     `aliases` names whose columns span the same, whatever the errors.
     """
 
@@ -101,6 +102,7 @@ class FoundEffect:
     posterior: float | None = None
     explained_share: float = 0.0
     class_names: tuple[str, ...] = ()
+    nameless: bool = False
     aliases: tuple[str, ...] = ()
     experiment: Experiment | None = None
 

@@ -105,6 +105,8 @@ def consistency(text: str, result: str, **units: str) -> str | None:
         ("p - 3", "mrad", {"p": "mrad"}, None),
         ("sqrt(p**2 + r**2) - 5", "urad", {"p": "urad", "r": "urad"}, None),
         ("abs(p) + 0.5", "mrad", {"p": "mrad"}, None),
+        ("l*(1 + abs(a*t))", "mm", {"l": "mm", "a": "um/m/K", "t": "K"}, "wrong-unit"),
+        ("1 + sqrt(e*f)", "1", {"e": "um/m", "f": "um/m"}, "wrong-unit"),
         ("1 + e*c", "1", {"e": "um/m", "c": "1"}, "wrong-unit"),
         ("l*(1 + a*t)", "mm", {"l": "mm", "a": "1/K", "t": "K"}, None),
         ("l*a*t/1000", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, None),
