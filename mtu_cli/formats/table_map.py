@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -18,6 +18,9 @@ from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.wide import runs_of, way_of
 from mtu_cli.units import UNITS, Unit, plain_unit
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
 
@@ -151,6 +154,37 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         table = stack.dropna(subset=[unpivot.into])
         result.drop("empty cells", len(stack) - len(table))
     faults.raise_if_any()
+    table = _calculated(file, ask, profile, table, result)
+    if kind != "points" and len(table):
+        if ask.component:
+            table["component"] = ask.component
+        elif "component" not in table:
+            expected = "--component NAME, or constants: {component: NAME} in the profile"
+            raise file.error("missing-input", what="the component", expected=expected)
+        if "unit" not in table:
+            names = dict.fromkeys(table["component"])
+            units = {name: unit_of(file, ask, result, None, name) for name in names}
+            table["unit"] = table["component"].map(units)
+    cell_values = table.astype(object).where(table.notna(), None)
+    result.columns = {str(name): cell_values[name].tolist() for name in table}
+    result.rows = table.index.tolist()
+    result.headings = {name: header[place[name]] for name in profile.columns}
+    unused = [cell for i, cell in enumerate(header) if i not in place.values()]
+    result.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
+    result.drop("lines above the header", skip)
+    less = [f"{name} less {reference}" for name, reference in profile.subtract.items()]
+    times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
+    result.says[:0] = [summary(grid, cells.signs), *less, *times]
+    return result
+
+
+def _calculated(
+    file: RawFile, ask: Ask, profile: Profile, table: DataFrame, result: Imported
+) -> DataFrame:
+    """The table scaled, converted and less what is subtracted, without the operands.
+
+    Raises InputError for a column that is calculated with and holds no numbers.
+    """
     factors = dict(profile.scale)
     for name, text in profile.units.items():
         if name == "error":
@@ -174,28 +208,7 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
             factors = {text: _ratio(file, unit, text, reference) for text in {*table["unit"]}}
             operand = operand * table["unit"].map(factors)
         table[name] = table[name] - operand
-    table = table.drop(columns=profile.operands)
-    if kind != "points" and len(table):
-        if ask.component:
-            table["component"] = ask.component
-        elif "component" not in table:
-            expected = "--component NAME, or constants: {component: NAME} in the profile"
-            raise file.error("missing-input", what="the component", expected=expected)
-        if "unit" not in table:
-            names = dict.fromkeys(table["component"])
-            units = {name: unit_of(file, ask, result, None, name) for name in names}
-            table["unit"] = table["component"].map(units)
-    cell_values = table.astype(object).where(table.notna(), None)
-    result.columns = {str(name): cell_values[name].tolist() for name in table}
-    result.rows = table.index.tolist()
-    result.headings = {name: header[place[name]] for name in profile.columns}
-    unused = [cell for i, cell in enumerate(header) if i not in place.values()]
-    result.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
-    result.drop("lines above the header", skip)
-    less = [f"{name} less {reference}" for name, reference in profile.subtract.items()]
-    times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
-    result.says[:0] = [summary(grid, cells.signs), *less, *times]
-    return result
+    return table.drop(columns=profile.operands)
 
 
 def _ratio(file: RawFile, unit: Unit, text: Any, column: str) -> float:
