@@ -122,7 +122,9 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
         smooth = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
         total, best = models.additions(tuple(x for x in model if x != item))
         top = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
-        model = tuple(next((k for k in smooth if k in top), x) if x == item else x for x in model)
+        other = next((k for k in smooth if k in top), item)
+        # The profile may be in the model already.
+        model = tuple(dict.fromkeys(other if x == item else x for x in model))
     return model
 
 

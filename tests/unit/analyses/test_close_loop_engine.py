@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import cycle, islice, pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from effect_tables import FloatArray, shop_covariates, table
-from loop_examples import effect, parameter
+from loop_examples import effect, parameter, searched
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma
 
+from mtu_cli.analyses.close_loop import estimate
 from mtu_cli.analyses.close_loop.crossings import crossings, without_references
 from mtu_cli.analyses.close_loop.describe import effects_of
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
@@ -288,6 +291,21 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
     (level,) = effect.of_role("level")
     assert effect.table.values + level.value == pytest.approx(wave, abs=5 * NOISE_MM / np.sqrt(P))
     assert effect.table.between == pytest.approx(amplitude**2, rel=0.2)
+
+
+def test_a_profile_in_the_place_of_a_wave_stands_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where several pitches fit, and the profile may have been found before the wave."""
+    several = searched("pitch_mm", 12.5, (9.0, 9.1), (12.3, 12.7))
+    monkeypatch.setattr(estimate, "searched_set", lambda *_: several)
+    of_x, wave, profile = SimpleNamespace(axis="x"), 0, -1
+    member = SimpleNamespace(candidate=0)
+    design = SimpleNamespace(candidates=[of_x], members=[member], kernels=[of_x])
+    added = (np.array([5.0, 4.0]), [wave, profile])
+    models: Any = SimpleNamespace(
+        design=design, likelihood=None, named=[0], additions=lambda model: added
+    )
+    assert estimate.without_aliases(models, (wave,)) == (profile,)
+    assert estimate.without_aliases(models, (profile, wave)) == (profile,)
 
 
 def test_a_step_is_averaged_over_the_places_that_fit() -> None:
