@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import groupby, product
 from typing import NamedTuple
 
 import numpy as np
@@ -376,15 +376,14 @@ def _distinct_members(members: list[Member]) -> list[Member]:
         bases = np.zeros((len(group), k, len(coordinates)), np.float32)
         for basis, i in zip(bases, group, strict=True):
             basis[:, np.searchsorted(coordinates, members[i].at)] = members[i].basis
-        rows = bases.reshape(-1, len(coordinates))
-        products = (rows @ rows.T).reshape(len(group), k, len(group), k)
-        squares = np.einsum("gkhl,gkhl->gh", products, products)
+        pairs = product(np.moveaxis(bases, 1, 0), repeat=2)
+        squares = np.asarray(sum((one @ other.T) ** 2 for one, other in pairs))
         least = np.array([STEP_RAD / 2 if members[i].around else SAME_RAD for i in group])
         # The least cosine of all is at most their root mean square.
         close = np.tril(squares > k * np.cos(least)[:, None] ** 2, -1)
         for n in np.flatnonzero(close.any(axis=1)):
             rivals = close[n] & distinct[group]
-            distinct[group[n]] = np.all(_angles(products[rivals, :, n]) >= least[n])
+            distinct[group[n]] = np.all(_angles(bases[rivals] @ bases[n].T) >= least[n])
     return [item for item, keep in zip(members, distinct, strict=True) if keep]
 
 
