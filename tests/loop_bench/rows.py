@@ -12,6 +12,7 @@ from shop_day import NOISES
 from loop_bench import judge
 from loop_bench.figures import Figure, Limits, mean, median, ratio, share
 from loop_bench.judge import Record
+from loop_bench.sets import HELD_OUT
 
 Records = Sequence[Record]
 Test = Callable[[Record], bool]
@@ -50,8 +51,8 @@ def gains(records: Records) -> Figure:
     """Of the command's held-out gain over that of an oracle that knows shape and noise, on the days
     that no change of what is held out has seen.
     """
-    pairs, last = [], max((record["base"] for record in records), default=0)
-    for record in (record for record in records if record["base"] == last):
+    pairs = []
+    for record in (record for record in records if record["base"] >= HELD_OUT):
         report, oracle = record["report"], record["truth"]["oracle"]
         if oracle and "before" in report and "after" in report:
             before, after = (report[key]["rms_um"] ** 2 for key in ("before", "after"))

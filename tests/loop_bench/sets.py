@@ -46,6 +46,8 @@ FIRST_DAY = {1: 0, 2: 5000, 3: 6000, 4: 7000}
 after a judgement: those before stay where the change left everything that is said of them.
 """
 TUNING, JUDGING = 1, 4
+HELD_OUT = 3
+"""The first base that is judged by what is held out now: those before had led to its change."""
 
 
 @dataclass(frozen=True, kw_only=True)
