@@ -148,7 +148,7 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
 
 def _join(tables: list[Imported], kind: str) -> Imported:
     """Files end to end; passes and cycles of a component that was read before are counted on."""
-    result, last = Imported(format="", kind=kind), Counter[tuple[object, str]]()
+    result, last = Imported(format="", kind=kind), dict[tuple[object, str], int]()
     for table in tables:
         if kind != "points":
             table.count_on(last)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -115,18 +114,23 @@ class Imported:
         if count:
             self.left_out[what] = self.left_out.get(what, 0) + count
 
-    def count_on(self, last: Counter[tuple[object, str]]) -> None:
+    def count_on(self, last: dict[tuple[object, str], int]) -> None:
         """Counts the passes and cycles of each component on from the `last` of earlier files, by
         component and column, and keeps its own there.
         """
-        offsets = last.copy()
         for name in ("pass", "cycle"):
-            for i, cell in enumerate(self.columns.get(name, ())):
-                value = number(str(cell), ".")
-                if value is not None and value.is_integer():
-                    place = self.columns["component"][i], name
-                    self.columns[name][i] = int(value) + offsets[place]
-                    last[place] = max(last[place], self.columns[name][i])
+            cells, components = self.columns.get(name, []), self.columns.get("component", [])
+            values = {i: number(str(cell), ".") for i, cell in enumerate(cells)}
+            whole = {i: int(x) for i, x in values.items() if x is not None and x.is_integer()}
+            # They count from 1, or from 0.
+            first, earlier = dict[object, int](), dict(last)
+            for i, value in whole.items():
+                first[components[i]] = min(first.get(components[i], 1), value)
+            for i, value in whole.items():
+                place = components[i], name
+                offset = earlier[place] + 1 - first[components[i]] if place in earlier else 0
+                cells[i] = value + offset
+                last[place] = max(last.get(place, cells[i]), cells[i])
 
     @property
     def sentence(self) -> str:

@@ -80,7 +80,8 @@ def _assemble(
         sensors[i] = f"T_{plain}_degC"
     probes = [i for i, unit in enumerate(units) if unit in UNITS]
     if not probes and (ask.unit or ask.component in ask.machine_units):
-        probes = [i for i in range(len(names)) if i not in sensors]
+        unitless = [i for i in range(len(names)) if not re.search(r"[\[(]", names[i])]
+        probes = [i for i in unitless if i not in sensors]
         if len(probes) > 1:
             reason = f"which channel is the probe: {listed(names[i] for i in probes)}"
             expected = "its unit in its heading, as [um], or a --map profile"
@@ -93,14 +94,15 @@ def _assemble(
     if ask.component and len(probes) > 1:
         reason = f"{len(probes)} channels of readings and one component"
         raise file.error("undecided", what=reason, expected="a --map profile")
-    count = len(names) - len(sensors) - len(probes)
+    # Files may begin anew at 0 min: each is a cycle of its own.
+    cycle, count = "/".join(file.source.path.parts[-2:]), len(names) - len(sensors) - len(probes)
     result.drop("channels without a unit of temperature, length or angle", count)
     for i in probes:
         # Without a stated component the channel's name, less its unit.
         plain = re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", names[i])).strip("_")
         unit, component = unit_of(file, ask, result, units[i]), ask.component or plain
         for n, line in enumerate(lines):
-            result.add(line, component=component, error=values[i][n], unit=unit, cycle=1,
+            result.add(line, component=component, error=values[i][n], unit=unit, cycle=cycle,
                       **{times[0]: times[1][n]},
                       **{name: values[j][n] for j, name in sensors.items()})  # fmt: skip
     result.says.append("the file is one cycle: split it by a --map profile with cycles")

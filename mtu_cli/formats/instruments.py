@@ -5,7 +5,6 @@ the contract's CSV, of which that CSV is one entry.
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
@@ -101,7 +100,7 @@ def converter(
     """For the reader of the contract's CSV: what an instrument's file is as such a CSV; None of
     what is a CSV already, or may be meant as one.
     """
-    last = Counter[tuple[object, str]]()
+    last = dict[tuple[object, str], int]()
 
     def convert(source: Source, content: bytes) -> Converted | None:
         ask, names = ask_of(source.path, source.role), header_of(content)

@@ -47,8 +47,8 @@ def way_of(heading: str) -> str | None:
 
 
 def runs_of(headings: Sequence[str], ways: Sequence[str | None]) -> list[int]:
-    """The numbers of runs: those of the headings, where they are a run's alike there and back; else
-    counted in each direction.
+    """The numbers of runs: those of the headings, where each has one and they are a run's alike
+    there and back; else counted in each direction.
 
     >>> ways = ["forward", "reverse"] * 2
     >>> runs_of(["Hin 1", "Her 1", "Hin 2", "Her 3"], ways)
@@ -57,11 +57,13 @@ def runs_of(headings: Sequence[str], ways: Sequence[str | None]) -> list[int]:
     [1, 1, 2, 2]
     """
     plain = (re.sub(r"[\[(].*?[\])]", " ", heading) for heading in headings)
-    numbers = [int(found[-1]) if (found := re.findall(r"\d+", each)) else -1 for each in plain]
-    pairs = {*zip(numbers, ways, strict=True)}
-    both = [{number for number, way in pairs if way == each} for each in {*ways}]
-    if len(pairs) == len(numbers) and min(numbers) >= 0 and len(both) > 1 and both[0] & both[1]:
-        return numbers
+    digits = [re.findall(r"\d+", each) for each in plain]
+    if all(len(found) == 1 and len(found[0]) < 4 for found in digits):
+        numbers = [int(found[0]) for found in digits]
+        pairs = {*zip(numbers, ways, strict=True)}
+        both = ({n for n, way in pairs if way == each} for each in ("forward", "reverse"))
+        if len(pairs) == len(numbers) and set.intersection(*both):
+            return numbers
     return [list(ways[:n]).count(way) + 1 for n, way in enumerate(ways)]
 
 

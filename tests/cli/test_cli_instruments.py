@@ -136,7 +136,7 @@ def test_passes_and_cycles_of_files_are_apart(folder: Path) -> None:
     """As they are where the files are read directly; days may count alike and begin with zeros."""
     days, warm_ups = ("d1.csv", "d2.csv"), ("w1.csv", "w2.csv")
     for n, (day, warm_up) in enumerate(zip(days, warm_ups, strict=True)):
-        cells = [(run, at, 0.01 * at * n) for run in (1, 2) for at in (0, 50, 100)]
+        cells = [(run, at, 0.01 * at * n) for run in (0, 1) for at in (0, 50, 100)]
         (folder / day).write_text("Run;Ziel;M\n" + "".join(f"{r};{x};{e}\n" for r, x, e in cells))
         channels = [(t, (n + 1) * t / 10, 20 + t / 5) for t in (0, 10, 20)]
         lines = "".join(f"{t},{e},{T}\n" for t, e, T in channels)
@@ -150,13 +150,13 @@ def test_passes_and_cycles_of_files_are_apart(folder: Path) -> None:
     call = ("import", *days, "--as", "readings", "--map", "d.yaml", "-m", "m.yaml", "-o", "d.csv")
     assert "taken in um, the component's unit" in done(mtu(*call, cwd=folder)).stdout
     rows = [line.split(",") for line in (folder / "d.csv").read_text().splitlines()]
-    assert {row[rows[0].index("pass")] for row in rows[1:]} == {"1", "2", "3", "4"}
+    assert {row[rows[0].index("pass")] for row in rows[1:]} == {"0", "1", "2", "3"}
     logged = mtu("import", *warm_ups, "--as", "drift", "--component", "dx_x", cwd=folder)
     written = done(logged).stdout.splitlines()
-    assert [line.split(",")[3] for line in written[1:]] == ["1"] * 3 + ["2"] * 3
+    assert [line.split(",")[3] for line in written[1:]] == ["w1.csv"] * 3 + ["w2.csv"] * 3
     direct = [f"dx_x={folder / name}" for name in warm_ups]
     read = mtu_cli.read_readings(direct, mtu_cli.read_machine(folder / "z.yaml"), "drift")
-    assert read.cycles == ("1", "2")
+    assert len(read.cycles) == 2
 
 
 def test_a_profile_calculates_with_empty_runs_and_with_angles(folder: Path) -> None:

@@ -246,7 +246,7 @@ def test_a_logger_gives_drift_readings_with_temperatures() -> None:
     found = read(raw(made.LOGGER.encode("cp1252")), Ask(kind="drift", component="dz"))
     assert found.columns["time"][1] == "2024-08-13T10:01:00"
     assert found.columns["T_spindle_degC"] == [20.1, 20.25, 20.4]
-    assert rows(found, "error", "unit", "cycle")[2] == (0.9, "um", 1)
+    assert rows(found, "error", "unit", "cycle")[2] == (0.9, "um", "x.txt")
     with pytest.raises(InputError, match="day or month first"):
         read(raw(made.LOGGER.replace("13.08.", "01/08/")), Ask(component="dz"))
 
@@ -429,6 +429,7 @@ def test_a_run_that_is_missing_leaves_the_pairs_of_the_others() -> None:
     numbered = {
         "Hin 1;Her 1;Hin 2;Hin 3;Her 3": [1, 1, 2, 3, 3],
         "1 +;2 -;3 +;4 -;5 +": [1, 1, 2, 2, 3],
+        "1 + 20.1 C;1 - 20.2 C;2 + 20.2 C;2 - 20.3 C;3 + 20 C": [1, 1, 2, 2, 3],
     }
     for headings, runs in numbered.items():
         text = f"Ziel;{headings}\n0;1;2;3;4;5\n50;1;2;3;4;6\n"
