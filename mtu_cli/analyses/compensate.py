@@ -363,7 +363,7 @@ def compensate(
             facts = {"component": component, "p": test.p, "range_um": size, "mean_um": mean}
             warnings.append(finding("backlash-varies", **facts))
     if errors.read and errors.ways == 1:
-        reason = "readings in one direction, or in none stated: the other one is taken to be alike"
+        reason = "readings in one direction or without one: the other is taken to be alike"
         facts = {"quantity": "reversal", "names": [component], "reason": reason}
         warnings.append(finding("not-estimable", **facts))
     if errors.blocks or not errors.read:

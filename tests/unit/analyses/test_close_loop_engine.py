@@ -17,6 +17,7 @@ from scipy.stats import binom, invgamma
 from mtu_cli.analyses.close_loop import estimate
 from mtu_cli.analyses.close_loop.crossings import crossings, without_references
 from mtu_cli.analyses.close_loop.describe import effects_of
+from mtu_cli.analyses.close_loop.design import members_at
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
@@ -291,6 +292,31 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
     (level,) = effect.of_role("level")
     assert effect.table.values + level.value == pytest.approx(wave, abs=5 * NOISE_MM / np.sqrt(P))
     assert effect.table.between == pytest.approx(amplitude**2, rel=0.2)
+
+
+def test_what_is_searched_is_compared_given_the_smooth_effects(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """By dense matrices: a walk of the parts is a part of the covariance, not free columns."""
+    own = noise(3)
+    time = np.linspace(5.0, 300.0, P)[:, None]
+    own = replace(own, covariates={"time_min": time})
+    own.errors[..., 0] -= 4 * NOISE_MM * np.exp(-time / 40.0)
+    like = posed_of(own, "warm-up")
+    design, walk = like.design, next(k for k in like.design.kernels if len(k.strata) == 1)
+    base = like.fit(like.smooth(like.fit(()), walk))
+    assert base.columns
+    monkeypatch.setattr(like, "weights", lambda *_: base.weights)
+    items = members_at(design, design.members[0].form, np.array([20.0, 40.0, 80.0]))
+    w = base.weights[design.strata.labels()]
+    Z, sizes = design.columns.dense(base.columns), 1 / design.columns.precisions[list(base.columns)]
+    live = w > 0
+    V = np.diag(1 / w[live]) + Z[:, live].T @ (sizes[:, None] * Z[:, live])
+    for item, gain in zip(items, estimate._gains(like, base, items), strict=True):
+        x = np.zeros(len(w))
+        x[item.at] = item.columns[0]
+        weighed = np.linalg.solve(V, x[live])
+        assert gain == pytest.approx((weighed @ like.y[live]) ** 2 / (weighed @ x[live]), rel=1e-6)
 
 
 def test_a_profile_in_the_place_of_a_wave_stands_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -296,10 +296,11 @@ UNEVEN = [13.0, 17.3, 8.9, 19.1, 11.7]
         # Every second place 5 mm further on: all are whole multiples of 10 mm.
         (np.arange(41) * 15.0 + np.tile([0.0, 5.0], 21)[:41], 5.0),
         (np.cumsum(UNEVEN * 8), 2.0),
+        (np.cumsum(np.tile([*UNEVEN, 15.2, 9.7], 3)), 2.0),
         # Few places have many periods alike, even or not.
         (np.cumsum(UNEVEN * 3), 6.5),
     ],
-    ids=["rounding", "nearly", "in-pairs", "uneven", "few"],
+    ids=["rounding", "nearly", "in-pairs", "uneven", "twenty-one", "few"],
 )
 def test_many_uneven_places_show_pitches_shorter_than_their_steps(
     values: FloatArray, shortest: float
