@@ -30,9 +30,8 @@ from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options, opti
 from mtu_cli.cli.values import check_bounds
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
-from mtu_cli.files.points import Points
-from mtu_cli.files.points import read_points as points_of
-from mtu_cli.files.readings import Readings
+from mtu_cli.files.readings import Points, Readings
+from mtu_cli.files.readings import read_points as points_of
 from mtu_cli.files.readings import read_readings as readings_of
 from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.files.study import LoadedStudy, load_study

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
-from mtu_cli.files.traces import Trace, Traces
+from mtu_cli.files.readings import Trace, Traces
 from mtu_cli.stats.least_squares import FloatArray
 
 

@@ -13,7 +13,7 @@ from support import SIMULATED, as_readings
 from mtu_cli.analyses.compare import CompareResult, compare
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import CorrectResult
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.model.machine_model import MachineModel
 
 Floats = NDArray[np.float64]

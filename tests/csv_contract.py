@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import CellFaults, Table
-from mtu_cli.files.headers import Column, TableSpec
+from mtu_cli.files.headers import CellFaults, Column, Table, TableSpec
 from mtu_cli.findings import InputError
 
 SPEC = TableSpec(

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from mtu_cli.files.points import Points
-from mtu_cli.files.readings import Readings
+from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.source import Source
 
 Column = Any

@@ -10,9 +10,9 @@ from made_tables import made_points
 
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
 from mtu_cli.files.part import LoadedPart, load_part
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.model.settings import Settings
-from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.stats.least_squares import FloatArray
 
 PLACES = {"a": (10.0, 20.0), "b": (110.0, 21.0), "c": (12.0, 220.0)}

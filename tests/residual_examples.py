@@ -11,7 +11,7 @@ import numpy as np
 from made_tables import made_points
 from numpy.typing import NDArray
 
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import predict

@@ -14,7 +14,7 @@ from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Readings, read_readings
 from mtu_cli.files.reports_read import ComponentsReport, read_report
-from mtu_cli.files.write import files_written
+from mtu_cli.files.source import files_written
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.simulate import SimulatedReadings

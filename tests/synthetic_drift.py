@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit, thermal_fit
 from mtu_cli.files.readings import Readings
-from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.serial import first_order_lag
 
 UM = 1e-3
 REFERENCE = 20.0

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.traces import Trace, Traces
+from mtu_cli.files.readings import Trace, Traces
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import Block, SerialFit

@@ -13,7 +13,7 @@ from typing import Any, Literal, NamedTuple, get_args
 import numpy as np
 
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
@@ -40,10 +40,9 @@ from mtu_cli.model.visits import (
     projector,
     visits_of,
 )
-from mtu_cli.stats.anova import OneWay, one_way, only
-from mtu_cli.stats.family import FAMILY_RATE, holm
+from mtu_cli.stats.anova import OneWay, one_way, only, reml
+from mtu_cli.stats.coverage import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
-from mtu_cli.stats.reml import reml
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
     UncertainVariance,

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mtu_cli.findings import Finding, counted, finding
-from mtu_cli.model.basis import Powers
-from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses, Powers
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.covariance import positive_part

@@ -21,7 +21,7 @@ from mtu_cli.stats.coverage import (
     numerical_tolerance,
 )
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.validation import Validation, validated
+from mtu_cli.stats.monte_carlo import Validation, validated
 from mtu_cli.units import UM
 
 MOST = 2_500_000

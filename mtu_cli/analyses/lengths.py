@@ -11,21 +11,22 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.features import dof_warnings, feature_points, prediction_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measurands import differences, length_gradient, length_measure
-from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
-from mtu_cli.model.trials import (
+from mtu_cli.model.measurands import (
     Conformance,
     JointConformance,
     PointTrials,
     conformance_of,
+    differences,
     joint_conformance,
+    length_gradient,
+    length_measure,
 )
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.monte_carlo import MonteCarloResult
-from mtu_cli.stats.validation import Validation
+from mtu_cli.stats.monte_carlo import MonteCarloResult, Validation
 from mtu_cli.units import UM
 
 

@@ -12,15 +12,13 @@ from mtu_cli.files.part import Orthogonality as RightAngle
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.features import NO_U, dof_warnings, feature_points, prediction_warnings
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.measurands import AngleTrials, check_square
+from mtu_cli.model.measurands import AngleTrials, Conformance, check_square, conformance_of
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
-from mtu_cli.model.trials import Conformance, conformance_of
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
-from mtu_cli.stats.monte_carlo import MonteCarloResult
+from mtu_cli.stats.monte_carlo import MonteCarloResult, Validation
 from mtu_cli.stats.threads import one_blas_thread
-from mtu_cli.stats.validation import Validation
 from mtu_cli.units import ARCSEC
 
 DRAWN = 2**18

@@ -12,9 +12,9 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.features import dof_warnings, feature_points, prediction_warnings
 from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.measurands import PositionConformance, position_conformance
 from mtu_cli.model.prediction import Prediction, predict, reportable, rescaled
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.trials import PositionConformance, position_conformance
 from mtu_cli.model.variance import Variance
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray

@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.files.csv_table import LISTED_FAULTS
+from mtu_cli.files.headers import LISTED_FAULTS
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.model.visits import Visits, aligned, axes_of, distinct, visits_of
@@ -31,14 +31,8 @@ Mask = NDArray[np.bool_]
 Of = Literal["readings", "drift", "points", "part", "machine"]
 Travels = Mapping[str, tuple[float, float]]
 
-CHAPTERS = {
-    "readings": ("readings", "copies", "sensors", "sizes"),
-    "drift": ("readings", "sensors", "sizes"),
-    "points": ("points", "copies", "sensors", "sizes"),
-    "part": ("sizes",),
-    "machine": ("sizes",),
-}
-"""Modules of this room that hold the checks of each kind of input."""
+CHAPTERS = ("readings", "points", "copies")
+"""Modules of this room that hold the checks."""
 
 
 class Odd(NamedTuple):
@@ -116,7 +110,7 @@ class DocumentData:
 
 Data = ReadingsData | PointsData | DocumentData
 Find = Callable[[Any], Iterator[Odd]]
-CHECKS: dict[str, list[tuple[str, Find]]] = {of: [] for of in CHAPTERS}
+CHECKS: dict[str, list[tuple[str, Find]]] = {of: [] for of in get_args(Of)}
 
 
 def check(code: str, of: Of | tuple[Of, ...]) -> Callable[[Find], Find]:
@@ -132,7 +126,7 @@ def check(code: str, of: Of | tuple[Of, ...]) -> Callable[[Find], Find]:
 
 def run(of: Of, data: Data) -> list[Finding]:
     """The findings of all checks of this kind of input, errors among them."""
-    for chapter in CHAPTERS[of]:
+    for chapter in CHAPTERS:
         import_module(f"{__name__}.{chapter}")
     return [
         item

@@ -11,7 +11,7 @@ import numpy as np
 from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, check
 from mtu_cli.checks.plausible import CHANCE, FEWEST_EQUAL, LEAST_REPEAT_MM
 from mtu_cli.checks.readings import profiles
-from mtu_cli.files.points import SAME_MM
+from mtu_cli.files.readings import SAME_MM
 from mtu_cli.stats.resolution import step_of
 
 MEAN_RANGE = 1.128

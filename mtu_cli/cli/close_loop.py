@@ -17,7 +17,7 @@ from mtu_cli.cli.emit import Outcome, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import drift_estimates, modelled
 from mtu_cli.files.extend_machine import ExtendedMachine, extended_machine
-from mtu_cli.files.write import report_bytes
+from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number

@@ -18,10 +18,8 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
-from mtu_cli.files.csv_table import number
-from mtu_cli.files.headers import is_made, measured_in
-from mtu_cli.files.source import given_path, same
-from mtu_cli.files.write import files_written, target_faults
+from mtu_cli.files.headers import is_made, measured_in, number
+from mtu_cli.files.source import files_written, given_path, same, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.monte_carlo import Progress
@@ -249,7 +247,7 @@ def _files(result: Result) -> dict[Path, bytes]:
     options, outcome = result.inputs.options, result.outcome
     files = dict(outcome.files())
     if options.out is not None:
-        from mtu_cli.files.write import report_bytes
+        from mtu_cli.files.source import report_bytes
 
         files[options.out] = report_bytes(result.report())
     if options.csv is not None:
@@ -269,7 +267,7 @@ def _files(result: Result) -> dict[Path, bytes]:
 
 def _page(result: Result) -> bytes:
     """The report to hand on; without a picture where the result cannot be drawn."""
-    from mtu_cli.reports.html import report_bytes
+    from mtu_cli.reports.document import report_bytes
 
     inputs, options = result.inputs, result.inputs.options
     figure = None

@@ -6,9 +6,8 @@ import re
 import sys
 from importlib.resources import files
 
-from mtu_cli.catalogue import CATALOGUE
 from mtu_cli.cli.options import Options
-from mtu_cli.findings import error, nearest
+from mtu_cli.findings import CATALOGUE, error, nearest
 
 FINDINGS = "findings"
 ORDER = (

@@ -12,7 +12,7 @@ from mtu_cli.cli.load import Inputs, named_file
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
 from mtu_cli.files.csv_file import Converted, read_tables
-from mtu_cli.files.csv_table import CellFaults
+from mtu_cli.files.headers import CellFaults
 from mtu_cli.files.source import same
 from mtu_cli.findings import Finding, InputError, error
 from mtu_cli.formats.base import Ask, Imported, RawFile, local, raw_file

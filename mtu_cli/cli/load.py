@@ -17,7 +17,7 @@ from mtu_cli.cli.options import MADE, ROLES, Options
 from mtu_cli.cli.values import assignments, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, SENSOR_DEGC, direction_sign, is_temperature
-from mtu_cli.files.csv_table import cell_text
+from mtu_cli.files.headers import cell_text
 from mtu_cli.files.source import given_path, resolved, same, shown_path
 from mtu_cli.files.study import STUDY_NAME, Instrument, LoadedStudy, find_study, load_study
 from mtu_cli.files.study import Settings as StudySettings
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from mtu_cli.checks import Data
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.part import LoadedPart
-    from mtu_cli.files.points import Points
-    from mtu_cli.files.readings import Readings
+    from mtu_cli.files.readings import Points, Readings
     from mtu_cli.files.reports_read import ModelReports
     from mtu_cli.files.source import Source
     from mtu_cli.formats.base import Ask
@@ -245,7 +244,7 @@ class Inputs:
     @cached_property
     def points(self) -> Points:
         """The measured points; nominals from the part file, without one from the points."""
-        from mtu_cli.files.points import read_points
+        from mtu_cli.files.readings import read_points
 
         self._one("cmm", "--cmm")
         places = self.part.part.places() if self.files("part") else None

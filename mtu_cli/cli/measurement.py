@@ -56,7 +56,7 @@ def graph_check(inputs: Inputs, settings: Settings) -> Outcome:
 
 def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
     """The file at --to, and nothing else."""
-    from mtu_cli.reports import graph_text
+    from mtu_cli.reports import graph_drawing
     from mtu_cli.reports.figures import figure_bytes
     from mtu_cli.reports.graph_drawing import drawing
 
@@ -66,11 +66,11 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
     def content() -> bytes:
         match suffix := target.suffix.lower():
             case ".dot":
-                return graph_text.dot(net).encode()
+                return graph_drawing.dot(net).encode()
             case ".mmd":
-                return graph_text.mermaid(net).encode()
+                return graph_drawing.mermaid(net).encode()
             case ".pl":
-                return graph_text.assertions(net, graph.graph, graph.nominal).encode()
+                return graph_drawing.assertions(net, graph.graph, graph.nominal).encode()
         return figure_bytes(drawing(net), suffix)
 
     return Outcome(files=lambda: {target: content()})

@@ -89,7 +89,7 @@ def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) 
     """The estimates as a report holds them: readings and their report then give the same bits."""
     from mtu_cli.analyses.fit_components import fit_result
     from mtu_cli.files.reports_read import report_from
-    from mtu_cli.files.write import report_bytes
+    from mtu_cli.files.source import report_bytes
     from mtu_cli.reports.fit_components import document
 
     results = document(fit_result(machine.machine.name, fit, estimates)).record()

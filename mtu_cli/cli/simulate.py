@@ -13,15 +13,7 @@ from mtu_cli import __version__
 from mtu_cli.cli.emit import Outcome, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
-from mtu_cli.cli.options import (
-    CLIMATE,
-    DRIFT,
-    OPTIONS,
-    POINTS,
-    READINGS,
-    Options,
-    option_name,
-)
+from mtu_cli.cli.options import CLIMATE, DRIFT, OPTIONS, POINTS, READINGS, Options, option_name
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, number_of, within
 from mtu_cli.files.contract import A_NAME, is_identifier, is_name
 from mtu_cli.files.covariates import is_temperature
@@ -38,19 +30,17 @@ from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import (
+    DriftPlan,
     Equations,
     PartsPlan,
     SimulatedReadings,
-    growth,
-    simulate_points,
-    simulate_readings,
-)
-from mtu_cli.model.simulate_drift import (
-    DriftPlan,
     as_read,
+    growth,
     sensors_for,
     settled,
     simulate_drift,
+    simulate_points,
+    simulate_readings,
 )
 from mtu_cli.reports.simulate import Synthetic, drift_file, points_file, readings_file
 from mtu_cli.stats.least_squares import FloatArray

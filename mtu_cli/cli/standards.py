@@ -88,7 +88,7 @@ def _nonconforming(result: Iso230Result) -> str | None:
 def circular(inputs: Inputs, settings: Settings) -> Outcome:
     """A circular test: figures of its traces and their causes, or the features of a ballbar."""
     from mtu_cli.analyses.circular import CircularResult, diagnose
-    from mtu_cli.files.traces import PLANES, WAYS, read_traces
+    from mtu_cli.files.readings import PLANES, WAYS, read_traces
     from mtu_cli.reports import circular as report
 
     options = inputs.options
@@ -118,7 +118,7 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
     result: CircularResult = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None)
 
     def components() -> dict[Path, bytes]:
-        from mtu_cli.files.write import report_bytes
+        from mtu_cli.files.source import report_bytes
         from mtu_cli.reports.document import envelope
 
         if target is None:

@@ -7,7 +7,7 @@ from math import isfinite
 from typing import Any, TypeVar
 
 from mtu_cli.cli.options import Option, option_name
-from mtu_cli.files.csv_table import number
+from mtu_cli.files.headers import number
 from mtu_cli.findings import Finding, InputError, error, suggestion
 
 T = TypeVar("T")

@@ -374,7 +374,7 @@ def is_identifier(name: str) -> bool:
 
 
 SCHEMAS = {
-    "machine": ("mtu_cli.files.machine_contract", "Machine"),
+    "machine": ("mtu_cli.files.machine", "Machine"),
     "part": ("mtu_cli.files.part", "Part"),
     "study": ("mtu_cli.files.study", "Study"),
     "budget": ("mtu_cli.files.budget", "Budget"),

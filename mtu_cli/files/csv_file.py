@@ -25,14 +25,19 @@ import numpy as np
 
 from mtu_cli.files.contract import is_name
 from mtu_cli.files.covariates import direction_sign
-from mtu_cli.files.csv_table import (
+from mtu_cli.files.headers import (
+    EXCLUSIVE,
+    WANTED,
     CellFaults,
+    Column,
     Decimal,
     File,
     Flags,
     Floats,
     Ints,
     Table,
+    TableSpec,
+    check_header,
     expectation,
     joined,
     number,
@@ -40,7 +45,6 @@ from mtu_cli.files.csv_table import (
     stacked,
     time_of,
 )
-from mtu_cli.files.headers import EXCLUSIVE, WANTED, Column, TableSpec, check_header
 from mtu_cli.files.source import Source, check_text, read_source
 from mtu_cli.findings import InputError, counted, error, finding, nearest, suggestion
 from mtu_cli.units import plain_unit

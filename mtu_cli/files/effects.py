@@ -34,7 +34,7 @@ from mtu_cli.files.covariates import (
     column_dimensions,
     is_covariate,
 )
-from mtu_cli.files.machine_contract import AxisName, EquationText, ParameterUnitName
+from mtu_cli.files.machine import AxisName, EquationText, ParameterUnitName
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlPath, read_yaml
 from mtu_cli.findings import InputError, error, finding, nearest

@@ -16,14 +16,14 @@ from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from mtu_cli.files.contract import NonNegative, Number, all_wrong, check_contract, sized, wrong
-from mtu_cli.files.machine import covariance_fault
-from mtu_cli.files.machine_contract import (
+from mtu_cli.files.machine import (
     AxisName,
     Gradient,
     ParameterUnitName,
     SensorU,
     TimeConstant,
     UnitName,
+    covariance_fault,
 )
 from mtu_cli.files.source import Source, check_text, read_source
 from mtu_cli.files.yaml_file import YamlDocument

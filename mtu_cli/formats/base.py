@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from mtu_cli.files.csv_file import GZIP, Converted, inflated
-from mtu_cli.files.csv_table import Decimal, number
+from mtu_cli.files.headers import Decimal, number
 from mtu_cli.files.source import MARKS, Source, read_source
 from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 from mtu_cli.units import UNITS, plain_unit

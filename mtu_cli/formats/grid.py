@@ -8,8 +8,8 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from mtu_cli.files.csv_table import CellFaults, Decimal
-from mtu_cli.files.csv_table import number as plain_number
+from mtu_cli.files.headers import CellFaults, Decimal
+from mtu_cli.files.headers import number as plain_number
 from mtu_cli.formats.base import RawFile
 
 SEPARATORS = (";", "\t", "|", ",", " ")

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
-from mtu_cli.files.csv_table import Decimal
+from mtu_cli.files.headers import Decimal
 from mtu_cli.formats.base import Ask, Format, Imported, RawFile, local
 from mtu_cli.formats.grid import Faults, decimals, grid_of, number, summary
 

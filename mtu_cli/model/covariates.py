@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.files.csv_table import LISTED_FAULTS
-from mtu_cli.files.points import Points
-from mtu_cli.files.readings import Readings
+from mtu_cli.files.headers import LISTED_FAULTS
+from mtu_cli.files.readings import Points, Readings
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.machine_model import (
     AXES,

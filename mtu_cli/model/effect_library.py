@@ -34,11 +34,11 @@ from mtu_cli.files.effects import (
 )
 from mtu_cli.findings import InputError, finding, nearest
 from mtu_cli.language import Node, evaluate, names, parse
+from mtu_cli.language.derivative import slope
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
-from mtu_cli.language.slope import slope
 from mtu_cli.language.tree import filled_text, filled_tree
 from mtu_cli.language.unit_algebra import NO_LENGTH, Algebra
-from mtu_cli.model.effect_grids import grid_of
+from mtu_cli.model.effect_parameters import grid_of
 from mtu_cli.model.machine_model import AXES, LARGEST, TIME
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray

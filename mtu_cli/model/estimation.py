@@ -9,20 +9,28 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.files.machine_contract import AUTO
+from mtu_cli.files.machine import AUTO
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import error
-from mtu_cli.model.basis import Powers, Shape, TableShape
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
+    Powers,
+    Shape,
+    TableShape,
     between_passes,
     covariance_in_run,
 )
 from mtu_cli.model.passes import Passes, PassKey, passes_read
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.kernels import line
+from mtu_cli.stats.kernels import (
+    FEWEST_RUNS,
+    FEWEST_TARGETS,
+    SmoothProfile,
+    line,
+    smooth_profile,
+)
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import (
@@ -34,12 +42,6 @@ from mtu_cli.stats.pass_tests import (
     reversal,
 )
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.stats.smooth_profile import (
-    FEWEST_RUNS,
-    FEWEST_TARGETS,
-    SmoothProfile,
-    smooth_profile,
-)
 from mtu_cli.units import UNITS, Unit
 
 TESTS = {
@@ -428,7 +430,7 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
     freedom of its covariance (Yao, Biometrika 52 (1965) 139, with Welch's weights taken over
     all coefficients): a chi-square would reject far too often, the covariances being estimated.
     """
-    from mtu_cli.stats.family import hotelling_p
+    from mtu_cli.stats.coverage import hotelling_p
 
     d, V = a.coefficients - b.coefficients, a.covariance + b.covariance
     scale = np.sqrt(np.diag(V))

@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.files.covariates import is_temperature
-from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.machine_contract import AUTO, Component
+from mtu_cli.files.machine import AUTO, Component, LoadedMachine
 from mtu_cli.files.readings import Readings, drift_problem
 from mtu_cli.files.reports_read import (
     ComponentsReport,
@@ -35,7 +34,7 @@ from mtu_cli.model.estimation import TESTS, ComponentFit, fit_component, shared_
 from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.passes import Passes, passes_read
-from mtu_cli.stats.family import significant
+from mtu_cli.stats.coverage import significant
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.pass_tests import Shift
 from mtu_cli.units import PARAMETER_UNITS, UNITS

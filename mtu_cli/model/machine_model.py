@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.machine_contract import Effect
+from mtu_cli.files.machine import Effect, LoadedMachine
 from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call, Number
@@ -29,8 +28,8 @@ from mtu_cli.model.estimates import (
     JointPasses,
     ThermalEstimate,
 )
-from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray, polynomial
+from mtu_cli.stats.serial import first_order_lag
 
 Covariates = Mapping[str, FloatArray | float]
 AXES = ("x", "y", "z")

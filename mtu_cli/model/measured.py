@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measurands import Line, angle_error, check_square, differences, length_error

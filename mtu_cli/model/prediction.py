@@ -40,8 +40,8 @@ from mtu_cli.model.variance import (
 )
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import effective_dof
-from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.serial import first_order_lag
 
 NEGLIGIBLE = 1e-9
 """A change of lever arms below this share of the arms is rounding."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.covariates import (

@@ -9,8 +9,14 @@ from typing import Literal
 from mtu_cli.findings import Finding, finding
 from mtu_cli.stats.blocks import TrialModel
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
-from mtu_cli.stats.monte_carlo import MonteCarloResult, Progress, monte_carlo
-from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
+from mtu_cli.stats.monte_carlo import (
+    CONVERGED_TO,
+    MonteCarloResult,
+    Progress,
+    Validation,
+    clause8,
+    monte_carlo,
+)
 
 Correlation = Literal["shared", "independent"]
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.files.csv_table import LISTED_FAULTS
-from mtu_cli.files.points import Points
+from mtu_cli.files.headers import LISTED_FAULTS
+from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.stats.least_squares import FloatArray

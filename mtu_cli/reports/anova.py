@@ -20,7 +20,7 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, read, rows_of
 from mtu_cli.reports.numbers import MISSING, cut, words
-from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
 

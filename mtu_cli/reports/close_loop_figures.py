@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Judged, TableResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Maps, Sheet, Side
+from mtu_cli.reports.figures import Maps, Sheet, Side
 from mtu_cli.reports.numbers import cut, p_value
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from mtu_cli.analyses.correct import CorrectResult, Size
-from mtu_cli.analyses.correct.scatter import Kind
+from mtu_cli.analyses.correct.sizes import Kind
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import KIND, Document, Table

@@ -1,21 +1,28 @@
-"""The report of a command, before it is terminal text, JSON, CSV or HTML.
+"""The report of a command, before it is terminal text, JSON, CSV or HTML, and as one HTML file that
+needs no other, or the same as PDF.
 
 Undefined figures are null, with a warning; degrees of freedom that are null are infinite.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from importlib import import_module
+from importlib.resources import files
 from typing import TYPE_CHECKING, Any
+
+from rich.text import Text
 
 from mtu_cli import __version__
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding, listed
+from mtu_cli.findings import Finding, error, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, plain, record
+from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import MISSING, chance
+from mtu_cli.reports.tables import Sheet, plain_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -216,3 +223,53 @@ def help_text(command: str) -> str:
                 lines += ["", f"## {title}", "", f"| {kind} | meaning |", "|---|---|"]
                 lines += [f"| `{x}` | {text.replace('|', chr(92) + '|')} |" for x, text in entries]
     return "".join(f"{line}\n" for line in lines)
+
+
+def report_bytes(
+    suffix: str,
+    figure: Figure | None,
+    tables: Iterable[object],
+    warnings: Iterable[Finding],
+    settings: Mapping[str, Any],
+    **context: Any,
+) -> bytes:
+    """The file; the same bytes for the same page. `tables` are the renderables of a terminal,
+    `context` its title, subject (names of machine and study), inputs and date.
+
+    Raises InputError for a PDF without the package that writes it.
+    """
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    source = (files("mtu_cli.reports") / "report.html.j2").read_text("utf-8")
+    svg = ""
+    if figure is not None:
+        # The picture without the head of an SVG file; nothing in it leaves the page.
+        svg = figure_bytes(figure, ".svg").decode()
+        svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    blocks: list[Sheet | str] = []
+    for item in tables:
+        if isinstance(item, Sheet):
+            blocks.append(item)
+        elif text := (item.plain if isinstance(item, Text) else plain_text([item])).strip():
+            blocks.append(text)
+    page = environment.from_string(source).render(
+        blocks=blocks,
+        figure=Markup(svg),
+        warnings=list({each.message: each for each in warnings}.values()),
+        # Numbers to six significant digits.
+        settings={k: f"{x:.6g}" if isinstance(x, float) else x for k, x in settings.items()},
+        version=__version__,
+        **context,
+    )
+    if suffix != ".pdf":
+        return page.encode()
+    try:
+        from weasyprint import HTML  # type: ignore[import-not-found,unused-ignore]  # an extra
+    except (ImportError, OSError):
+        expected = "the extra mtu-cli[pdf] (pip install 'mtu-cli[pdf]'), or a name ending in .html"
+        reason = "this installation writes no PDF"
+        raise error("output-form", path="--report", reason=reason, expected=expected) from None
+    pdf: bytes = HTML(string=page).write_pdf()
+    return pdf

@@ -1,4 +1,7 @@
-"""What all figures share: the style, the bytes of a file, intervals, bars, legends."""
+"""What all figures share: the style, the bytes of a file, intervals, bars, legends; and errors at
+the features as arrows on maps by operation and height (Gilsinn & Ling 2004, Fig. 6), with
+ellipses of k standard uncertainties about the tips.
+"""
 
 from __future__ import annotations
 
@@ -9,17 +12,21 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec
 
 import numpy as np
 
-from mtu_cli.reports.numbers import cut, spread
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.visits import IntArray
+from mtu_cli.reports import figures
+from mtu_cli.reports.numbers import cut, significant, spread
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes  # for modules that draw
     from matplotlib.figure import Figure as Figure
     from matplotlib.figure import SubFigure as SubFigure
+
 
 P = ParamSpec("P")
 
@@ -228,3 +235,187 @@ def key(target: Figure | SubFigure | Axes, panels: Sequence[Axes], **place: Any)
 def title(page: Figure | SubFigure, text: str) -> None:
     """The title of a page, above its panels at the left."""
     page.suptitle(text, x=0.012, ha="left", fontsize=10.5, fontweight="bold")
+
+
+MOST, FEW = 9, 4
+"""Levels on one sheet; of more than the second a level needs three features on average."""
+NAMED = 80
+"""Of more features at a level the names are not drawn."""
+REACH, RADIUS = 0.95, 0.42
+"""Of the longest arrow and of the largest ellipse, over the distance of neighbours."""
+PANEL, ABOVE = (1.0, 6.0), 0.85
+"""Lowest and tallest panel, and the title, scale and labels of a row of panels, inches."""
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """Errors (n, 3) um, nan where not known; ellipses by `covariance` (n, 3, 3) um^2."""
+
+    name: str
+    colour: str
+    errors: FloatArray
+    covariance: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Maps:
+    """Features at `places` (n, 3) mm with sides that are drawn over one another, group by group.
+
+    `axes` are those of the errors; k standard uncertainties are drawn.
+    """
+
+    ids: tuple[str, ...]
+    places: FloatArray
+    axes: tuple[str, ...]
+    groups: tuple[tuple[str, tuple[Side, ...]], ...]
+    k: float = 0.0
+
+
+class Panel(NamedTuple):
+    """The sides at the features `rows` of one level, of errors along these `axes`: those of the
+    plane, or the one across it, which is drawn upwards.
+    """
+
+    title: str
+    rows: IntArray
+    axes: list[int]
+    sides: tuple[Side, ...]
+
+    def errors(self, side: Side) -> FloatArray:
+        """Arrows (rows, 2) um."""
+        result = np.zeros((len(self.rows), 2))
+        result[:, -len(self.axes) :] = side.errors[self.rows][:, self.axes]
+        return result
+
+    def ellipses(self, side: Side, k: float) -> tuple[FloatArray, FloatArray]:
+        """Half axes (rows, 2) um, the smaller first, and their directions (rows, 2, 2)."""
+        squares, m = np.zeros((len(self.rows), 2, 2)), len(self.axes)
+        if side.covariance is not None:
+            squares[:, -m:, -m:] = k**2 * side.covariance[self.rows][:, self.axes][:, :, self.axes]
+        values, directions = np.linalg.eigh(squares)
+        return np.sqrt(np.clip(values, 0.0, None)), directions
+
+
+class Sheet:
+    """How maps lie on a page `width` inches wide, 12 or of one panel 8; it is `height` high.
+
+    Level by level from above, or from the side where all features lie in such a plane. The longest
+    arrow is about as long as features are apart, and the ellipses of neighbours about touch at the
+    largest u; errors across the plane are of another size, and have a scale of their own: `scales`
+    are mm of the figure a um, by the number of axes of a panel.
+    """
+
+    def __init__(self, maps: Maps, width: float | None = None) -> None:
+        flat = [len(np.unique(np.round(column, 1))) == 1 for column in maps.places.T]
+        whole = len(maps.axes) == len(AXES)
+        normal = next((axis for axis in (2, 1, 0) if whole and flat[axis]), 2)
+        self.maps, self.plane = maps, [axis for axis in range(3) if axis != normal]
+        self.places = maps.places[:, self.plane]
+        heights = np.round(maps.places[:, normal], 1) + 0.0
+        values, code = np.unique(np.nan_to_num(heights, nan=np.inf), return_inverse=True)
+        levels = [np.flatnonzero(code == i) for i in spread(len(values), MOST)]
+        if len(values) > FEW and 3 * len(values) > len(heights):
+            levels = [np.arange(len(heights))]
+        self.panels = []
+        for name, sides in maps.groups:
+            for axes in [self.plane, [normal]] if whole else [self.plane]:
+                kind = " and ".join(f"E{AXES[axis]}" for axis in axes)
+                kind += " (up is +)" * (len(axes) == 1)
+                for rows in levels:
+                    ends = {f"{h:.6g}": None for h in (heights[rows].min(), heights[rows].max())}
+                    at = f"{AXES[normal]} = {' to '.join(ends)} mm"
+                    at = at if np.isfinite(heights[rows]).all() else ""
+                    text = ", ".join(filter(None, (cut(name, 20), kind, at)))
+                    self.panels.append(Panel(text, rows, axes, sides))
+        spacing = min(_spacing(self.places[rows]) for rows in levels)
+        self.scales: dict[int, float] = {}
+        for count in (2, 1):
+            sizes = [1e-12]
+            for panel in (panel for panel in self.panels if len(panel.axes) == count):
+                for side in panel.sides:
+                    arrows, half = panel.errors(side), panel.ellipses(side, maps.k)[0]
+                    longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
+                    sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
+            self.scales[count] = spacing / max(sizes)
+        self.low = self.places.min(axis=0) - 1.3 * spacing
+        self.high = self.places.max(axis=0) + 1.3 * spacing
+        self.columns = min(len(self.panels), len(levels) if len(levels) > 1 else 2, 3)
+        self.width = width or (8.0 if self.columns == 1 else 12.0)
+        inches = (self.width - 0.9) / self.columns - 0.2
+        inch = max((self.high - self.low) / (inches, PANEL[1]))
+        tall = max(PANEL[0], float(self.high[1] - self.low[1]) / inch)
+        self.height = -(-len(self.panels) // self.columns) * (tall + ABOVE) + 0.45
+        fits = spacing / inch > LETTER * max(map(len, maps.ids)) + 0.1
+        self.named = fits and max(map(len, levels)) <= NAMED
+
+    def draw(self, page: figures.Figure | figures.SubFigure, title: str) -> None:
+        """The panels, each with its scale; title and sides above."""
+        from matplotlib.lines import Line2D
+
+        figures.title(page, title)
+        sides = {side.name: side.colour for _, group in self.maps.groups for side in group}
+        handles = [Line2D([], [], color=c, lw=2.2, label=name) for name, c in sides.items() if name]
+        if handles:
+            page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
+        across, up = (AXES[axis] for axis in self.plane)
+        panels = figures.panels_of(page, len(self.panels), self.columns)
+        for panel, content in zip(panels, self.panels, strict=False):
+            self._draw_panel(panel, content)
+            panel.set(
+                xlabel=f"{across}, mm", ylabel=f"{up}, mm", aspect="equal",
+                xlim=(self.low[0], self.high[0]), ylim=(self.low[1], self.high[1]),
+            )  # fmt: skip
+            panel.set_title(content.title, pad=20, fontsize=9)
+
+    def _draw_panel(self, panel: figures.Axes, content: Panel) -> None:
+        """Arrows over ellipses; names stand opposite to the arrows."""
+        from matplotlib.collections import EllipseCollection
+        from matplotlib.patheffects import withStroke
+
+        places, scale = self.places[content.rows], self.scales[len(content.axes)]
+        for i, side in enumerate(content.sides):
+            errors = content.errors(side)
+            if side.covariance is not None:
+                half, directions = content.ellipses(side, self.maps.k)
+                angles = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
+                ellipses = EllipseCollection(
+                    2 * scale * half[:, 1], 2 * scale * half[:, 0], angles, units="xy",
+                    offsets=places + scale * errors, offset_transform=panel.transData,
+                    facecolors=figures.PALE, edgecolors=figures.BLUE, linewidths=0.8, alpha=0.55,
+                    zorder=2,
+                )  # fmt: skip
+                panel.add_collection(ellipses, autolim=False)
+            # The first is wider, to be seen where both are the same.
+            width = 0.04 if len(content.sides) > 1 and i == 0 else 0.02
+            arrows = panel.quiver(
+                *places.T, *errors.T, angles="xy", scale_units="xy", scale=1 / scale,
+                color=side.colour, units="inches", width=width, headwidth=4, zorder=4,
+            )  # fmt: skip
+            if i == 0:
+                length = 0.12 * float(self.high[0] - self.low[0]) / scale
+                words = significant(length, 1)
+                panel.quiverkey(
+                    arrows, 0.12 * float(words) / length, 1.02, float(words), f"{words} um",
+                    labelpos="E", color=figures.INK,
+                )  # fmt: skip
+        panel.plot(*places.T, "o", color=figures.INK, markersize=2.6, zorder=5)
+        total = np.nansum([content.errors(side) for side in content.sides], axis=0)
+        for i, row in enumerate(content.rows if self.named else ()):
+            name, size = self.maps.ids[row], float(np.linalg.norm(total[i]))
+            unit = -total[i] / size if size > 0 else np.array([0.0, -1.0])
+            panel.annotate(
+                name, places[i].tolist(), textcoords="offset points", ha="center", va="center",
+                xytext=(unit * (4 + 36 * LETTER * len(name), 8)).tolist(), fontsize=7.5, zorder=6,
+                path_effects=[withStroke(linewidth=2.2, foreground="white")],
+            )  # fmt: skip
+
+
+def _spacing(places: FloatArray) -> float:
+    """The distance of neighbours, mm."""
+    from scipy.spatial import KDTree
+
+    spots = np.unique(np.round(places, 3), axis=0)
+    if len(spots) < 2:
+        return 10.0
+    nearest: Any = KDTree(spots).query(spots, 2)[0]
+    return max(float(np.median(nearest[:, 1])), 0.05 * float(np.ptp(spots, axis=0).max()))

@@ -20,7 +20,7 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare
 from mtu_cli.reports.numbers import cut
-from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.units import ARCSEC, LENGTH, UM
 
 if TYPE_CHECKING:

@@ -12,7 +12,6 @@ import numpy as np
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Maps, Sheet, Side
 from mtu_cli.reports.document import (
     DAGGER,
     KIND,
@@ -22,7 +21,7 @@ from mtu_cli.reports.document import (
     least_conforming,
 )
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, rows_of
-from mtu_cli.reports.figures import Intervals
+from mtu_cli.reports.figures import Intervals, Maps, Sheet, Side
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import UM
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.model.simulate import SimulatedPoints, SimulatedReadings
-from mtu_cli.model.simulate_drift import SimulatedDrift
+from mtu_cli.model.simulate import SimulatedDrift, SimulatedPoints, SimulatedReadings
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.stats.least_squares import FloatArray
 

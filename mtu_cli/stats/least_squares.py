@@ -1,11 +1,16 @@
-"""The one least-squares routine: singular values with column scaling, rank and null space."""
+"""The one least-squares routine: singular values with column scaling, rank and null space; and
+regression on very many rows through small matrices that hold all that it needs of them: how the
+residuals follow each other, ridge paths, forward-backward selection.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import fdtrc
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -123,3 +128,193 @@ def polynomial(position: FloatArray, degree: int) -> FloatArray:
 def triangle(Z: FloatArray) -> FloatArray:
     """R (min(n, k), k) upper triangular with R'R = Z'Z, Z (n, k)."""
     return np.asarray(np.linalg.qr(Z, mode="r"))
+
+
+ENTER = 0.05
+REMOVE = 0.10
+_ROUNDING = 1e-24
+"""Share of the squares that cancel in residuals below which these are rounding alone."""
+_NOTHING_LEFT = 1e-12
+"""Share of a column, or of the sum of squares, below which only rounding is left."""
+
+
+@dataclass(frozen=True, slots=True)
+class Compressed:
+    """n rows Z of k columns, the first of them the constant, in the order in which they were read.
+
+    `factor` (r, k), r <= k, with factor'factor = Z'Z: a triangular factor by orthogonal
+    rotations, so that conditioning is that of Z and not its square (Golub & Van Loan, Matrix
+    Computations, 5.2). `lag` (k, k) = sum z_i z_(i+1)' over `pairs` consecutive rows, by which
+    any residual's autocorrelation follows. `freed`: of how many pieces the mean was taken out.
+    """
+
+    factor: FloatArray
+    n: int
+    lag: FloatArray
+    pairs: int
+    freed: int = 0
+
+    @property
+    def levels(self) -> int:
+        """Levels that a fit takes of the rows: one, or that of every piece freed of its mean."""
+        return max(self.freed, 1)
+
+    def mean(self, columns: Sequence[int]) -> FloatArray:
+        """Means (l,) of some columns."""
+        return np.asarray(self.factor[0, columns] / self.factor[0, 0])
+
+    def inner(self, columns: Sequence[int]) -> FloatArray:
+        """The factor (r - 1, l) of some columns about their means; 0 where only rounding is."""
+        chosen = self.factor[:, columns]
+        live = np.linalg.norm(chosen[1:], axis=0) > RANK_TOLERANCE * np.linalg.norm(chosen, axis=0)
+        return np.where(live, chosen[1:], 0.0)
+
+    def only(self, columns: Sequence[int]) -> Compressed:
+        """Some of the columns."""
+        lag = self.lag[np.ix_(columns, columns)]
+        return replace(self, factor=self.factor[:, columns], lag=lag)
+
+    def about_mean(self) -> Compressed:
+        """All columns but the constant less their means."""
+        T = np.eye(self.factor.shape[1])
+        T[0, 1:] = -self.factor[0, 1:] / self.factor[0, 0]
+        return replace(self, factor=self.factor @ T, lag=T.T @ self.lag @ T, freed=1)
+
+
+def compress(Z: FloatArray) -> Compressed:
+    """Rows Z (n, k) compressed; n may be any number above 0."""
+    return Compressed(triangle(Z), len(Z), Z[:-1].T @ Z[1:], len(Z) - 1)
+
+
+def together(items: Sequence[Compressed]) -> Compressed:
+    """All rows of several pieces; no pair of consecutive rows spans two of them."""
+    return Compressed(
+        factor=triangle(np.vstack([item.factor for item in items])),
+        n=sum(item.n for item in items),
+        lag=np.sum([item.lag for item in items], axis=0),
+        pairs=sum(item.pairs for item in items),
+        freed=sum(item.freed for item in items),
+    )
+
+
+def mean_products(pieces: Iterable[tuple[Compressed, FloatArray]]) -> tuple[float, float]:
+    """Mean e_i^2 and mean e_i e_(i+1) of the residuals e = Z w of several pieces (Z, w (k,)).
+
+    No product spans two pieces; (0, 0) where the residuals are rounding alone.
+    """
+    square = product = cancelled = 0.0
+    n = pairs = 0
+    for rows, weights in pieces:
+        square += float(np.sum((rows.factor @ weights) ** 2))
+        cancelled += float(np.sum((rows.factor * weights) ** 2))
+        product += float(weights @ rows.lag @ weights)
+        n, pairs = n + rows.n, pairs + rows.pairs
+    if square <= _ROUNDING * cancelled:
+        return 0.0, 0.0
+    return square / n, product / pairs if pairs else 0.0
+
+
+def autocorrelation(pieces: Iterable[tuple[Compressed, FloatArray]]) -> float:
+    """Lag-1 autocorrelation of the residuals of several pieces; 0 where there is none to tell."""
+    square, product = mean_products(pieces)
+    return product / square if square > 0 else 0.0
+
+
+def effective_number(n: int, autocorrelation: float) -> float:
+    """n (1 - r)/(1 + r), between 1 and n: a negative autocorrelation gives no credit.
+
+    Bayley & Hammersley 1946, J. R. Stat. Soc. Suppl. 8, 184-197.
+    """
+    r = min(max(autocorrelation, 0.0), 1.0)
+    return max(n * (1 - r) / (1 + r), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class RidgePath:
+    """b (l, k) along a path of l penalties: `directions` (k, rank) times `gains` (l, rank) times
+    the target's coordinates; `effective` (l,) is the trace of the hat matrix.
+    """
+
+    coefficients: FloatArray
+    effective: FloatArray
+    directions: FloatArray
+    gains: FloatArray
+
+    def unit_covariance(self, index: int) -> FloatArray:
+        """(X'X + P)^-1 X'X (X'X + P)^-1 (k, k): of b for errors of variance 1, given P."""
+        root = self.directions * self.gains[index]
+        return root @ root.T
+
+
+def ridge(X: FloatArray, y: FloatArray, n: int, penalties: FloatArray) -> RidgePath:
+    """Minimises |y - X b|^2 / n + penalty * sum (s_j b_j)^2 for each of the penalties.
+
+    X (r, k) and y (r,) are about their means; s_j is the standard deviation of column j, so that
+    units do not matter. The r rows may be the compressed ones of n readings. Hoerl & Kennard 1970,
+    Technometrics 12, 55-67, by singular values. Penalty 0 is ordinary least squares, of least norm
+    where columns depend on each other; a column of zeros gets 0.
+    """
+    scale = np.linalg.norm(X, axis=0) / np.sqrt(n)
+    divisor = np.where(scale > 0, scale, np.inf)
+    U, singular, Vt = np.linalg.svd(X / divisor, full_matrices=False)
+    nonzero = singular > RANK_TOLERANCE * singular.max(initial=0.0)
+    singular, directions = singular[nonzero], Vt[nonzero].T / divisor[:, None]
+    gains = singular / (singular**2 + n * np.asarray(penalties, float)[:, None])
+    b = (gains * (U[:, nonzero].T @ y)) @ directions.T
+    return RidgePath(b, (gains * singular).sum(axis=1), directions, gains)
+
+
+def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> tuple[int, ...]:
+    """The chosen of the columns 1 ... k-2; column 0 is the constant, the last one the target.
+
+    Forward-backward selection by the partial F of each column (Draper & Smith, Applied
+    Regression Analysis, 1998, ch. 15): the best one enters at p < `enter`, any whose p rises
+    above `remove` leaves again. Residuals of one warm-up follow each other, so that n counts
+    with the effective number of independent ones (`effective_number`), by the autocorrelation of
+    the residuals on all columns: those on few columns hold the drift itself and would let nothing
+    enter.
+    """
+    # Steps cost less by a factor of no more rows than columns.
+    Z = triangle(rows.factor) if len(rows.factor) > rows.factor.shape[1] else rows.factor
+    everything = least_squares(Z[:, :-1], Z[:, -1]).coefficients
+    residuals = replace(rows, factor=Z), np.append(-everything, 1.0)
+    number = effective_number(rows.n, autocorrelation([residuals]))
+    least = _NOTHING_LEFT * float(Z[:, -1] @ Z[:, -1])
+
+    def p(count: int, gain: float, before: float) -> float:
+        """Of the F by which one of `count` columns lowers the sum of squares `before`."""
+        dof, rss = number - count - 1, before - gain
+        if dof <= 0 or before <= least:
+            return 1.0
+        return float(fdtrc(1, dof, gain / rss * dof)) if rss > _NOTHING_LEFT * before else 0.0
+
+    chosen: list[int] = []
+    history = set[frozenset[int]]()
+    # A set of columns that was there before would come back for ever.
+    while frozenset(chosen) not in history:
+        history.add(frozenset(chosen))
+        candidates = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
+        gains, before = _gains(Z, chosen, candidates)
+        if not candidates or p(len(chosen) + 1, float(gains.max()), before) >= enter:
+            break
+        chosen.append(candidates[int(np.argmax(gains))])
+        while len(chosen) > 1:
+            fit = least_squares(Z[:, [0, *chosen]], Z[:, -1])
+            loss = fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
+            weakest = float(loss.min())
+            if p(len(chosen), weakest, fit.rss + weakest) <= remove:
+                break
+            del chosen[int(np.argmin(loss))]
+    return tuple(sorted(chosen))
+
+
+def _gains(Z: FloatArray, chosen: list[int], candidates: list[int]) -> tuple[FloatArray, float]:
+    """What each candidate takes off the residual sum of squares of the chosen, and that sum."""
+    p = len(chosen) + 1
+    # R of constant, chosen, candidates, target: residuals on the chosen stand below them.
+    R = triangle(Z[:, [0, *chosen, *candidates, -1]])
+    rest, residual = R[p:, p:-1], R[p:, -1]
+    squares = np.sum(rest**2, axis=0)
+    usable = squares > _NOTHING_LEFT * np.sum(R[:, p:-1] ** 2, axis=0)
+    gains = np.where(usable, (rest.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    return gains, float(residual @ residual)

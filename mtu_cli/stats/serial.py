@@ -1,13 +1,15 @@
-"""Regression of blocks of readings whose errors follow each other, with blocks in clusters."""
+"""Readings in the order of time: first-order lag, regression of blocks of readings whose errors
+follow each other, with blocks in clusters, and what residuals and regressors tell about a fit.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular, toeplitz
 
 from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray
 
@@ -141,7 +143,8 @@ class SerialFit:
 
 def _covariance(n: int, phi: float, w: float) -> FloatArray:
     """V (n, n)."""
-    return np.asarray(w * toeplitz(phi ** np.arange(n)) + (1 - w) * np.eye(n))
+    lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    return np.asarray(w * phi**lags + (1 - w) * np.eye(n))
 
 
 def _fit(
@@ -150,8 +153,10 @@ def _fit(
     """Least squares of Z = L^-1 [X, y] with V = L L', less what a level explains of each block: log
     likelihood, beta, its covariance, M, Z.
     """
+    from scipy.linalg import solve_triangular
+
     whitened, log_det = [], 0.0
-    roots = {n: cholesky(_covariance(n, phi, w), lower=True) for n in {*map(len, rows)}}
+    roots = {n: np.linalg.cholesky(_covariance(n, phi, w)) for n in {*map(len, rows)}}
     for block in rows:
         L = roots[len(block)]
         Z = solve_triangular(L, block, lower=True)
@@ -187,7 +192,93 @@ def _disattenuation(
             lost = float(sums @ sums) / float(sums.sum()) if levels else 0.0
             weights[n] = float(np.trace(inverse)) - lost
         N += weights[n] * T.T @ block.noise @ T
-    root = cholesky(M, lower=True)
+    root = np.linalg.cholesky(M)
     share, W = np.linalg.eigh(root.T @ N @ root)
     gain = 1 / (1 - np.clip(share, 0.0, MOST_NOISE))
     return np.asarray(root @ (W * gain) @ W.T @ np.linalg.inv(root))
+
+
+def first_order_lag(signal: FloatArray, time: FloatArray, time_constants: FloatArray) -> FloatArray:
+    """u (k, n, s) with tau du/dt = T - u for each of k time constants; T is (n, s), time (n,).
+
+    Exact for a signal that is linear between its samples:
+
+        u_i = T_i - g tau + (u_(i-1) - T_(i-1) + g tau) exp(-dt/tau),  g = (T_i - T_(i-1))/dt.
+
+    Rows of one time that follow each other are one sample, their mean. The first sample counts as
+    settled, and so does one that is earlier than the one before (a new run). tau = 0 gives every
+    row's own signal, an infinite step T. Time and time constants are in the same unit.
+    """
+    new = np.concatenate([[True], np.diff(time) != 0])
+    starts, moment = np.flatnonzero(new), np.cumsum(new) - 1
+    T, first = signal, signal[starts]
+    if len(starts) < len(signal):
+        # About the first of them: equal rows keep their value to the last digit.
+        sums = np.add.reduceat(signal - first[moment], starts, axis=0)
+        T = first + sums / np.bincount(moment)[:, None]
+    tau = np.asarray(time_constants, float)
+    slow = tau[tau > 0][:, None]
+    lagged = np.repeat(T[None], len(slow), axis=0)
+    for i, dt in enumerate(np.diff(time[starts]).tolist() if len(slow) else (), start=1):
+        if dt > 0:
+            rise = (T[i] - T[i - 1]) * (slow / dt)
+            lagged[:, i] = T[i] - rise + (lagged[:, i - 1] - T[i - 1] + rise) * np.exp(-dt / slow)
+    result = np.repeat(signal[None], len(tau), axis=0)
+    result[tau > 0] = lagged[:, moment]
+    return result
+
+
+FEWEST_FOR_NORMALITY = 20
+DEPENDENT = 1e-12
+"""Share of the largest singular value below which only rounding is left."""
+
+
+def normality_p(values: FloatArray, effective: float | None = None) -> float | None:
+    """p of D'Agostino & Pearson's K^2 test of normality (1973, Biometrika 60, 613-622).
+
+    `effective`: how many of the values, which follow each other, count as independent; about
+    so many, evenly spaced, are tested. None below 20 of them, where the approximation does not
+    hold, and for values that are all equal.
+    """
+    from scipy.stats import normaltest
+
+    step = 1 if effective is None else max(1, round(len(values) / effective))
+    values = values[::step]
+    if len(values) < FEWEST_FOR_NORMALITY or np.ptp(values) == 0:
+        return None
+    return float(normaltest(values).pvalue)
+
+
+def condition_number(columns: FloatArray) -> float:
+    """Largest over smallest singular value of columns (r, k) scaled to unit length.
+
+    Belsley, Kuh & Welsch, Regression Diagnostics, 1980, ch. 3; infinite where columns depend,
+    as more columns than rows do.
+    """
+    singular, _ = _of_unit_columns(columns)
+    if singular[-1] <= DEPENDENT * singular[0]:
+        return math.inf
+    return float(singular[0] / singular[-1])
+
+
+def variance_inflation(columns: FloatArray) -> FloatArray:
+    """VIF_j = 1/(1 - R_j^2) of centred columns (r, k), each against all others.
+
+    The diagonal of the inverse correlation matrix (Marquardt 1970, Technometrics 12, 591-612),
+    by singular values; infinite where a column depends on the others.
+    """
+    singular, Vt = _of_unit_columns(columns)
+    tiny = singular <= DEPENDENT * singular[0]
+    result = ((Vt[~tiny].T / singular[~tiny]) ** 2).sum(axis=1)
+    dependent = (Vt[tiny] ** 2).sum(axis=0) > DEPENDENT
+    return np.where(dependent, np.inf, result)
+
+
+def _of_unit_columns(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """All k singular values and right vectors of the columns scaled to unit length."""
+    length = np.linalg.norm(columns, axis=0)
+    # Rows of zeros change nothing, and give the columns a singular value each.
+    rows = np.zeros((max(columns.shape), columns.shape[1]))
+    rows[: len(columns)] = columns / np.where(length > 0, length, 1.0)
+    _, singular, Vt = np.linalg.svd(rows, full_matrices=False)
+    return singular, Vt

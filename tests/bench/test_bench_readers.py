@@ -12,8 +12,8 @@ import pandas as pd
 import pytest
 
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import CellFaults
 from mtu_cli.files.headers import READINGS as SPEC
+from mtu_cli.files.headers import CellFaults
 
 ROWS = 1_000_000
 

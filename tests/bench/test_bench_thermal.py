@@ -19,7 +19,7 @@ from watched_process import against_pandas
 
 from mtu_cli.analyses.thermal_fit import METHODS, ComponentDrift, thermal_fit
 from mtu_cli.files.readings import Readings
-from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.serial import first_order_lag
 
 Floats = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from checks.damage_points import DAMAGES, Case, draws, written
 from mtu_cli import checks
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.part import load_part
-from mtu_cli.files.points import read_points
+from mtu_cli.files.readings import read_points
 from mtu_cli.findings import InputError
 
 FEWER = {

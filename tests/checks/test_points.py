@@ -11,7 +11,7 @@ from measured_examples import PLACES, points, study, with_measured
 
 from checks.damage import NAMELESS
 from mtu_cli import checks
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding
 

@@ -16,7 +16,7 @@ import yaml
 
 from fuzz.extremes import EQUATION_PIECES, NO_NUMBERS, NUMBERS, SIGNS, TEXTS, UNITS
 from fuzz.samples import Kind, Sample, Sheet, sheet_of
-from mtu_cli.files.csv_table import number
+from mtu_cli.files.headers import number
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml
 

@@ -27,8 +27,7 @@ from mtu_cli.files.effects import load_effects
 from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import load_part
-from mtu_cli.files.points import read_points
-from mtu_cli.files.readings import read_readings
+from mtu_cli.files.readings import read_points, read_readings
 from mtu_cli.files.reports_read import read_report
 from mtu_cli.files.source import check_text
 from mtu_cli.files.study import load_study

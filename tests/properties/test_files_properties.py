@@ -20,9 +20,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from property_settings import tried
 
-from mtu_cli.files.machine_contract import Component
-from mtu_cli.files.points import read_points
-from mtu_cli.files.readings import Readings, read_readings
+from mtu_cli.files.machine import Component
+from mtu_cli.files.readings import Readings, read_points, read_readings
 from mtu_cli.findings import InputError
 from mtu_cli.units import UNITS
 

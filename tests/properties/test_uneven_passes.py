@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from model_examples import Segment, model_of, readings
 
-from mtu_cli.files.machine_contract import Component
+from mtu_cli.files.machine import Component
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import fit_component
 from mtu_cli.model.prediction import predict

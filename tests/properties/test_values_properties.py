@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from property_settings import plain_values, texts, tried
 
 from mtu_cli.files.reports_read import read_json
-from mtu_cli.files.write import report_bytes
+from mtu_cli.files.source import report_bytes
 
 mappings = st.dictionaries(texts, plain_values(texts), min_size=1, max_size=5)
 

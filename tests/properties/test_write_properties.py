@@ -12,7 +12,7 @@ NEW = {"a.json": b"new a\n" * 40_000, "b.csv": b"new b\n" * 40_000, "c.svg": b"n
 STEP_BY_STEP = """
 import os, sys
 from pathlib import Path
-from mtu_cli.files.write import files_written
+from mtu_cli.files.source import files_written
 folder = Path(sys.argv[1])
 new = {folder / name: (name[0].join(("new ", "\\n")) * count).encode()
        for name, count in (("a.json", 40_000), ("b.csv", 40_000), ("c.svg", 1))}

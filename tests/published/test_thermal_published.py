@@ -23,9 +23,16 @@ from scipy.special import ndtri
 from scipy.stats import kurtosis, skew
 from test_strd_linear import LONGLEY, REFERENCES, agreeing_digits
 
-from mtu_cli.stats.compressed import autocorrelation, compress, ridge, stepwise, together
-from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.residuals import (
+from mtu_cli.stats.least_squares import (
+    FloatArray,
+    autocorrelation,
+    compress,
+    least_squares,
+    ridge,
+    stepwise,
+    together,
+)
+from mtu_cli.stats.serial import (
     condition_number,
     normality_p,
     variance_inflation,

@@ -23,7 +23,7 @@ from mtu_cli.analyses.anova.tables import (
     unusual_parts,
 )
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.features import BELOW_THREE, FEW_DOF
@@ -48,7 +48,7 @@ from mtu_cli.model.visits import (
     operations_of,
     visits_of,
 )
-from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 __all__ = ["METHODS", "Analysed", "AnovaResult", "Method", "analyse_variance"]

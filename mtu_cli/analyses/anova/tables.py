@@ -13,13 +13,11 @@ import numpy as np
 
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.model.measured import Label, MeasuredTables
-from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval
-from mtu_cli.stats.coverage import PROBABILITY
-from mtu_cli.stats.family import FAMILY_RATE, holm
+from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval, reml
+from mtu_cli.stats.coverage import FAMILY_RATE, PROBABILITY, holm
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.reml import reml
+from mtu_cli.stats.outliers import outstanding_rows
 from mtu_cli.stats.resolution import hidden
-from mtu_cli.stats.rotation import outstanding_rows
 from mtu_cli.units import ARCSEC, UM
 
 Method = Literal["paper", "anova", "reml"]

@@ -18,8 +18,7 @@ from mtu_cli.stats.covariance import correlation_of
 from mtu_cli.stats.coverage import PROBABILITY
 from mtu_cli.stats.coverage import coverage_factor as quantile_factor
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult
-from mtu_cli.stats.validation import Validation, validated
+from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult, Validation, validated
 
 __all__ = ["BudgetResult", "evaluate_budget"]
 

@@ -13,13 +13,18 @@ from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
-from mtu_cli.stats.blocks import Draws
+from mtu_cli.stats.blocks import Draws, Workspace
 from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, bounded_quantile, t_scales
+from mtu_cli.stats.distributions import (
+    NORMAL_DOF,
+    Distribution,
+    Quantile,
+    bounded_quantile,
+    sum_quantile,
+    t_scales,
+)
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.linear_distribution import Quantile, sum_quantile
-from mtu_cli.stats.workspace import Workspace
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,8 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.crossings import crossings, without_references
-from mtu_cli.analyses.close_loop.describe import effects_of
+from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable

@@ -10,14 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.close_loop.columns import EMPTY, PADDING, Columns
-from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
     FEATURE,
     INTERACTION,
     NONE,
     PART,
+    BoolArray,
     IntArray,
     Levers,
+    Missing,
     Strata,
 )
 from mtu_cli.model.effect_library import BoundTemplate, Candidate

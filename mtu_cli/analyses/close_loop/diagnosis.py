@@ -11,9 +11,9 @@ from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.estimate import without_aliases
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
 from mtu_cli.analyses.close_loop.posed import free_lines, likelihood_of, steps_of
+from mtu_cli.analyses.close_loop.strata import BoolArray, outliers
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
 

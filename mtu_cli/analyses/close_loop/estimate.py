@@ -28,9 +28,8 @@ from mtu_cli.analyses.close_loop.model_set import WINDOW, Model, ModelSet
 from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.strata import NONE
 from mtu_cli.language.tree import filled_text
-from mtu_cli.stats.kernels import smooth_root
+from mtu_cli.stats.kernels import averaged, smooth_root
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.smooth_profile import averaged
 
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""

@@ -9,8 +9,15 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, smooth_covariance
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.missing import Missing, interaction
-from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
+from mtu_cli.analyses.close_loop.strata import (
+    INTERACTION,
+    LINE,
+    PART,
+    Missing,
+    Strata,
+    interaction,
+    strata_of,
+)
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable

@@ -8,25 +8,23 @@ from math import isfinite
 
 import numpy as np
 
-from mtu_cli.analyses.correct.scatter import (
+from mtu_cli.analyses.correct.sizes import (
     FEWEST,
     FormTest,
     Kind,
     PointScatter,
-    form_tests,
-    point_scatter,
-)
-from mtu_cli.analyses.correct.sizes import (
     RowErrors,
     Sides,
     Size,
+    form_tests,
     mean_sizes,
     measurands_of,
     measured_sizes,
+    point_scatter,
 )
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
 from mtu_cli.model.features import dof_warnings, guess_warnings, outside_warnings

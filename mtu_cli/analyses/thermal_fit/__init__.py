@@ -21,9 +21,8 @@ from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, counted, error, finding
 from mtu_cli.model.estimates import ThermalEstimate
-from mtu_cli.stats.compressed import effective_number
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
+from mtu_cli.stats.least_squares import FloatArray, effective_number
+from mtu_cli.stats.serial import condition_number, normality_p, variance_inflation
 from mtu_cli.units import ARCSEC, LENGTH, UM, UNITS, Unit
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")

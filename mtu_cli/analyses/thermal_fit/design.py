@@ -14,21 +14,19 @@ from scipy.special import fdtrc
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError, error, finding
-from mtu_cli.stats.compressed import (
-    Compressed,
-    autocorrelation,
-    compress,
-    effective_number,
-    together,
-)
-from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import (
+    Compressed,
     FloatArray,
     IntArray,
     LeastSquares,
+    autocorrelation,
+    compress,
+    effective_number,
     least_squares,
     polynomial,
+    together,
 )
+from mtu_cli.stats.serial import first_order_lag
 
 ALIKE = 0.999
 """Correlation from which on two sensors are one to any fit (Valdes et al.)."""

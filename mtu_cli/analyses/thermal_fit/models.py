@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.stats.compressed import mean_products, ridge, stepwise
-from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.least_squares import FloatArray, least_squares, mean_products, ridge, stepwise
 
 ROUNDING = 1e-12
 """Share of a sum's terms, or of the readings, that is rounding."""

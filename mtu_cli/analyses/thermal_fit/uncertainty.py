@@ -27,10 +27,9 @@ from scipy.special import comb, fdtri
 from mtu_cli.analyses.thermal_fit.design import Design
 from mtu_cli.analyses.thermal_fit.models import Fitted, folds
 from mtu_cli.model.estimates import ThermalEstimate
-from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.covariance import covariance_root, positive_part
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, effective_number
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.stats.serial import Block, SerialFit
 from mtu_cli.units import Unit

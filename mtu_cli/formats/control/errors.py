@@ -14,7 +14,7 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mtu_cli.files.csv_table import number
+from mtu_cli.files.headers import number
 from mtu_cli.findings import InputError, error, finding, suggestion
 from mtu_cli.stats.least_squares import FloatArray
 

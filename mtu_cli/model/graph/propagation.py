@@ -13,15 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.files.graph_contract import Graph
-from mtu_cli.model.graph.constructions import rotation
 from mtu_cli.model.graph.net import MeasurementGraph, Output, start_value
-from mtu_cli.model.graph.transitions import Values
-from mtu_cli.stats.blocks import Draws, Quantiles
+from mtu_cli.model.graph.transitions import Values, rotation
+from mtu_cli.stats.blocks import Draws, Quantiles, Workspace
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import Distribution, Kind, shape_moments
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
 
 LARGEST = 1e150

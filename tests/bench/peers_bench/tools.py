@@ -67,8 +67,7 @@ def mtu_draw(_: Any, trials: int, seed: int) -> tuple[float, ...]:
     """Also the standard errors of the three that it states."""
     from mtu_cli.model.measurands import AngleTrials
     from mtu_cli.stats.coverage import PROBABILITY
-    from mtu_cli.stats.monte_carlo import monte_carlo
-    from mtu_cli.stats.validation import CONVERGED_TO
+    from mtu_cli.stats.monte_carlo import CONVERGED_TO, monte_carlo
 
     prediction, row, column = _predicted()
     model = AngleTrials(prediction, "angle", row, column, independent=True)

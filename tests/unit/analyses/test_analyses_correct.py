@@ -36,7 +36,7 @@ from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_rows
 from mtu_cli.stats.coverage import coverage_factor
-from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.serial import first_order_lag
 from mtu_cli.units import UNITS
 
 Floats = NDArray[np.float64]

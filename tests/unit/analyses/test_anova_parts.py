@@ -14,10 +14,10 @@ from scipy.stats import ncx2
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
 from mtu_cli.analyses.anova.tables import noncentrality, radial_quantile
 from mtu_cli.files.part import LoadedPart, load_part
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_rows
-from mtu_cli.stats import rotation
+from mtu_cli.stats import outliers
 
 SETTINGS = Settings()
 
@@ -40,7 +40,7 @@ def many_holes(monkeypatch: pytest.MonkeyPatch) -> None:
     """A study has `HOLES` of them, and rows that stand out are not what is looked at."""
     places = {f"h{i}": (40.0 * (i % 5), 30.0 * (i // 5)) for i in range(HOLES)}
     monkeypatch.setattr(measured_examples, "PLACES", places)
-    monkeypatch.setattr(rotation, "ROTATIONS", 19)
+    monkeypatch.setattr(outliers, "ROTATIONS", 19)
 
 
 def uneven(seed: int, s_part: float, s_repeat: float) -> Points:

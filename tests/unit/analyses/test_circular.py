@@ -12,7 +12,7 @@ import pytest
 from circle_examples import Causes, made
 
 from mtu_cli.analyses.circular import CircularResult, diagnose
-from mtu_cli.files.traces import Traces
+from mtu_cli.files.readings import Traces
 from mtu_cli.reports.circular import document, polar
 from mtu_cli.stats.least_squares import FloatArray
 

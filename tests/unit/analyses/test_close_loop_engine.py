@@ -15,17 +15,16 @@ from scipy.integrate import quad
 from scipy.stats import binom, invgamma
 
 from mtu_cli.analyses.close_loop import estimate
-from mtu_cli.analyses.close_loop.crossings import crossings, without_references
-from mtu_cli.analyses.close_loop.describe import effects_of
+from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.design import members_at
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.missing import Missing, interaction
 from mtu_cli.analyses.close_loop.posed import likelihood_of
 from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.strata import Missing, interaction
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
 from mtu_cli.model.residuals import ResidualTable

@@ -27,7 +27,7 @@ from mtu_cli.analyses.compare import (
     judged,
     pooled_test,
 )
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings

@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from mtu_cli.files import csv_file
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import LISTED_FAULTS, CellFaults, perhaps_equal, time_of
-from mtu_cli.files.headers import LIKE, meant_by
+from mtu_cli.files.headers import LIKE, LISTED_FAULTS, CellFaults, meant_by, perhaps_equal, time_of
 from mtu_cli.findings import MOST_SHOWN, InputError
 
 PLAIN = "name,value,size\na,1,2\nb,-2.5e-3,\n"

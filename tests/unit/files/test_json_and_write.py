@@ -11,7 +11,7 @@ import pytest
 from support import write_files
 
 from mtu_cli.files.reports_read import read_json
-from mtu_cli.files.write import report_bytes
+from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import InputError
 
 

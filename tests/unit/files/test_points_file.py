@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.files.part import Place
-from mtu_cli.files.points import Points, read_points
+from mtu_cli.files.readings import Points, read_points
 from mtu_cli.findings import InputError
 
 PART: dict[str, Place] = {"h2": (10.0, 20.0, None), "h1": (0.0, 0.0, 5.0), "h10": (1.0, 1.0, None)}

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mtu_cli.files.machine import load_machine
-from mtu_cli.files.machine_contract import Thermal
+from mtu_cli.files.machine import Thermal, load_machine
 from mtu_cli.findings import InputError
 
 HEAD = "schema: mtu/machine/1\nname: m\nequations: {Ex: a}\ncomponents:\n"

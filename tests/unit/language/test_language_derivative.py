@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from mtu_cli.language import evaluate, parse, to_text
-from mtu_cli.language.derivative import Derivatives, derivatives
+from mtu_cli.language.derivative import Derivatives, derivatives, slope
 from mtu_cli.language.functions import BUDGET_FUNCTIONS, MACHINE_FUNCTIONS
-from mtu_cli.language.slope import slope
 
 
 def at(text: str, **values: float) -> Derivatives:

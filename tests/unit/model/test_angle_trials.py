@@ -12,9 +12,8 @@ from support import paper_study
 
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points
-from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, check_square
+from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, PointTrials, check_square
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.trials import PointTrials
 
 TRIALS = 200_000
 Case = tuple[Prediction, list[str], list[str]]

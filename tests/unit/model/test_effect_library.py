@@ -15,7 +15,6 @@ from effect_tables import FloatArray, grid_places, readings_table, shop_covariat
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import load_machine
 from mtu_cli.findings import InputError
-from mtu_cli.model.effect_grids import grid_of
 from mtu_cli.model.effect_library import (
     CONSTANT,
     BoundTemplate,
@@ -24,6 +23,7 @@ from mtu_cli.model.effect_library import (
     candidates_of,
     effect_library,
 )
+from mtu_cli.model.effect_parameters import grid_of
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model, design
 from mtu_cli.model.residuals import ResidualTable

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_sphere
-from mtu_cli.model.graph import constructions
+from mtu_cli.model.graph import transitions
 
 Floats = NDArray[np.float64]
 GANDER = np.array([(1, 7), (2, 6), (5, 8), (7, 7), (9, 5), (3, 7)], float)
@@ -162,12 +162,12 @@ def drawn(nominal: Floats, noise: float, trials: int = TRIALS) -> list[Floats]:
 
 
 def circle(points: list[Floats], nominal: Floats) -> tuple[Floats, Floats]:
-    centre, radius = constructions.circle_through([point[:, None] for point in nominal])(*points)
+    centre, radius = transitions.circle_through([point[:, None] for point in nominal])(*points)
     return centre, radius
 
 
 def sphere(points: list[Floats], nominal: Floats) -> tuple[Floats, Floats]:
-    centre, radius = constructions.sphere_through([point[:, None] for point in nominal])(*points)
+    centre, radius = transitions.sphere_through([point[:, None] for point in nominal])(*points)
     return centre, radius
 
 
@@ -183,7 +183,7 @@ def test_plane_of_a_strip(width: float) -> None:
     """
     nominal = np.array([[0, 0, 0], [1000, 0, 0], [1000, width, 0], [0, width, 0], [500, width, 0]])
     points = drawn(nominal, 1e-3, 5000)
-    centre, normal = constructions.plane(points, np.array([0.0, 0.0, 1.0]))
+    centre, normal = transitions.plane(points, np.array([0.0, 0.0, 1.0]))
     assert (normal[2] > 0).all()
     q = np.array(points).transpose(2, 0, 1)
     assert pytest.approx(q.mean(axis=1), rel=1e-12) == centre.T
@@ -217,7 +217,7 @@ def test_sphere_of_radius_against_an_optimiser(n: int, reach: float, noise: floa
     points = drawn(nominal, noise)
     radius = 12.5 + noise * np.linspace(-1, 1, TRIALS)
     given = [*(p[:, None] for p in nominal), radius]
-    centre = np.asarray(constructions.sphere_of_radius_through(given)(*points, radius))
+    centre = np.asarray(transitions.sphere_of_radius_through(given)(*points, radius))
     for trial in range(TRIALS):
         p = one(points, trial)
 

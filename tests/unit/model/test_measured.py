@@ -11,7 +11,7 @@ import pytest
 from measured_examples import PLACES, part_file, points, study, with_measured
 
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.findings import InputError
 from mtu_cli.model.measured import angle_tables, feature_tables, length_tables, length_warnings
 from mtu_cli.model.visits import only_features, visits_of

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from mtu_cli.files.part import Tolerance
+from mtu_cli.model.measurands import conformance_of, position_conformance
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.trials import conformance_of, position_conformance
 from mtu_cli.model.variance import Block
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM

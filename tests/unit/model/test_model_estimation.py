@@ -9,7 +9,7 @@ import pytest
 from model_examples import FloatArray, Segment, estimate, readings
 from scipy import stats
 
-from mtu_cli.files.machine_contract import Component
+from mtu_cli.files.machine import Component
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import ComponentFit, agreement, combine, fit_component

@@ -18,8 +18,8 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 from mtu_cli.model.machine_model import design, drift_terms, temperatures
 from mtu_cli.model.prediction import predict, temperature_warnings
-from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.serial import first_order_lag
 
 UM, ARCSEC = 1e-3, np.pi / 648000
 AT = {"T_a_degC": 23.0, "T_b_degC": 19.0, "T_c_degC": 26.5}

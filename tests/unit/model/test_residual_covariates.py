@@ -16,7 +16,7 @@ from thermal_machines import SENSORS, line
 from thermal_machines import machine as warm_machine
 
 from mtu_cli.analyses.correct import correct
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.findings import InputError
 from mtu_cli.model.covariates import FEW_ROWS, without_gaps, without_repeated
 from mtu_cli.model.residuals import residual_table

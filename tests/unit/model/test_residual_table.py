@@ -25,7 +25,7 @@ from residual_examples import (
     with_operations,
 )
 
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel

@@ -9,7 +9,7 @@ import pytest
 
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
-from mtu_cli.model.simulate_drift import (
+from mtu_cli.model.simulate import (
     WOBBLE_MEMORY_MIN,
     DriftPlan,
     Sensors,
@@ -18,7 +18,7 @@ from mtu_cli.model.simulate_drift import (
     sensors_for,
     simulate_drift,
 )
-from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.serial import first_order_lag
 from mtu_cli.units import UNITS
 
 STILL = DriftPlan(

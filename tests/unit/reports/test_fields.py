@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from mtu_cli.files.source import Source
-from mtu_cli.files.write import report_bytes
+from mtu_cli.files.source import Source, report_bytes
 from mtu_cli.findings import finding
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.document import (

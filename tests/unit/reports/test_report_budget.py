@@ -10,7 +10,7 @@ import pytest
 from budget_examples import evaluated
 
 from mtu_cli.analyses.budget import BudgetResult
-from mtu_cli.files.write import report_bytes
+from mtu_cli.files.source import report_bytes
 from mtu_cli.reports.budget import document
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes

@@ -18,9 +18,8 @@ from loop_examples import (
 )
 
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
-from mtu_cli.files.write import report_bytes
-from mtu_cli.reports.close_loop import document
-from mtu_cli.reports.close_loop_words import effect_text, verdict_text
+from mtu_cli.files.source import report_bytes
+from mtu_cli.reports.close_loop import document, effect_text, verdict_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
 

@@ -15,7 +15,7 @@ from mtu_cli.analyses.fit_components import (
     fit_result,
     observability,
 )
-from mtu_cli.files.write import report_bytes
+from mtu_cli.files.source import report_bytes
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import (
     estimates_from_report,

@@ -15,7 +15,7 @@ from mtu_cli.cli.measurement import net_for
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
-from mtu_cli.reports import graph_text
+from mtu_cli.reports import graph_drawing
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.graph_drawing import Net, drawing
 
@@ -65,8 +65,8 @@ def test_labels_cross_neither_each_other_nor_an_arc(name: str, shares: bool) -> 
 def test_texts_hold_every_node_and_arc(name: str) -> None:
     graph = shipped(name)
     drawn, places = net_for(graph), graph.graph.places
-    dot, mermaid = graph_text.dot(drawn), graph_text.mermaid(drawn)
-    facts = graph_text.assertions(drawn, graph.graph, graph.nominal)
+    dot, mermaid = graph_drawing.dot(drawn), graph_drawing.mermaid(drawn)
+    facts = graph_drawing.assertions(drawn, graph.graph, graph.nominal)
     assert dot.count(" -> ") == mermaid.count(" --> ") == len(drawn.arcs)
     for pattern, count in {
         r"(pt|tp)\(\d+, \d+\)\.$": len(drawn.arcs),
@@ -87,8 +87,8 @@ transitions:
 """
     graph = graph_of(tmp_path, text)
     drawn = net_for(graph)
-    assert 'label="a\\"b' in graph_text.dot(drawn)
-    assert 'p1(("a_b"))' in graph_text.mermaid(drawn)
+    assert 'label="a\\"b' in graph_drawing.dot(drawn)
+    assert 'p1(("a_b"))' in graph_drawing.mermaid(drawn)
     assert len(drawn.arcs) == 2
     assert figure_bytes(drawing(drawn), "svg").startswith(b"<?xml")
 

@@ -21,7 +21,7 @@ from measured_examples import part_file, points, study, with_measured
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
 from mtu_cli.analyses.compare import Compared, CompareResult, Pooled, compared, judged
 from mtu_cli.analyses.correct import CorrectResult, correct
-from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Points
 from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import anova as of_anova

@@ -11,9 +11,9 @@ import pytest
 from report_examples import Example, example
 
 from mtu_cli.files.part import Tolerance
-from mtu_cli.files.write import report_bytes
+from mtu_cli.files.source import report_bytes
+from mtu_cli.model.measurands import Conformance, PositionConformance
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.trials import Conformance, PositionConformance
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.document import Document
 from mtu_cli.reports.tables import plain_text

@@ -10,9 +10,8 @@ import pytest
 import scipy.stats
 from anova_designs import PAPER, cells, drawn, simulated
 
-from mtu_cli.stats.anova import cells_of, moments, one_way, part_interval
+from mtu_cli.stats.anova import cells_of, moments, one_way, part_interval, reml
 from mtu_cli.stats.least_squares import FloatArray, IntArray
-from mtu_cli.stats.reml import reml
 
 TABLES = 2000
 

@@ -8,10 +8,10 @@ from scipy.special import fdtrc, stdtrit
 
 from mtu_cli.stats.coverage import (
     coverage_factor,
+    hotelling_p,
     numerical_tolerance,
     welch_satterthwaite,
 )
-from mtu_cli.stats.family import hotelling_p
 
 
 def test_welch_satterthwaite_of_gum_h1() -> None:

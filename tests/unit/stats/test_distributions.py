@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import betainc
 
+from mtu_cli.stats.blocks import Workspace
 from mtu_cli.stats.distributions import (
     Distribution,
     Kind,
@@ -15,7 +16,6 @@ from mtu_cli.stats.distributions import (
     normal_correlation,
     shape_moments,
 )
-from mtu_cli.stats.workspace import Workspace
 
 M = 400_000
 

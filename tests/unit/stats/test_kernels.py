@@ -7,8 +7,15 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.special import logsumexp
 
-from mtu_cli.stats.kernels import interpolation_covariance, smooth_root, weights, wiener
-from mtu_cli.stats.smooth_profile import AMPLITUDES, LOG_PRIOR, averaged
+from mtu_cli.stats.kernels import (
+    AMPLITUDES,
+    LOG_PRIOR,
+    averaged,
+    interpolation_covariance,
+    smooth_root,
+    weights,
+    wiener,
+)
 
 KNOTS = np.array([0.0, 30.0, 80.0, 100.0, 170.0, 200.0])
 

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtr, stdtr
 
-from mtu_cli.stats.distributions import Distribution, Kind
-from mtu_cli.stats.linear_distribution import Quantile, Term, sum_quantile
-from mtu_cli.stats.workspace import Workspace
+from mtu_cli.stats.blocks import Workspace
+from mtu_cli.stats.distributions import Distribution, Kind, Quantile, Term, sum_quantile
 
 
 def known(*terms: Term) -> Quantile:

@@ -14,8 +14,7 @@ from scipy.special import ndtri
 from trial_models import Bent, Other, Z, plain_blocks, slow_end
 
 from mtu_cli.findings import InputError
-from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
-from mtu_cli.stats.pooling import single_block_estimates
+from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo, single_block_estimates
 
 FloatArray = NDArray[np.float64]
 

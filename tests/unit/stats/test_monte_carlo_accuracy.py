@@ -9,8 +9,7 @@ from scipy.special import stdtrit
 from trial_models import Bent, Other, ScaledT, Smooth, Z
 
 from mtu_cli.findings import InputError
-from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
-from mtu_cli.stats.validation import clause8
+from mtu_cli.stats.monte_carlo import MonteCarloResult, clause8, monte_carlo
 
 FloatArray = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mtu_cli.stats import rotation
+from mtu_cli.stats import outliers
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import (
     GROSS,
@@ -18,9 +18,9 @@ from mtu_cli.stats.outliers import (
     deviation_p,
     median_polish,
     outlying,
+    outstanding_rows,
     spikes,
 )
-from mtu_cli.stats.rotation import outstanding_rows
 
 ROWS, COLUMNS = 21, 30
 GROUPS = np.arange(COLUMNS) % 2
@@ -29,7 +29,7 @@ GROUPS = np.arange(COLUMNS) % 2
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """199 rotations: p in steps of 0.005 are fine enough for the 5 % level."""
-    monkeypatch.setattr(rotation, "ROTATIONS", 199)
+    monkeypatch.setattr(outliers, "ROTATIONS", 199)
 
 
 def clean(seed: int, rho: float, missing: float = 0.0) -> FloatArray:
@@ -75,7 +75,7 @@ def test_a_row_shifted_by_four_sigma_is_found(rho: float) -> None:
 
 
 def test_large_tables_by_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rotation, "ENTRIES", 0)
+    monkeypatch.setattr(outliers, "ENTRIES", 0)
     table = clean(6, 0.3)
     assert not alarmed(table, 1).any()
     table[3] += 5.0

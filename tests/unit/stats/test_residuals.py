@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
+from mtu_cli.stats.serial import condition_number, normality_p, variance_inflation
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.19, 0.7, 0.9])

@@ -13,15 +13,15 @@ from made_tables import remembering
 from plain_selection import by_full_refits
 from scipy.integrate import solve_ivp
 
-from mtu_cli.stats.compressed import (
+from mtu_cli.stats.least_squares import (
     Compressed,
+    FloatArray,
     compress,
     ridge,
     stepwise,
     together,
 )
-from mtu_cli.stats.lag import first_order_lag
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.serial import first_order_lag
 
 # Lags.
 

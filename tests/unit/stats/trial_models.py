@@ -8,10 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from mtu_cli.stats.blocks import BlockPlan, Draws, batch_generator
-from mtu_cli.stats.distributions import Distribution
-from mtu_cli.stats.linear_distribution import sum_quantile
-from mtu_cli.stats.workspace import Workspace
+from mtu_cli.stats.blocks import BlockPlan, Draws, Workspace, batch_generator
+from mtu_cli.stats.distributions import Distribution, sum_quantile
 
 FloatArray = NDArray[np.float64]
 
