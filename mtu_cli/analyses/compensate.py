@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtr, stdtr
 
 from mtu_cli.analyses.iso230 import figures_of
 from mtu_cli.findings import Finding, error, finding
@@ -455,8 +456,6 @@ def verify(
 
     Raises InputError for readings away from the targets, or too few.
     """
-    from scipy.special import ndtr, stdtr
-
     errors, applied = result.errors, result.applied
     assert errors is not None
     assert applied is not None

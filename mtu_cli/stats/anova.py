@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
+from scipy.special import chdtri, fdtrc, fdtri
 
 from mtu_cli.stats.coverage import PROBABILITY
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
@@ -113,8 +114,6 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
     In F the variance `rounding` (tables,) that the last digit hides from the repeats of a part
     (`resolution.hidden`) adds to that of its mean; `ms_within` is as it was measured.
     """
-    from scipy.special import fdtrc, fdtri
-
     n, m = cells.n, cells.mean
     parts = cells.present.sum(axis=1).astype(np.float64)
     N = n.sum(axis=1)
@@ -190,8 +189,6 @@ def part_interval(cells: Cells, table: OneWay, probability: float = PROBABILITY)
     studies of parts that are alike, and in fewer of others: [0, 0] then counts among the intervals
     that miss, and says nothing of the size of s_part.
     """
-    from scipy.special import chdtri, fdtri
-
     present = cells.present
     tail = (1 - probability) / 2
     n1 = table.df_between

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import TypeVar
 
 import numpy as np
+from scipy.special import fdtrc, ndtri, stdtrit
 
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -53,8 +54,6 @@ def coverage_factor(probability: float, dof: float = math.inf) -> float:
 
 def t_quantile(probability: FloatArray, dof: float) -> FloatArray:
     """Quantiles (n,) of Student's t at `probability` (n,); of the normal for infinite `dof`."""
-    from scipy.special import ndtri, stdtrit
-
     result = ndtri(probability) if math.isinf(dof) else stdtrit(dof, probability)
     return np.asarray(result, dtype=np.float64)
 
@@ -116,8 +115,6 @@ def hotelling_p(square: float, k: int, dof: float) -> float:
     `dof` nu degrees of freedom: (nu - k + 1) T^2 / (nu k) is F(k, nu - k + 1); 1 where that is 0
     (Hotelling, Ann. Math. Stat. 2 (1931) 360).
     """
-    from scipy.special import fdtrc
-
     nu = min(dof, ENDLESS)
     df2 = nu - k + 1
     return float(fdtrc(k, df2, square * df2 / (nu * k))) if df2 > 0 else 1.0

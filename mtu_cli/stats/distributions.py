@@ -22,6 +22,7 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
+from scipy.special import j0, ndtr
 
 from mtu_cli.stats.blocks import Workspace
 from mtu_cli.stats.coverage import t_quantile
@@ -199,8 +200,6 @@ def normal_correlation(
 
 
 def _of_normal(item: Distribution, z: FloatArray) -> FloatArray:
-    from scipy.special import ndtr
-
     return bounded_quantile(item, ndtr(z)) if item.bounded else item.u * z
 
 
@@ -344,8 +343,6 @@ def _normal(item: Distribution, omega: FloatArray) -> FloatArray:
 def _shape(item: Distribution, x: FloatArray) -> FloatArray:
     """Characteristic function of the shape, x = half-width times frequency."""
     if item.kind == "arcsine":
-        from scipy.special import j0
-
         return j0(x)
     first = 0.5 * (1.0 + item.top_share)
     return np.sinc(first * x / np.pi) * np.sinc((1.0 - first) * x / np.pi)

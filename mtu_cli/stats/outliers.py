@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtr, stdtrit
 
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import hidden
@@ -37,8 +38,6 @@ def deviation_p(d: FloatArray, count: FloatArray) -> FloatArray:
     `count` is the sample's size n. For normal values t = d sqrt(n (n - 2)/((n - 1)^2 - n d^2))
     has Student's t with n - 2 degrees of freedom (Grubbs, Technometrics 11 (1969) 1).
     """
-    from scipy.special import stdtr
-
     n = np.maximum(count, float(FEWEST))
     divisor = (n - 1) ** 2 - n * d**2
     with np.errstate(over="ignore"):
@@ -111,8 +110,6 @@ def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolA
     >>> mask.nonzero()[0].tolist(), round(s, 2)
     ([30], 0.9)
     """
-    from scipy.special import stdtrit
-
     result = np.zeros(values.shape, bool)
     usable = np.isfinite(values)
     finite = values[usable]
@@ -152,8 +149,6 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
     >>> spikes(curve)[0].nonzero()[0].tolist()
     [7]
     """
-    from scipy.special import stdtrit
-
     result, s, usable = np.zeros(len(values), bool), 0.0, np.isfinite(values)
     while len(rest := np.flatnonzero(usable & ~result)) >= 2 * FEWEST:
         x = values[rest]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import fdtrc, stdtr
 
 from mtu_cli.stats.least_squares import (
     FloatArray,
@@ -48,8 +49,6 @@ def f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | 
     """Of two independent mean squares (Draper & Smith, Applied Regression Analysis, 1998); None
     without degrees of freedom or scatter to compare.
     """
-    from scipy.special import fdtrc
-
     if df1 < 1 or df2 < 1 or denominator <= 0:
         return None
     F = max(numerator, 0.0) / denominator
@@ -60,8 +59,6 @@ def _shift(value: float, u: float, dof: int, rounding: float) -> Shift | None:
     """None where nothing scatters, or where both value and u are rounding errors of 0: the
     errors of sums depend on their order, and look as steady as any trend.
     """
-    from scipy.special import stdtr
-
     if dof < 1 or u <= 0 or max(abs(value), u) <= rounding:
         return None
     return Shift(value=value, u=u, p=float(2 * stdtr(dof, -abs(value) / u)), dof=dof)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
+from scipy.special import chdtr, chdtrc, gammaincinv, ndtr
 
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
@@ -62,8 +63,6 @@ def t_tail(deviation: FloatArray, variance: UncertainVariance) -> FloatArray:
 
     Where the variance is known to be 0: 0, or nan for no deviation.
     """
-    from scipy.special import ndtr
-
     exact = ~(variance.values > 0).any(axis=1)
     scale = np.sqrt(np.where(variance.values > 0, variance.values, 1.0))
     tails = 2 * ndtr(-np.abs(deviation[:, None]) / scale)
@@ -79,8 +78,6 @@ def f_tails(
     nan where there is no mean square, or 0 against 0; a scatter where none is expected has
     (0, 1).
     """
-    from scipy.special import chdtr, chdtrc
-
     valid = np.isfinite(mean_square) & (dof > 0)
     d = np.where(valid, dof, 1.0)[:, None]
     ms = np.where(valid, mean_square, 1.0)[:, None]
@@ -127,8 +124,6 @@ def _normal_nodes() -> tuple[FloatArray, FloatArray]:
 @cache
 def _edges() -> FloatArray:
     """Shares of the normal scale up to half way between two nodes."""
-    from scipy.special import ndtr
-
     step = 2 * REACH / (NODES - 1)
     return ndtr(np.linspace(-REACH, REACH - step, NODES - 1) + step / 2)
 
@@ -141,8 +136,6 @@ def _of_dof(nu: float) -> FloatArray:
 
 def _inverse_chi_squared(z: FloatArray, dof: FloatArray) -> FloatArray:
     """nu/W (m, nodes) at the normal quantiles z, from its smallest value to its largest."""
-    from scipy.special import gammaincinv, ndtr
-
     distinct, index = np.unique(np.minimum(dof, 1e9), return_inverse=True)
     nu = distinct[:, None]
     result: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-z)))
@@ -178,8 +171,6 @@ def mean_square_tails(
     sizes), as Kuonen (Biometrika 86 (1999) 929) has it, with r* for Lugannani and Rice's formula:
     to some percent of the smaller tail.
     """
-    from scipy.special import ndtr
-
     values, weights = variance.values[0], variance.weights[0]
     positive = values > 0
     x = np.divide(mean_square, values, out=np.zeros_like(values), where=positive)

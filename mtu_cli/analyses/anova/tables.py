@@ -10,6 +10,7 @@ from math import nan
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.special import chdtri, nctdtrinc, ndtr, stdtr, stdtrit
 
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.model.measured import Label, MeasuredTables
@@ -83,8 +84,6 @@ class Analysed:
 
 def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> Analysed:
     """The analysis of one kind by one method, with the coverage factor k."""
-    from scipy.special import chdtri, stdtr
-
     table, by_reml = one_way(tables.cells, tables.rounding), reml(tables.cells)
     methods = {"paper": paper, "anova": moments}
     components = methods[method](table) if method in methods else by_reml
@@ -147,8 +146,6 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
 
 def _t(dof: FloatArray) -> FloatArray:
     """Quantiles of Student's t for the interval; nan without degrees of freedom."""
-    from scipy.special import stdtrit
-
     valid = np.isfinite(dof) & (dof > 0)
     return np.where(valid, stdtrit(np.where(valid, dof, 1.0), 1 - TAIL), np.nan)
 
@@ -264,8 +261,6 @@ def trends(kinds: Sequence[Analysed], sequence: Mapping[str, FloatArray]) -> tup
     """The slope of every table's part means over the sequence by least squares, with Student's t;
     p adjusted for all tables (Holm), at the share of trends of the family-wise rate.
     """
-    from scipy.special import stdtr
-
     places = np.array([sequence[label[0]] for kind in kinds for label in kind.labels])
     means = np.concatenate([kind.tables.cells.mean for kind in kinds])
     present = np.concatenate([kind.tables.cells.present for kind in kinds]) & np.isfinite(places)
@@ -369,8 +364,6 @@ def capabilities(
 
 def _of_one(values: FloatArray, low: float, high: float, r: float) -> dict[str, Any]:
     """Of a length or angle (parts, 1); `r` is the variance of a value that its last digit hides."""
-    from scipy.special import chdtri
-
     values, n = values[:, 0], len(values)
     mean, s = float(values.mean()), float(np.sqrt(values.var(ddof=1) + r))
     moving = np.abs(np.diff(values)).mean() / MOVING_RANGE
@@ -400,8 +393,6 @@ def noncentrality(dof: float, probability: float, t: float) -> float:
     >>> round(noncentrality(9, 0.975, 40.0), 3), round(noncentrality(9, 0.975, -4e6))
     (21.79, -5815346)
     """
-    from scipy.special import chdtri, nctdtrinc
-
     if abs(t) <= T_FAR or np.isnan(t):
         return float(nctdtrinc(dof, probability, t))
     upper = probability if t > 0 else 1 - probability
@@ -431,7 +422,6 @@ def radial_quantile(mean: FloatArray, C: FloatArray, probability: float) -> floa
     """
     from scipy.integrate import quad
     from scipy.optimize import brentq
-    from scipy.special import ndtr
 
     variances, axes = np.linalg.eigh(C)
     unit = float(np.sqrt(variances[1]))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from mtu_cli.analyses.budget.inputs import ROUNDING, Inputs
 from mtu_cli.files.budget import LoadedBudget
@@ -220,8 +221,6 @@ def _marginal(
         if item.dof < NORMAL_DOF:
             row *= t_scales(item.dof, rng, scale)
         return
-    from scipy.special import ndtr
-
     row[:] = bounded_quantile(item, ndtr(row))
     if item.inexact > 0.0:
         row *= 1.0 + item.inexact * (2.0 * rng.random(row.shape) - 1.0)
