@@ -15,7 +15,7 @@ import numpy as np
 
 from mtu_cli.files.machine import Component
 from mtu_cli.files.reports_read import ReportedComponent
-from mtu_cli.stats.kernels import interpolation_covariance, line, smooth_root, weights
+from mtu_cli.stats.kernels import interpolation_covariance, smooth_root, weights
 from mtu_cli.stats.least_squares import FloatArray, polynomial
 from mtu_cli.units import ARCSEC, LENGTH, UM, UNITS, Unit
 
@@ -73,11 +73,11 @@ class TableShape:
 
     def of_line(self, center: float, q: int) -> FloatArray:
         """T (k, q) from (intercept at the centre, slope) to values."""
-        return line(self.at, center)[:, :q]
+        return polynomial(self.at - center, 1)[:, :q]
 
     def at_centre(self, center: float) -> FloatArray:
         """T (2, k) from values to level and slope of the least-squares line at the centre."""
-        return np.asarray(np.linalg.pinv(line(self.at, center)), np.float64)
+        return np.asarray(np.linalg.pinv(polynomial(self.at - center, 1)), np.float64)
 
     def interpolation_covariance(self, position: FloatArray) -> FloatArray:
         """Covariance (n, n) of what the values leave open, the same for all parts."""

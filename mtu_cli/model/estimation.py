@@ -28,7 +28,6 @@ from mtu_cli.stats.kernels import (
     FEWEST_RUNS,
     FEWEST_TARGETS,
     SmoothProfile,
-    line,
     smooth_profile,
 )
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
@@ -332,7 +331,7 @@ def _at_knots(fit: InstrumentFit, profile: SmoothProfile) -> dict[str, Any]:
 
     The bend holds no line of the readings, however many there are at each position.
     """
-    y, at, L = fit.error, np.searchsorted(profile.knots, fit.position), line(profile.knots, 0.0)
+    y, at, L = fit.error, np.searchsorted(profile.knots, fit.position), polynomial(profile.knots, 1)
     counts = np.bincount(at)
     without_line = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
     of_bend = without_line @ profile.covariance @ without_line.T

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri
 
 from mtu_cli.stats.coverage import PROBABILITY
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
 from mtu_cli.stats.resolution import hidden
 
 _BLOCK = 1 << 15
@@ -121,14 +121,14 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
     deviation = np.where(cells.present, m - grand[:, None], 0.0)
     ss_between = (n * deviation**2).sum(axis=1)
     df_between, df_within = parts - 1, N - parts
-    ms_between = _ratio(ss_between, df_between)
-    ms_within = _ratio(cells.within, df_within)
+    ms_between = quotient(ss_between, df_between)
+    ms_within = quotient(cells.within, df_within)
     squares = (n**2).sum(axis=1)
-    n0 = _ratio(N - squares / N, df_between)
+    n0 = quotient(N - squares / N, df_between)
     noise = ms_within + np.nan_to_num(n0) * hidden(ms_within, rounding)
-    F = np.where(ms_within > 0, _ratio(ms_between, noise), np.nan)
-    valid = np.isfinite(F) & (df_between > 0)
-    safe_b, safe_w = np.where(valid, df_between, 1), np.where(valid, df_within, 1)
+    F = np.where(ms_within > 0, quotient(ms_between, noise), np.nan)
+    # Without F all that follows of it is nan.
+    df_F = np.where(np.isfinite(F), df_between, np.nan)
     return OneWay(
         parts=parts,
         N=N,
@@ -138,16 +138,10 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
         df_between=df_between,
         df_within=df_within,
         F=F,
-        F_critical_95=np.where(valid, fdtri(safe_b, safe_w, 0.95), np.nan),
-        p=np.where(valid, fdtrc(safe_b, safe_w, np.where(valid, F, 1.0)), np.nan),
+        F_critical_95=fdtri(df_F, df_within, 0.95),
+        p=np.asarray(fdtrc(df_F, df_within, F), np.float64),
         n0=n0,
         share=squares / N**2,
-    )
-
-
-def _ratio(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
-    return np.divide(
-        numerator, denominator, out=np.full_like(numerator, np.nan), where=denominator > 0
     )
 
 
@@ -177,20 +171,20 @@ def paper(table: OneWay) -> Components:
     return Components(part=table.ms_between, repeat=table.ms_within, part_estimate=table.ms_between)
 
 
-def part_interval(cells: Cells, table: OneWay, probability: float = PROBABILITY) -> FloatArray:
-    """Interval (tables, 2) for s_part^2: modified large-sample limits, unequal repeats.
+def part_interval(cells: Cells, table: OneWay) -> FloatArray:
+    """95 % interval (tables, 2) for s_part^2: modified large-sample limits, unequal repeats.
 
     Burdick & Graybill, Confidence Intervals on Variance Components (1992), 3.2 and 4.2: with the
     unweighted mean square S1 = h sum (m_i - mean m)^2/(a - 1), h the harmonic mean of n_i, and
     S2 = MS_within the limits are (S1 - S2 -+ sqrt(...))/h (Ting, Burdick, Graybill, Jeyaratnam &
     Lu, J. Stat. Comput. Simul. 35 (1990) 135). Limits below 0 are 0.
 
-    The upper one is where S1/S2 is below the lower quantile of F, in half of 1 - `probability` of
+    The upper one is where S1/S2 is below the lower quantile of F, in 2.5 % of
     studies of parts that are alike, and in fewer of others: [0, 0] then counts among the intervals
     that miss, and says nothing of the size of s_part.
     """
     present = cells.present
-    tail = (1 - probability) / 2
+    tail = (1 - PROBABILITY) / 2
     n1 = table.df_between
     valid = (n1 > 0) & (table.df_within > 0)
     n1, n2 = np.where(valid, n1, 1.0), np.where(valid, table.df_within, 1.0)
@@ -220,20 +214,6 @@ HALVINGS = 52
 """Of a bracket: to the last bit."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Levels:
-    """Parts of equal repeats n (levels,) taken together: `count` of them, their `mean` and sum of
-    `squares` about it, (tables, levels); `within` and `N` (tables,).
-    """
-
-    n: FloatArray
-    count: FloatArray
-    mean: FloatArray
-    squares: FloatArray
-    within: FloatArray
-    N: FloatArray
-
-
 def reml(cells: Cells) -> Components:
     """Components of variance by REML: s_part^2 >= 0, s_repeat^2.
 
@@ -248,59 +228,51 @@ def reml(cells: Cells) -> Components:
     part means, less their share of s_repeat^2. A table without repeats has nan, one with a single
     part has nan for s_part^2; one whose repeats are all equal has s_repeat^2 = 0.
     """
-    levels = _levels(cells)
-    a = levels.count.sum(axis=1)
-    falling = np.array([_slope(levels, np.full(len(a), r)) < 0 for r in GRID])
+    within, N, n = cells.within, cells.n.sum(axis=1), np.unique(cells.n)
+    n = n[n > 0]
+    # Parts of equal repeats n (levels,) count as one: their number, mean and sum of squares about
+    # it, (tables, levels).
+    count, means, about = np.empty((3, len(N), len(n)))
+    for k, repeats in enumerate(n):
+        mask = cells.n == repeats
+        count[:, k] = mask.sum(axis=1)
+        means[:, k] = np.where(mask, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
+        deviation = np.where(mask, cells.mean - means[:, k, None], 0.0)
+        about[:, k] = np.einsum("ij,ij->i", deviation, deviation)
+    a = count.sum(axis=1)
+
+    def fitted(r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Weights w, sums of (m - mu)^2 (tables, levels), and Q (tables,), at r (tables,)."""
+        w = n / (1 + n * r[:, None])
+        weights = count * w
+        mu = (weights * means).sum(axis=1) / weights.sum(axis=1)
+        squares = about + count * (means - mu[:, None]) ** 2
+        return w, squares, within + (w * squares).sum(axis=1)
+
+    def slope(r: FloatArray) -> FloatArray:
+        """d(-2 l)/dr = (N - 1) Q'/Q + sum w - sum w^2 / sum w, Q' = -sum w^2 (m - mu)^2."""
+        w, squares, Q = fitted(r)
+        total = (count * w).sum(axis=1)
+        # Equal values in all of a table have Q = 0; it is not the likelihood's to decide.
+        change = (w**2 * squares).sum(axis=1) / np.where(Q > 0, Q, 1.0)
+        return total - (count * w**2).sum(axis=1) / total - (N - 1) * change
+
+    falling = np.array([slope(np.full(len(a), r)) < 0 for r in GRID])
     last = len(GRID) - 1 - np.argmax(falling[::-1], axis=0)
     low, high = GRID[last], GRID[np.minimum(last + 1, len(GRID) - 1)]
     for _ in range(HALVINGS):
         middle = np.where(low > 0, np.sqrt(low * high), high / 2)
-        above = _slope(levels, middle) > 0
+        above = slope(middle) > 0
         low, high = np.where(above, low, middle), np.where(above, middle, high)
     r = np.where(falling.any(axis=0), high, 0.0)
-    repeat = _fit(levels, r)[2] / np.maximum(levels.N - 1, 1)
+    repeat = fitted(r)[2] / np.maximum(N - 1, 1)
     part = r * repeat
-    far = falling[-1] | (levels.within == 0)
-    repeat = np.where(far, levels.within / np.maximum(levels.N - a, 1), repeat)
-    mean = (levels.count * levels.mean).sum(axis=1) / a
-    squares = levels.squares + levels.count * (levels.mean - mean[:, None]) ** 2
-    lost = repeat * (levels.count / levels.n).sum(axis=1) / a
+    far = falling[-1] | (within == 0)
+    repeat = np.where(far, within / np.maximum(N - a, 1), repeat)
+    mean = (count * means).sum(axis=1) / a
+    squares = about + count * (means - mean[:, None]) ** 2
+    lost = repeat * (count / n).sum(axis=1) / a
     part = np.where(far, squares.sum(axis=1) / np.maximum(a - 1, 1) - lost, part)
-    part = np.where((a > 1) & (a < levels.N), part, np.nan)
-    repeat = np.where(a < levels.N, repeat, np.nan)
+    part = np.where((a > 1) & (a < N), part, np.nan)
+    repeat = np.where(a < N, repeat, np.nan)
     return Components(part=part, repeat=repeat, part_estimate=part)
-
-
-def _levels(cells: Cells) -> _Levels:
-    n = np.unique(cells.n)
-    n = n[n > 0]
-    count, mean, squares = np.empty((3, len(cells.n), len(n)))
-    for k, repeats in enumerate(n):
-        mask = cells.n == repeats
-        count[:, k] = mask.sum(axis=1)
-        mean[:, k] = np.where(mask, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
-        deviation = np.where(mask, cells.mean - mean[:, k, None], 0.0)
-        squares[:, k] = np.einsum("ij,ij->i", deviation, deviation)
-    N, within = cells.n.sum(axis=1), cells.within
-    return _Levels(n=n, count=count, mean=mean, squares=squares, within=within, N=N)
-
-
-def _fit(levels: _Levels, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Weights w and squares (m - mu)^2 summed (tables, levels), and Q (tables,), at r (tables,)."""
-    w = levels.n / (1 + levels.n * r[:, None])
-    weights = levels.count * w
-    mu = (weights * levels.mean).sum(axis=1) / weights.sum(axis=1)
-    squares = levels.squares + levels.count * (levels.mean - mu[:, None]) ** 2
-    return w, squares, levels.within + (w * squares).sum(axis=1)
-
-
-def _slope(levels: _Levels, r: FloatArray) -> FloatArray:
-    """d(-2 l)/dr (tables,) at r (tables,):
-
-    (N - 1) Q'/Q + sum w - sum w^2 / sum w, Q' = -sum w^2 (m - mu)^2.
-    """
-    w, squares, Q = _fit(levels, r)
-    total = (levels.count * w).sum(axis=1)
-    # Equal values in all of a table have Q = 0; such a table is not the likelihood's to decide.
-    change = (w**2 * squares).sum(axis=1) / np.where(Q > 0, Q, 1.0)
-    return total - (levels.count * w**2).sum(axis=1) / total - (levels.N - 1) * change

@@ -166,7 +166,8 @@ def copula_covariance(
     first: Distribution, second: Distribution, rho: float, nodes: int = COARSE
 ) -> float:
     """E Q_1(Phi(z)) Q_2(Phi(y)) of normals z, y of correlation rho, at the stated half-widths."""
-    z, weight = _nodes(nodes)
+    z = np.linspace(-REACH, REACH, nodes)
+    weight = np.exp(-0.5 * z * z) * ((z[1] - z[0]) / math.sqrt(2.0 * math.pi))
     y = z if rho == 1.0 else rho * z[:, None] + math.sqrt(1.0 - rho * rho) * z
     inner = _of_normal(second, y) if rho == 1.0 else _of_normal(second, y) @ weight
     return float((weight * _of_normal(first, z)) @ inner)
@@ -203,11 +204,6 @@ def _of_normal(item: Distribution, z: FloatArray) -> FloatArray:
     return bounded_quantile(item, ndtr(z)) if item.bounded else item.u * z
 
 
-def _nodes(count: int) -> tuple[FloatArray, FloatArray]:
-    z = np.linspace(-REACH, REACH, count)
-    return z, np.exp(-0.5 * z * z) * ((z[1] - z[0]) / math.sqrt(2.0 * math.pi))
-
-
 Quantile = Callable[[FloatArray], FloatArray]
 Term = tuple[float, Distribution]
 """(coefficient, distribution) of one independent contribution."""
@@ -238,7 +234,12 @@ def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
     varies, or the sum has corners that its series does not follow, as an arcsine distribution with
     little beside it. The distribution function is right to about 1e-6.
     """
-    terms = _gathered_terms(terms)
+    terms = [(abs(c), item) for c, item in terms if c != 0.0 and item.u > 0.0]
+    # All normal ones are one.
+    normal = [c * item.u for c, item in terms if not item.bounded and item.dof >= NORMAL_DOF]
+    if normal:
+        rest = [(c, item) for c, item in terms if item.bounded or item.dof < NORMAL_DOF]
+        terms = [(1.0, Distribution(kind="normal", u=math.hypot(*normal))), *rest]
     if not terms:
         return None
     if len(terms) == 1 and terms[0][1].inexact == 0.0:
@@ -258,16 +259,6 @@ def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
     above, x = series
     half, at = np.maximum.accumulate(above), x * sigma
     return lambda p: np.sign(p - 0.5) * np.interp(np.abs(p - 0.5), half, at)
-
-
-def _gathered_terms(terms: Sequence[Term]) -> list[Term]:
-    """Those that vary, with coefficients above 0; all normal ones as one."""
-    terms = [(abs(c), item) for c, item in terms if c != 0.0 and item.u > 0.0]
-    normal = [c * item.u for c, item in terms if not item.bounded and item.dof >= NORMAL_DOF]
-    rest = [(c, item) for c, item in terms if item.bounded or item.dof < NORMAL_DOF]
-    if not normal:
-        return rest
-    return [(1.0, Distribution(kind="normal", u=math.hypot(*normal))), *rest]
 
 
 def _series(terms: Sequence[Term], sigma: float) -> tuple[FloatArray, FloatArray] | None:

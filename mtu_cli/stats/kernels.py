@@ -33,11 +33,6 @@ def wiener(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.abs(np.subtract.outer(a, b)) ** 3 / 12
 
 
-def line(position: FloatArray, center: float) -> FloatArray:
-    """Columns (n, 2) of a straight line: 1 and position - center."""
-    return np.column_stack([np.ones(len(position)), position - center])
-
-
 def weights(knots: FloatArray, position: FloatArray) -> FloatArray:
     """W (n, T): W f(knots) is the natural cubic spline at `position`, beyond the knots a line.
 
@@ -48,9 +43,9 @@ def weights(knots: FloatArray, position: FloatArray) -> FloatArray:
     """
     center, half = _scale(knots)
     a, b = (knots - center) / half, (position - center) / half
-    fixed = line(a, 0.0)
+    fixed = polynomial(a, 1)
     lhs = np.block([[wiener(a, a), fixed], [fixed.T, np.zeros((2, 2))]])
-    rhs = np.vstack([wiener(a, b), line(b, 0.0).T])
+    rhs = np.vstack([wiener(a, b), polynomial(b, 1).T])
     result: FloatArray = np.linalg.solve(lhs, rhs)[: len(knots)].T
     # At a knot the value itself, without rounding.
     at = np.minimum(np.searchsorted(knots, position), len(knots) - 1)
@@ -74,7 +69,7 @@ def smooth_root(knots: FloatArray) -> FloatArray:
     """B (T, T - 2): f(knots) is a line plus tau B u, u standard normal, B without a line."""
     center, half = _scale(knots)
     a = (knots - center) / half
-    H = np.linalg.qr(line(a, 0.0), mode="complete")[0][:, 2:]
+    H = np.linalg.qr(polynomial(a, 1), mode="complete")[0][:, 2:]
     return H @ np.linalg.cholesky(H.T @ wiener(a, a) @ H) * half**1.5
 
 

@@ -59,10 +59,21 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
     k = X.shape[1]
     largest = singular[0] if singular.size else 0.0
     rank = int(np.sum(singular > RANK_TOLERANCE * largest)) if largest > 0 else 0
-    V = Vt[:rank].T / singular[:rank]
-    b, residuals = _refine(X, y, U[:, :rank], V, scale)
+    U, V = U[:, :rank], Vt[:rank].T / singular[:rank]
+    # Of S = U V^-T, r + S b = y and S'r = 0 are refined together (Bjorck 1967, BIT 7, 257-278):
+    # where residuals are large the first alone leaves the error of the second in b. Their defects
+    # are formed in extended precision where the platform has it.
+    S, target = X.astype(np.longdouble) / scale, y.astype(np.longdouble)
+    b = (V @ (U.T @ y)).astype(np.longdouble)
+    r = target - S @ b
+    for _ in range(REFINEMENTS):
+        f = (target - r - S @ b).astype(np.float64)
+        g = (S.T @ r).astype(np.float64)
+        step = V @ (U.T @ f + V.T @ g)
+        b, r = b + step, r + f - S @ step
+    residuals = (target - S @ b).astype(np.float64)
     return LeastSquares(
-        coefficients=b,
+        coefficients=(b / scale).astype(np.float64),
         unscaled_covariance=V @ V.T / np.outer(scale, scale),
         residuals=residuals,
         rss=float(residuals @ residuals),
@@ -70,28 +81,6 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
         rank=rank,
         null_space=Vt[rank:k].T / scale[:, None],
     )
-
-
-def _refine(
-    X: FloatArray, y: FloatArray, U: FloatArray, V: FloatArray, scale: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Coefficients (k,) and residuals (n,) of the scaled design S = U V^-T, refined.
-
-    Refines r + S b = y, S'r = 0 together (Bjorck 1967, BIT 7, 257-278): where the residuals
-    are large, those of r + S b = y alone leave the error of S'r = 0 in b. Their defects are
-    formed in extended precision where the platform has it.
-    """
-    S = X.astype(np.longdouble) / scale
-    target = y.astype(np.longdouble)
-    b = (V @ (U.T @ y)).astype(np.longdouble)
-    r = target - S @ b
-    for _ in range(REFINEMENTS):
-        f = (target - r - S @ b).astype(np.float64)
-        g = (S.T @ r).astype(np.float64)
-        step = V @ (U.T @ f + V.T @ g)
-        b = b + step
-        r = r + f - S @ step
-    return (b / scale).astype(np.float64), (target - S @ b).astype(np.float64)
 
 
 def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -118,6 +107,12 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     for j in reversed(range(k)):
         b[j] = (z[j] - np.einsum("cm,cm->m", R[j, j + 1 :], b[j + 1 :])) / R[j, j]
     return b, np.einsum("km,km->m", z, z)
+
+
+def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
+    """numerator/denominator, nan where the denominator is not above 0."""
+    unknown = np.full_like(numerator, np.nan)
+    return np.divide(numerator, denominator, out=unknown, where=denominator > 0)
 
 
 def polynomial(position: FloatArray, degree: int) -> FloatArray:

@@ -22,7 +22,7 @@ Hunter, Statistics for Experimenters, 9.1).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -114,69 +114,13 @@ def fit_passes(
     by itself (single readings along an axis), D is not separated.
     """
     plain = least_squares(polynomial(position, degree), y)
-    center = float(position.mean())
-    if group is None:
-        return _single(y, plain, center)
-    design = _pass_design(position, center, degree, group, direction, runs)
-    fit = _separated(y, design, plain, center) if design.dof > 0 else None
-    return _single(y, plain, center, design) if fit is None else fit
-
-
-def _separated(
-    y: FloatArray, design: _PassDesign, plain: LeastSquares, center: float
-) -> PassFit | None:
-    """Pass-to-pass scatter beside repeatability; None where the readings cannot."""
-    rows, G = design.rows, len(design.ids)
-    Z, common = design.Z[rows], design.X[rows, design.Z.shape[1] :]
-    result = _between_lines(y[rows], Z, common, design.row_codes, design.fixed)
-    if result is None:
-        return None
-    s2, between = result.rss / max(result.dof, 1), result.S
-    within, D = s2 * result.M, positive_part(between, result.M, s2)
-    # Two or three may agree by chance far better than repeatability allows: D is not negative.
-    moment = D if design.dof < FEW_PASSES else between - within
-    K = covariance_in_runs(result.deviations, design.pairs, between)
-    halves = None
-    if len(design.pairs) >= FEWEST_RUNS:
-        # Passes without a fellow have no covariance: over all of them it is so much less. Where
-        # both passes of every run differ by the same it is 0, which rounding may make negative.
-        halves = as_covariance((moment + within - 2 * len(design.pairs) / G * K) / 2)
-    # One line a direction takes all passes of it as one.
-    lines = [Z * column[design.row_codes, None] for column in design.fixed.T]
-    pooled = least_squares(np.column_stack([*lines, common]), y[rows])
-    choices = ((moment, K), (D, K), (D, bounded(K, D)))
-    return PassFit(
-        plain=plain,
-        covariance=_coefficient_covariance(plain, design, s2, choices),
-        center=center,
-        s2=s2,
-        D=D,
-        D_moment=moment,
-        between=between,
-        pass_dof=design.dof,
-        within_dof=result.dof,
-        within_rss=result.rss,
-        separated=True,
-        groups=design.ids,
-        group_direction=design.sign,
-        pass_coefficients=result.coefficients,
-        deviations=result.deviations,
-        divisor=G - design.fixed.shape[1],
-        pairs=design.pairs,
-        half_differences=halves,
-        pooled_rss=pooled.rss,
-        pooled_dof=pooled.dof,
-        rounding=rounding_of(y),
-    )
-
-
-def _single(
-    y: FloatArray, plain: LeastSquares, center: float, design: _PassDesign | None = None
-) -> PassFit:
-    """One pass, or none known: all scatter counts as repeatability."""
-    q = min(2, len(plain.coefficients))
+    center, q = float(position.mean()), min(2, degree + 1)
+    design = None
+    if group is not None:
+        design = _pass_design(position, center, degree, group, direction, runs)
+    # One pass, or none known: all scatter counts as repeatability.
     nothing, empty = np.zeros((q, q)), np.zeros((0, q))
-    return PassFit(
+    single = PassFit(
         plain=plain,
         covariance=plain.s2 * plain.unscaled_covariance,
         center=center,
@@ -193,6 +137,50 @@ def _single(
         pooled_rss=plain.rss,
         pooled_dof=plain.dof,
         rounding=rounding_of(y),
+    )
+    return single if design is None or design.dof <= 0 else _separated(y, design, single)
+
+
+def _separated(y: FloatArray, design: _PassDesign, single: PassFit) -> PassFit:
+    """Pass-to-pass scatter beside repeatability; `single` where the readings cannot."""
+    rows, G = design.rows, len(design.ids)
+    Z, common = design.Z[rows], design.X[rows, design.Z.shape[1] :]
+    lines = _between_lines(y[rows], Z, common, design.row_codes, design.fixed)
+    if lines is None:
+        return single
+    coefficients, deviations, between, M, rss, dof = lines
+    s2 = rss / max(dof, 1)
+    within, D = s2 * M, positive_part(between, M, s2)
+    # Two or three may agree by chance far better than repeatability allows: D is not negative.
+    moment = D if design.dof < FEW_PASSES else between - within
+    K = covariance_in_runs(deviations, design.pairs, between)
+    halves = None
+    if len(design.pairs) >= FEWEST_RUNS:
+        # Passes without a fellow have no covariance: over all of them it is so much less. Where
+        # both passes of every run differ by the same it is 0, which rounding may make negative.
+        halves = as_covariance((moment + within - 2 * len(design.pairs) / G * K) / 2)
+    # One line a direction takes all passes of it as one.
+    by_direction = [Z * column[design.row_codes, None] for column in design.fixed.T]
+    pooled = least_squares(np.column_stack([*by_direction, common]), y[rows])
+    choices = ((moment, K), (D, K), (D, bounded(K, D)))
+    return replace(
+        single,
+        covariance=_coefficient_covariance(single.plain, design, s2, choices),
+        s2=s2,
+        D=D,
+        D_moment=moment,
+        between=between,
+        pass_dof=design.dof,
+        within_dof=dof,
+        within_rss=rss,
+        separated=True,
+        pass_coefficients=coefficients,
+        deviations=deviations,
+        divisor=G - design.fixed.shape[1],
+        pairs=design.pairs,
+        half_differences=halves,
+        pooled_rss=pooled.rss,
+        pooled_dof=pooled.dof,
     )
 
 
@@ -306,23 +294,12 @@ def rounding_of(y: FloatArray) -> float:
     return steps * float(np.spacing(np.abs(y).max(initial=0.0)))
 
 
-class _Between(NamedTuple):
-    """Own `coefficients` (G, q) of the passes less the powers common to all, their `deviations`
-    (G, q) from the mean by direction and mean square S (q, q), E S = D + s2 M, s2 = `rss`/`dof`.
-    """
-
-    coefficients: FloatArray
-    deviations: FloatArray
-    S: FloatArray
-    M: FloatArray
-    rss: float
-    dof: int
-
-
 def _between_lines(
     y: FloatArray, Z: FloatArray, common: FloatArray, codes: IntArray, fixed: FloatArray
-) -> _Between | None:
-    """Lines of the passes `codes` over Z, with the higher powers `common` to all of them, compared.
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, int] | None:
+    """Lines of the passes `codes` over Z, with the higher powers `common` to all of them, compared:
+    the passes' own coefficients (G, q) less the common powers, their deviations (G, q) from the
+    mean by direction and mean square S (q, q), E S = D + s2 M, M, and the rss and dof of s2.
 
     The common columns and y are first freed from every pass's own line (Frisch-Waugh), so that
     nothing larger than the readings is ever formed. M holds the error of each pass's own line and
@@ -352,16 +329,13 @@ def _between_lines(
     of_powers = np.einsum("gia,ab,gjb->ij", carried, shared.unscaled_covariance, carried)
     if np.einsum("gi,gij,gj->", deviations, precisions, deviations) <= rounding:
         deviations = np.zeros_like(deviations)
-    divisor = G - fixed.shape[1]
-    return _Between(
-        coefficients,
-        deviations,
-        S=deviations.T @ deviations / divisor,
-        M=(of_lines + of_powers) / divisor,
-        # One reading a pass: nothing repeats within it, all scatter is pass-to-pass.
-        rss=shared.rss if dof > 0 and shared.rss > rounding else 0.0,
-        dof=max(dof, 0),
+    # One reading a pass: nothing repeats within it, all scatter is pass-to-pass.
+    rss = shared.rss if dof > 0 and shared.rss > rounding else 0.0
+    S, M = (
+        square / (G - fixed.shape[1])
+        for square in (deviations.T @ deviations, of_lines + of_powers)
     )
+    return coefficients, deviations, S, M, rss, max(dof, 0)
 
 
 def _products(A: FloatArray, B: FloatArray, codes: IntArray, G: int) -> FloatArray:

@@ -187,9 +187,6 @@ DENSE_ROWS = 64
 IN_CACHE = 250_000
 """Numbers rotated at a time: what stays in the processor's cache."""
 
-Rotate = Callable[[int], FloatArray]
-"""So many rotated tables (n, rows, columns)."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outstanding:
@@ -256,7 +253,7 @@ def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator)
     # itself referred to its distribution.
     tails = np.array([_tail(null, null) for null in nulls])
     smallest = tails.min(axis=0)
-    entries, distance, mean = (_lower_tail(item, smallest) for item in p)
+    entries, distance, mean = (_tail(-item, -smallest) for item in p)
     by_row = np.minimum(distance.min(axis=1), mean.min(axis=1))
     return Outstanding(by_row=by_row, by_cell=entries)
 
@@ -293,8 +290,8 @@ def _statistics(d: FloatArray, indicator: FloatArray) -> tuple[FloatArray, Float
     return np.abs(d), (d**2) @ groups, np.abs(d @ indicator) / np.sqrt(indicator.sum(axis=0))
 
 
-def _rotations(d: FloatArray, rng: np.random.Generator) -> Rotate:
-    """Random rotations of the centred table `d` that leave the columns' means at 0."""
+def _rotations(d: FloatArray, rng: np.random.Generator) -> Callable[[int], FloatArray]:
+    """So many random rotations (n, rows, columns) of the centred table `d`, means of columns 0."""
     rows = len(d)
     if rows > DENSE_ROWS:
         from scipy.fft import dct, idct
@@ -329,9 +326,3 @@ def _tail(values: FloatArray, null: FloatArray) -> FloatArray:
     # Equal up to rounding counts as equal, so that a table is never rarer than itself.
     below = np.searchsorted(ordered, values - 1e-12 * (1 + np.abs(values)), side="left")
     return (1 + len(null) - below) / (1 + len(null))
-
-
-def _lower_tail(values: FloatArray, null: FloatArray) -> FloatArray:
-    """(1 + number of null values at most as large)/(1 + their count), for every value."""
-    at_most = np.searchsorted(np.sort(null), values * (1 + 1e-12), side="right")
-    return (1 + at_most) / (1 + len(null))

@@ -60,10 +60,11 @@ class SerialFit:
     so that b has the mean covariance and the scatter of b over the grid.
 
     b = `transform` beta in r directions that the rows determine, beta (r,) with `covariance`;
-    `null` (k, k - r) are directions that they do not. `clusters` hold (R_c, A_c, Q'e_c) of the
-    whitened rows, `inverse` M = (X'V^-1 X)^-1 (r, r) of the likeliest V. Noise of the columns
-    attenuates b, E b = (1 - M N) b with N the noise in X'V^-1 X: `attenuated` = (1 - M N)^-1 takes
-    that back (Fuller, Measurement Error Models, 1987, eq. (2.2.20)).
+    `null` (k, k - r) are directions that they do not. `clusters` hold (R, A, Q'e) of the whitened
+    rows, X = Q R, A = (I - R M R')^(-1/2) R M, residuals e; `inverse` M = (X'V^-1 X)^-1 (r, r) is
+    of the likeliest V. Noise of the columns attenuates b, E b = (1 - M N) b with N the noise in
+    X'V^-1 X: `attenuated` = (1 - M N)^-1 takes that back (Fuller, Measurement Error Models, 1987,
+    eq. (2.2.20)).
     """
 
     def __init__(self, blocks: Sequence[Block], *, levels: bool) -> None:
@@ -93,23 +94,14 @@ class SerialFit:
         *_, self.inverse, Z = fits[i]
         self.attenuated = _disattenuation(blocks, T, self.inverse, levels, *grid[i])
         parts = np.split(Z, np.cumsum([len(b.y) for b in blocks])[:-1])
-        self.clusters = [
-            self._cluster(
-                [Z for Z, b in zip(parts, blocks, strict=True) if b.cluster == c], betas[i]
-            )
-            for c in dict.fromkeys(b.cluster for b in blocks)
-        ]
-
-    def _cluster(
-        self, parts: list[FloatArray], beta: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """(R, A, Q'e): X = Q R, A = (I - R M R')^(-1/2) R M, residuals e."""
-        Z = np.vstack(parts)
-        Q, R = np.linalg.qr(Z[:, :-1])
-        values, vectors = np.linalg.eigh(np.eye(len(R)) - R @ self.inverse @ R.T)
-        root = np.where(values > _SINGULAR, 1 / np.sqrt(np.maximum(values, _SINGULAR)), 0.0)
-        A = (vectors * root) @ vectors.T @ R @ self.inverse
-        return R, A, Q.T @ (Z[:, -1] - Z[:, :-1] @ beta)
+        self.clusters = list[tuple[FloatArray, FloatArray, FloatArray]]()
+        for c in dict.fromkeys(b.cluster for b in blocks):
+            Z = np.vstack([part for part, b in zip(parts, blocks, strict=True) if b.cluster == c])
+            Q, R = np.linalg.qr(Z[:, :-1])
+            values, vectors = np.linalg.eigh(np.eye(len(R)) - R @ self.inverse @ R.T)
+            root = np.where(values > _SINGULAR, 1 / np.sqrt(np.maximum(values, _SINGULAR)), 0.0)
+            A = (vectors * root) @ vectors.T @ R @ self.inverse
+            self.clusters.append((R, A, Q.T @ (Z[:, -1] - Z[:, :-1] @ betas[i])))
 
     def combinations(self, L: FloatArray) -> Combinations:
         """Values and uncertainties of L b, L (q, k).

@@ -10,8 +10,8 @@ effective degrees of freedom do.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtr, chdtrc, gammaincinv, ndtr
@@ -19,11 +19,8 @@ from scipy.special import chdtr, chdtrc, gammaincinv, ndtr
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
 
-NODES = 64
 AT_ONCE = 8
 """Variances at a time: the pairs of their sums stay in the processor's cache."""
-REACH = 6.0
-"""Quantiles run from -REACH to REACH standard deviations of the normal scale."""
 MANY = 30.0
 """From so many degrees of freedom on Welch and Satterthwaite's formula does no harm."""
 STEPS = 80
@@ -31,10 +28,17 @@ STEPS = 80
 BRACKET, FAR = 30.0, 1e6
 NEAR = 1e-3
 """Standard deviations from the mean at which the formula is 0/0 but for its limit."""
+NODES = 64
+REACH = 6.0
+"""Nodes NORMAL, from -REACH to REACH standard deviations of the normal scale, of WEIGHT."""
+STEP = 2 * REACH / (NODES - 1)
+NORMAL = np.linspace(-REACH, REACH, NODES)
+WEIGHT = np.exp(-(NORMAL**2) / 2) / np.exp(-(NORMAL**2) / 2).sum()
+EDGES = ndtr(np.linspace(-REACH, REACH - STEP, NODES - 1) + STEP / 2)
+"""Shares of the normal scale up to half way between two nodes."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UncertainVariance:
+class UncertainVariance(NamedTuple):
     """What mean squares tell of m variances: `values` with `weights`, each (m, nodes)."""
 
     values: FloatArray
@@ -54,8 +58,7 @@ def uncertain_variance(squares: FloatArray, dof: FloatArray) -> UncertainVarianc
         _convolution(rows, dof)
         for rows in np.array_split(positive * share, len(whole) // AT_ONCE + 1, axis=1)
     ]
-    values, weights = (np.concatenate(each) for each in zip(*nodes, strict=True))
-    return UncertainVariance(values=values, weights=weights)
+    return UncertainVariance(*map(np.concatenate, zip(*nodes, strict=True)))
 
 
 def t_tail(deviation: FloatArray, variance: UncertainVariance) -> FloatArray:
@@ -92,14 +95,13 @@ def f_tails(
 
 def _convolution(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights (m, NODES) of sum_k c_k nu_k/W_k, one mean square after the other."""
-    z, weight = _normal_nodes()
     many = dof >= MANY
-    values, weights = np.zeros((c.shape[1], NODES)), np.tile(weight, (c.shape[1], 1))
+    values, weights = np.zeros((c.shape[1], NODES)), np.tile(WEIGHT, (c.shape[1], 1))
     if many.any():
         # As one (JCGM 100, G.4.1).
         total = c[many].sum(axis=0)
         nu = effective_dof(total, c[many], dof[many])
-        values = total[:, None] * _inverse_chi_squared(z, nu)
+        values = total[:, None] * _inverse_chi_squared(nu)
     for row, nu in zip(c[~many], dof[~many], strict=True):
         positive = np.flatnonzero(row > 0)
         if not len(positive):
@@ -110,35 +112,21 @@ def _convolution(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray
         pairs = positive[~alone]
         if len(pairs):
             sums = values[pairs, :, None] + term[~alone, None, :]
-            values[pairs], weights[pairs] = _merge(sums, weights[pairs, :, None] * weight)
+            values[pairs], weights[pairs] = _merge(sums, weights[pairs, :, None] * WEIGHT)
     return values, weights
-
-
-@cache
-def _normal_nodes() -> tuple[FloatArray, FloatArray]:
-    z = np.linspace(-REACH, REACH, NODES)
-    density = np.exp(-(z**2) / 2)
-    return z, density / density.sum()
-
-
-@cache
-def _edges() -> FloatArray:
-    """Shares of the normal scale up to half way between two nodes."""
-    step = 2 * REACH / (NODES - 1)
-    return ndtr(np.linspace(-REACH, REACH - step, NODES - 1) + step / 2)
 
 
 @lru_cache(256)
 def _of_dof(nu: float) -> FloatArray:
-    """nu/W (1, nodes) at the normal nodes: most of the time of a sum where it is made anew."""
-    return _inverse_chi_squared(_normal_nodes()[0], np.full(1, nu))
+    """nu/W (1, nodes): most of the time of a sum where it is made anew."""
+    return _inverse_chi_squared(np.full(1, nu))
 
 
-def _inverse_chi_squared(z: FloatArray, dof: FloatArray) -> FloatArray:
-    """nu/W (m, nodes) at the normal quantiles z, from its smallest value to its largest."""
+def _inverse_chi_squared(dof: FloatArray) -> FloatArray:
+    """nu/W (m, nodes) at the nodes of the normal scale, from its smallest value to its largest."""
     distinct, index = np.unique(np.minimum(dof, 1e9), return_inverse=True)
     nu = distinct[:, None]
-    result: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-z)))
+    result: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-NORMAL)))
     return np.where(np.isinf(dof)[:, None], 1.0, result[index])
 
 
@@ -151,7 +139,7 @@ def _merge(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArra
     order = np.argsort(pairs, axis=1, kind="stable")
     pairs, w = (np.take_along_axis(each, order, 1) for each in (pairs, w))
     middle = np.cumsum(w, axis=1) - w / 2
-    node = np.searchsorted(_edges(), middle) + NODES * np.arange(m)[:, None]
+    node = np.searchsorted(EDGES, middle) + NODES * np.arange(m)[:, None]
     total, logs = (
         np.bincount(node.ravel(), each.ravel(), NODES * m).reshape(m, NODES).astype(np.float64)
         for each in (w, w * np.log(pairs))

@@ -23,8 +23,8 @@ from mtu_cli.analyses.close_loop.strata import (
 )
 from mtu_cli.model.effect_library import BoundTemplate, Candidate
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.kernels import line, wiener
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.kernels import wiener
+from mtu_cli.stats.least_squares import FloatArray, polynomial
 
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""
@@ -430,7 +430,7 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
 def smooth_covariance(places: FloatArray) -> FloatArray:
     """Covariance (H, H) of an integrated Wiener process about its line, at places (H,)."""
     u = (places - places.mean()) / np.ptp(places)
-    Q = np.linalg.qr(line(u, 0.0))[0]
+    Q = np.linalg.qr(polynomial(u, 1))[0]
     M = np.eye(len(u)) - Q @ Q.T
     return np.asarray(M @ wiener(u, u) @ M)
 
