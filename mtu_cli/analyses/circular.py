@@ -164,10 +164,12 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
     likelihood (`stats.serial`), of many traces by the scatter between these. Long traces go in as
     means of neighbours, of samples and design alike, which leaves the equations exact.
     """
-    count, designs, blocks = len(traces.traces), [], []
+    count, designs, masks, blocks = len(traces.traces), [], [], []
     feeds = np.array([trace.feed for trace in traces.traces])
     speeds = feeds / feeds.mean() if np.isfinite(feeds).all() else np.ones(count)
     step = max(float(np.median(np.abs(np.diff(trace.angle)))) for trace in traces.traces)
+    limit = MOST_SAMPLES * (1 if pitches is None else 3)
+    reversals = [at for ends in REVERSALS.values() for at in ends]
     for k, (trace, speed) in enumerate(zip(traces.traces, speeds.tolist(), strict=True)):
         t, circle = trace.angle, np.zeros((len(trace.angle), 3 * count))
         circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
@@ -175,20 +177,16 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
         for axis, pitch in enumerate(pitches or ()):
             valid = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
             columns.append(valid * waves(trace, traces.radius, axis, pitch))
-        designs.append(np.hstack(columns))
-    limit = MOST_SAMPLES * (1 if pitches is None else 3)
-    reversals = [at for ends in REVERSALS.values() for at in ends]
-    masks = [
-        np.all([after(trace.angle, trace.sign, at) > WINDOW for at in reversals], axis=0)
-        for trace in traces.traces
-    ]
-    for k, (trace, design, mask) in enumerate(zip(traces.traces, designs, masks, strict=True)):
+        design = np.hstack(columns)
+        mask = np.all([after(t, trace.sign, at) > WINDOW for at in reversals], axis=0)
         group = np.arange(mask.sum()) // (int(mask.sum()) // limit + 1)
         rows = np.column_stack([design[mask], trace.deviation[mask]])
         means = [np.bincount(group, x) / np.bincount(group) for x in rows.T]
         if len(group):
             X = np.column_stack(means[:-1])
             blocks.append(Block(X, means[-1], k, np.zeros((X.shape[1],) * 2)))
+        designs.append(design)
+        masks.append(mask)
     n, p = sum(len(block.y) for block in blocks), designs[0].shape[1]
     if n < p + 2:
         what, expected = f"{n} samples away from the reversals", "samples around the circle"
@@ -222,34 +220,37 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
         "squareness": ("um/m", 2.0 / R, 1e-6),
         "servo-mismatch": ("ms", 2.0 / speed if timed else math.nan, 1e-3),
     }
-    ranges = np.ptp(terms(np.linspace(0, 2 * math.pi, 1441), 1.0), axis=0)
-    items = []
-    for name, beta, u, span in zip(TERMS, fit.beta, fit.u, ranges, strict=False):
+
+    def cause(name: str, value: float, u: float, span: float) -> Cause:
+        """Of a value and u in mm whose range is `span` times it."""
         unit, factor, size = units.get(name, ("um", 1.0, UM))
-        value = float(beta) if u == u else math.nan
-        extent, exceeds = abs(value) * float(span), abs(value) > 2 * float(u)
-        items.append(Cause(name, value * factor, float(u) * factor, unit, size, extent, exceeds))
+        extent, exceeds = span * abs(value), abs(value) > 2 * u
+        return Cause(name, value * factor, u * factor, unit, size, extent, exceeds)
+
+    p, n = len(fit.beta), len(traces.traces)
+    parameters, ranges = np.eye(p), np.ptp(terms(np.linspace(0, 2 * math.pi, 1441), 1.0), axis=0)
+    items = [
+        cause(name, float(beta) if u == u else math.nan, float(u), float(span))
+        for name, beta, u, span in zip(TERMS, fit.beta, fit.u, ranges, strict=False)
+    ]
     ways = dict.fromkeys(trace.direction for trace in traces.traces)
     unknown = [each.name for each in items if math.isnan(each.range)]
     if len(ways) == 1 and unknown == ["squareness", "servo-mismatch"]:
-        value, u = _sin_2t(fit, traces.traces[0].sign)
-        extent, exceeds = 2 * abs(value), abs(value) > 2 * u
-        items.append(Cause("squareness-or-servo", value, u, "um", UM, extent, exceeds))
-    for name in REVERSALS:
-        value, u = _spike(traces, fit, name)
-        items.append(Cause(name, value, u, "um", UM, abs(value), abs(value) > 2 * u))
+        # The coefficient of sin 2t, of both together.
+        g = parameters[TERMS.index("squareness")]
+        g = g + traces.traces[0].sign * parameters[TERMS.index("servo-mismatch")]
+        u = math.sqrt(float(g @ fit.covariance @ g))
+        items.append(cause("squareness-or-servo", float(g @ fit.beta), u, 2))
+    items += [cause(name, *_spike(traces, fit, name), 1) for name in REVERSALS]
     for i, name in enumerate(CYCLIC if pitches else ()):
-        first = len(TERMS) + 3 * len(traces.traces) + 2 * i
-        wave = _length(fit, np.eye(len(fit.beta))[first : first + 2])
-        value, u = wave if np.isfinite(fit.u[first]) else (math.nan, math.nan)
-        items.append(Cause(name, value, u, "um", UM, 2 * value, value > 2 * u))
+        first = len(TERMS) + 3 * n + 2 * i
+        wave = _length(fit, parameters[first : first + 2])
+        items.append(cause(name, *(wave if np.isfinite(fit.u[first]) else (math.nan,) * 2), 2))
     total = float(np.nansum([each.range for each in items]))
     causes = [each._replace(share=each.range / total if total > 0 else math.nan) for each in items]
     # The mean offset of the traces' centres.
-    p, n = len(fit.beta), len(traces.traces)
-    circles = np.eye(p)[len(TERMS) : len(TERMS) + 3 * n].reshape(n, 3, p)
-    offset, u = _length(fit, circles.mean(axis=0)[1:])
-    causes.append(Cause("centre-offset", offset, u, "um", UM, 2 * offset, offset > 2 * u))
+    circles = parameters[len(TERMS) : len(TERMS) + 3 * n].reshape(n, 3, p)
+    causes.append(cause("centre-offset", *_length(fit, circles.mean(axis=0)[1:]), 2))
     means = [np.mean([t.deviation.mean() for t in traces.traces if t.direction == way])
              for way in ways]  # fmt: skip
     both, residuals = len(ways) > 1, np.concatenate(fit.residuals)
@@ -300,13 +301,6 @@ def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:
     return float(h @ e) / total, math.sqrt(variance / total**2 + max(g @ fit.covariance @ g, 0.0))
 
 
-def _sin_2t(fit: Fit, sign: float) -> tuple[float, float]:
-    """The coefficient of sin 2t of traces in one direction, squareness and servo lag, and its u."""
-    g = np.zeros(len(fit.beta))
-    g[TERMS.index("squareness")], g[TERMS.index("servo-mismatch")] = 1.0, sign
-    return float(g @ fit.beta), math.sqrt(float(g @ fit.covariance @ g))
-
-
 def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:
     """The length of two combinations `pick` (2, p) of the parameters, and its u."""
     pair, C = pick @ fit.beta, pick @ fit.covariance @ pick.T
@@ -324,12 +318,8 @@ def _arcs(traces: Traces) -> Iterator[Finding]:
         coverage.append(math.degrees(2 * math.pi - gap))
     if min(coverage) < LEAST_COVERED:
         where = traces.traces[int(np.argmin(coverage))].file
-        yield finding(
-            "partial-circle",
-            file=where,
-            value=f"{min(coverage):.0f} degrees",
-            expected="360 degrees",
-        )
+        value = f"{min(coverage):.0f} degrees"
+        yield finding("partial-circle", file=where, value=value, expected="360 degrees")
 
 
 def _warnings(causes: list[Cause], both: bool, timed: bool) -> Iterator[Finding]:

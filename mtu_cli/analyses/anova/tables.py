@@ -16,7 +16,7 @@ from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval, reml
 from mtu_cli.stats.coverage import FAMILY_RATE, PROBABILITY, holm
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, quotient
 from mtu_cli.stats.outliers import outstanding_rows
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.units import ARCSEC, UM
@@ -100,23 +100,28 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
         part = np.where(separable, part, table.ms_between)
         repeat = np.where(separable, repeat, 0.0)
     df = table.df_within if method == "paper" else table.df_between
-    (u_mean, dof_mean), (u_future, dof_future) = (
-        (np.sqrt(u2 + rounding), np.where(separable, _satterthwaite(table, weight, u2), df))
-        for weight, u2 in ((w, w * part + repeat / table.N) for w in (share, 1 + share))
-    )
-    dof_mean, dof_future = (np.where(dof > 0, dof, np.nan) for dof in (dof_mean, dof_future))
-    half = _t(dof_future) * u_future
+    us, dofs = [], []
+    for weight in (share, 1 + share):
+        # weight * s_part^2 + s_repeat^2/N is c1 MS_between + c2 MS_within with c1 = weight/n0 and
+        # c2 = 1/N - c1, of 1 to N - 1 degrees of freedom (JCGM 100, G.4.1).
+        u2, c1 = weight * part + repeat / table.N, weight / table.n0
+        between = (c1 * table.ms_between) ** 2 / np.maximum(table.df_between, 1)
+        within = ((1 / table.N - c1) * table.ms_within) ** 2 / np.maximum(table.df_within, 1)
+        dof = np.clip(quotient(u2**2, between + within), 1.0, np.maximum(table.N - 1, 1.0))
+        dof = np.where(separable, dof, df)
+        us.append(np.sqrt(u2 + rounding))
+        dofs.append(np.where(dof > 0, dof, np.nan))
+    (u_mean, u_future), (dof_mean, dof_future) = us, dofs
+    # What is nan has no quantile.
+    half = stdtrit(dof_future, 1 - TAIL) * u_future
     if method != "paper":
         # s_part^2 is a difference of mean squares, of which Satterthwaite leaves fewer degrees of
         # freedom than the parts have. There MS_between/n0 with theirs bounds it: the CMM's scatter
         # included it is too large, but its t is not (3 parts measured twice: half the width, and
         # 95 % or more still covered).
         between = (1 + share) * table.ms_between / table.n0
-        bound = _t(table.df_between) * np.sqrt(between + rounding)
+        bound = stdtrit(table.df_between, 1 - TAIL) * np.sqrt(between + rounding)
         half = np.where(dof_future < table.df_between, np.fmin(half, bound), half)
-    valid = (u_mean > 0) & np.isfinite(dof_mean)
-    t = np.divide(np.abs(table.mean), u_mean, out=np.zeros_like(u_mean), where=valid)
-    p_zero = np.where(valid, 2 * stdtr(np.where(valid, dof_mean, 1.0), -t), np.nan)
     both = np.where((table.df_within < 1) & (table.df_between > 0), table.ms_between, np.nan)
     df = np.maximum(table.df_between, 1.0)
     size = np.abs(table.mean) + np.nan_to_num(k * u_future)
@@ -139,29 +144,9 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
         dof_future=dof_future,
         interval_future=np.column_stack([table.mean - half, table.mean + half]),
         p_parts=holm(table.p),
-        p_mean=holm(p_zero),
+        p_mean=holm(2 * stdtr(dof_mean, -quotient(np.abs(table.mean), u_mean))),
         order=tuple(np.argsort(-size, kind="stable").tolist()),
     )
-
-
-def _t(dof: FloatArray) -> FloatArray:
-    """Quantiles of Student's t for the interval; nan without degrees of freedom."""
-    valid = np.isfinite(dof) & (dof > 0)
-    return np.where(valid, stdtrit(np.where(valid, dof, 1.0), 1 - TAIL), np.nan)
-
-
-def _satterthwaite(table: OneWay, weight: FloatArray, u2: FloatArray) -> FloatArray:
-    """Degrees of freedom (tables,) of weight * s_part^2 + s_repeat^2/N (JCGM 100, G.4.1).
-
-    In terms of the independent mean squares it is c1 MS_between + c2 MS_within with
-    c1 = weight/n0 and c2 = 1/N - c1; between 1 and N - 1.
-    """
-    c1 = weight / table.n0
-    c2 = 1 / table.N - c1
-    between = (c1 * table.ms_between) ** 2 / np.maximum(table.df_between, 1)
-    spread: FloatArray = between + (c2 * table.ms_within) ** 2 / np.maximum(table.df_within, 1)
-    dof = np.divide(u2**2, spread, out=np.full_like(u2, np.nan), where=spread > 0)
-    return np.clip(dof, 1.0, np.maximum(table.N - 1, 1.0))
 
 
 PARTS, TRENDS = 0.6, 0.2
@@ -270,14 +255,14 @@ def trends(kinds: Sequence[Analysed], sequence: Mapping[str, FloatArray]) -> tup
     x, y = (np.asarray((each - each.mean(axis=1)[:, None]).filled(0.0)) for each in arrays)
     spread = (x**2).sum(axis=1)
     valid = (n >= FEWEST_PARTS) & (spread > 0)
-    spread, dof = np.where(valid, spread, 1.0), np.where(valid, n - 2.0, 1.0)
+    spread, dof = np.where(valid, spread, np.nan), np.where(valid, n - 2.0, np.nan)
     slope = (x * y).sum(axis=1) / spread
     s2 = ((y - slope[:, None] * x) ** 2).sum(axis=1) / dof
     u = np.sqrt((s2 + rounding) / spread)
     # Values that are all equal have no trend, those on a line have one beyond doubt.
-    valid &= (u > 0) | (slope != 0)
-    t = np.divide(np.abs(slope), u, out=np.full_like(u, np.inf), where=u > 0)
-    p = np.minimum(holm(np.where(valid, 2 * stdtr(dof, -t), np.nan)) / TRENDS, 1.0)
+    t = np.where(valid & (slope != 0), np.inf, np.nan)
+    np.divide(np.abs(slope), u, out=t, where=u > 0)
+    p = np.minimum(holm(2 * stdtr(dof, -t)) / TRENDS, 1.0)
     labels = [label for kind in kinds for label in kind.labels]
     rows = zip(labels, slope.tolist(), u.tolist(), p.tolist(), strict=True)
     return tuple(Trend(*each) for each in rows if np.isfinite(each[-1]))
