@@ -273,7 +273,7 @@ def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> Circ
         remainder_rms=float(np.sqrt(np.nanmean(residuals**2))),
         remainder_range=float(np.nanmax(residuals) - np.nanmin(residuals)),
         fitted=tuple(design @ fit.beta for design in fit.designs),
-        warnings=(*_arcs(traces), *_warnings(causes, both, timed)),
+        warnings=tuple(_warnings(traces, causes, both, timed)),
     )
 
 
@@ -309,8 +309,10 @@ def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:
     return value, math.sqrt(max(float(g @ C @ g), 0.0))
 
 
-def _arcs(traces: Traces) -> Iterator[Finding]:
-    """A warning of traces that are no whole circle, by their largest gap."""
+def _warnings(traces: Traces, causes: list[Cause], both: bool, timed: bool) -> Iterator[Finding]:
+    """Of traces that are no whole circle, by their largest gap, and of every cause and figure that
+    is unknown. Feeds separate squareness and servo lag of one direction, too.
+    """
     coverage = []
     for trace in traces.traces:
         angle = np.sort(np.mod(trace.angle, 2 * math.pi))
@@ -320,12 +322,6 @@ def _arcs(traces: Traces) -> Iterator[Finding]:
         where = traces.traces[int(np.argmin(coverage))].file
         value = f"{min(coverage):.0f} degrees"
         yield finding("partial-circle", file=where, value=value, expected="360 degrees")
-
-
-def _warnings(causes: list[Cause], both: bool, timed: bool) -> Iterator[Finding]:
-    """Of every cause and figure that is unknown. Feeds separate squareness and servo lag of one
-    direction, too.
-    """
     unknown = [x.name for x in causes if math.isnan(x.range)]
     alike = ["squareness", "servo-mismatch"]
     if both or not {*alike} <= {*unknown}:

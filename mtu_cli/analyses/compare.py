@@ -42,7 +42,7 @@ from mtu_cli.model.visits import (
 )
 from mtu_cli.stats.anova import OneWay, one_way, only, reml
 from mtu_cli.stats.coverage import FAMILY_RATE, holm
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
     UncertainVariance,
@@ -415,23 +415,18 @@ def compared(
         s_part=s_part,
         bias=bias,
         u_difference=u,
-        E_n=_ratio(bias, k * u),
+        E_n=quotient(bias, k * u),
         p_bias=p_bias,
-        ratio_ms=np.where(endless, inf, _ratio(table.ms_between, expected)),
+        ratio_ms=np.where(endless, inf, quotient(table.ms_between, expected)),
         p_scatter=p_scatter,
-        ratio_u=_ratio(measured.u, model_side.u),
-        ratio_range=_ratio(measured.width, model_side.width),
-        ratio_scatter=_ratio(np.sqrt(part), np.sqrt(D)),
-        paper_ratio_u=_ratio(paper.u, paper_side.u),
-        paper_ratio_range=_ratio(paper.width, paper_side.width),
-        ms_share=_ratio(np.sqrt(table.ms_between), s_part),
+        ratio_u=quotient(measured.u, model_side.u),
+        ratio_range=quotient(measured.width, model_side.width),
+        ratio_scatter=quotient(np.sqrt(part), np.sqrt(D)),
+        paper_ratio_u=quotient(paper.u, paper_side.u),
+        paper_ratio_range=quotient(paper.width, paper_side.width),
+        ms_share=quotient(np.sqrt(table.ms_between), s_part),
         pooled=pooled,
     )
-
-
-def _ratio(measured: FloatArray, predicted: FloatArray) -> FloatArray:
-    """measured/predicted (items,), nan where nothing is predicted to compare with."""
-    return np.divide(measured, predicted, out=np.full(len(measured), np.nan), where=predicted > 0)
 
 
 def _item_tests(

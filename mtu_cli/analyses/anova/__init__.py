@@ -223,7 +223,15 @@ def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
         ]
     if method == "paper":
         result.append(finding("paper-method"))
-    parts, due_at = kinds[0].tables.parts, _parts_due(kinds[0].tables)
+    # Parts (parts,) are due in all tables of an operation where they have any feature of it, and of
+    # one that is crossed with theirs: more than half of its parts have features of both. Parts
+    # nested in operations, each made by one of several machines, are due there alone.
+    parts, features = kinds[0].tables.parts, kinds[0].tables
+    of = np.array([label[0] for label in features.labels])
+    operations = np.unique(of)
+    made = np.array([features.cells.present[of == each].any(axis=0) for each in operations])
+    crossed = 2 * (made.astype(int) @ made.T) > made.sum(axis=1)[:, None]
+    due_at = dict(zip(operations.tolist(), crossed.T @ made, strict=True))
     for kind in kinds:
         present = kind.tables.cells.present
         due = np.array([due_at[label[0]] for label in kind.tables.labels])
@@ -242,16 +250,3 @@ def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
         facts = {"parts": len(parts), "items": "all", "consequence": consequence}
         result.append(finding("few-parts", **facts))
     return result
-
-
-def _parts_due(features: MeasuredTables) -> dict[str, BoolArray]:
-    """The parts (parts,) that are due in all tables of each operation: those with any feature of
-    it, and all parts of an operation that is crossed with it: more than half of them have features
-    of both. Parts nested in operations, each made by one of several machines, are due there alone.
-    """
-    of = np.array([label[0] for label in features.labels])
-    operations = np.unique(of)
-    made = np.array([features.cells.present[of == each].any(axis=0) for each in operations])
-    shared = made.astype(int) @ made.T
-    crossed = 2 * shared > made.sum(axis=1)[:, None]
-    return dict(zip(operations.tolist(), crossed.T @ made, strict=True))

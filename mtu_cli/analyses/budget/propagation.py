@@ -196,8 +196,14 @@ class BudgetTrials:
                 continue
             joint = source.factor @ rng.standard_normal((source.factor.shape[1], m))
             if not source.is_t:
+                # Rows are normal, of standard deviation u or (bounded) 1, and become what is drawn.
                 for row, item in zip(joint, source.members, strict=True):
-                    _marginal(item, row, rng, draws)
+                    if item.bounded:
+                        row[:] = bounded_quantile(item, ndtr(row))
+                        if item.inexact > 0.0:
+                            row *= 1.0 + item.inexact * (2.0 * rng.random(row.shape) - 1.0)
+                    elif item.dof < NORMAL_DOF:
+                        row *= t_scales(item.dof, rng, draws)
             elif source.members[0].dof < NORMAL_DOF:
                 joint *= t_scales(source.members[0].dof, rng, draws)
             deviation[source.rows] += joint
@@ -211,16 +217,3 @@ class BudgetTrials:
         linear = np.matmul(self.gradient, deviation, out=self.work.array("linear", values.shape))
         linear += self.linear_mean[:, None]
         return Draws(values=values, linear=linear)
-
-
-def _marginal(
-    item: Distribution, row: FloatArray, rng: np.random.Generator, scale: FloatArray
-) -> None:
-    """Turns `row`, normal with standard deviation u or (bounded) 1, into draws of `item`."""
-    if not item.bounded:
-        if item.dof < NORMAL_DOF:
-            row *= t_scales(item.dof, rng, scale)
-        return
-    row[:] = bounded_quantile(item, ndtr(row))
-    if item.inexact > 0.0:
-        row *= 1.0 + item.inexact * (2.0 * rng.random(row.shape) - 1.0)

@@ -20,9 +20,9 @@ whose variance is 2/sum w_j k_j (Searle, Casella & McCulloch 1992, section 6.2).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from math import hypot, inf, nan, sqrt
+from math import hypot, inf, isfinite, nan, sqrt
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -51,6 +51,7 @@ MOMENTS = 512
 SLACK = 0.005
 """Share of a measured range by which points, which carry the errors, may leave it."""
 SLACK_DEGC = 1e-9
+Kind = Literal["circle", "sphere", "length"]
 Sides = tuple[float, float]
 """(before, after) the correction."""
 
@@ -284,8 +285,9 @@ class Size:
 class Measure(NamedTuple):
     """A size in one visit, mm: before and after with the `form` of each, its reference and
     temperature, its `gradient` (m, 3) in the corrected points, and its u and dof by the machine
-    alone. Of circles and spheres `residuals` (m,) after and unit vectors `normals` (m, 3) from the
-    centre, in the plane of a circle.
+    alone. Of circles and spheres `residuals` (m,) after, unit vectors `normals` (m, 3) from the
+    centre, in the plane of a circle, and the modelled covariance `K` (m, m) of the points along
+    them, mm^2, with degrees of freedom `K_dof`.
     """
 
     size: Sides
@@ -297,10 +299,14 @@ class Measure(NamedTuple):
     normals: FloatArray = np.zeros((0, 3))
     u: float = nan
     dof: float = inf
+    K: FloatArray = np.zeros((0, 0))
+    K_dof: float = inf
 
 
 Visits = dict[tuple[int, str, str], list[Measure]]
 """Of every size, by its number in the part file, operation and part: its visits."""
+Ring = tuple[tuple[Kind, str, str], Measure]
+"""A circle or sphere in one visit, and what it is of: kind, id, operation."""
 
 
 def measured_sizes(
@@ -349,10 +355,12 @@ def measured_sizes(
                 )
                 problems.append(problem)
         if entries and not problems:
-            measures, round_ = _by_machine(measurands, operation, entries, rows)
-            rings += round_
+            measures = _by_machine(measurands, entries, rows)
             for (order, _, _), each in zip(entries, measures, strict=True):
+                item = measurands[order]
                 result.setdefault((order, operation, part), []).append(each)
+                if item.kind != "length":
+                    rings.append(((item.kind, item.id, operation), each))
     if problems:
         raise InputError(problems)
     notes = []
@@ -366,12 +374,11 @@ def measured_sizes(
 
 def _by_machine(
     measurands: Sequence[Measurand],
-    operation: str,
     entries: Sequence[tuple[int, IntArray, Measure]],
     rows: RowErrors,
-) -> tuple[list[Measure], list[Ring]]:
+) -> Iterator[Measure]:
     """The sizes `entries` of one visit, each with its number and rows, with u: the variance of
-    gradient' E over all points of the visit; and its circles and spheres.
+    gradient' E over all points of the visit; circles and spheres with K.
     """
     union = np.unique(np.concatenate([indices for _, indices, _ in entries]))
     prediction = rows.predicted(union)
@@ -384,26 +391,17 @@ def _by_machine(
 
     A = np.concatenate([matrix(indices, each.gradient[None]) for _, indices, each in entries])
     variance, dof = rows.variances(prediction, A)
-    u = np.sqrt(np.maximum(variance, 0.0))
-    sizes = [
-        each._replace(u=s, dof=nu)
-        for (_, _, each), s, nu in zip(entries, u.tolist(), dof.tolist(), strict=True)
-    ]
-    rings = []
-    for order, indices, each in entries:
-        item = measurands[order]
-        if item.kind == "length":
-            continue
-        radial = matrix(indices, np.eye(len(indices))[:, :, None] * each.normals)
-        Q, worst = ring_space(each.normals, item.kind), inf
-        if Q.size:
-            # Those of the form's direction whose variance is known worst.
-            squares, nu = rows.variances(prediction, Q.T @ radial)
-            worst = float(nu[np.argmax(squares**2 / nu)])
-        K, calibrated = rows.covariance(prediction, radial), bool(np.isfinite(each.reference))
-        of = item.kind, item.id, operation
-        rings.append(Ring(of, calibrated, each.residuals, each.normals, K, worst))
-    return sizes, rings
+    us, dofs = np.sqrt(np.maximum(variance, 0.0)).tolist(), dof.tolist()
+    for (order, indices, each), u, nu in zip(entries, us, dofs, strict=True):
+        kind, K, worst = measurands[order].kind, each.K, inf
+        if kind != "length":
+            radial = matrix(indices, np.eye(len(indices))[:, :, None] * each.normals)
+            K = rows.covariance(prediction, radial)
+            if (Q := ring_space(each.normals, kind)).size:
+                # Those of the form's direction whose variance is known worst.
+                squares, of_form = rows.variances(prediction, Q.T @ radial)
+                worst = float(of_form[np.argmax(squares**2 / of_form)])
+        yield each._replace(u=u, dof=nu, K=K, K_dof=worst)
 
 
 def _round(item: Measurand, rows: IntArray, points: Points, corrected: FloatArray) -> Measure:
@@ -499,7 +497,6 @@ def mean_sizes(
     return result
 
 
-Kind = Literal["circle", "sphere", "length"]
 Origin = Literal["repeats", "form"]
 FEWEST = 3
 """Degrees of freedom from which on repeats are preferred to the form."""
@@ -536,22 +533,6 @@ class PointScatter:
             return sqrt(total), dof
         spread = u**4 / dof + share**2 * self.spread
         return sqrt(total), max(total**2 / spread, min(dof, self.dof))
-
-
-class Ring(NamedTuple):
-    """A circle or sphere in one visit after the correction, the figure `of` (kind, id, operation).
-
-    `residuals` (n,) mm, unit vectors `normals` (n, 3) from the centre, in the plane of a circle,
-    modelled covariance `K` (n, n) of the points along them, mm^2, with degrees of freedom
-    `dof`.
-    """
-
-    of: tuple[Kind, str, str]
-    calibrated: bool
-    residuals: FloatArray
-    normals: FloatArray
-    K: FloatArray
-    dof: float
 
 
 class FormTest(NamedTuple):
@@ -593,8 +574,8 @@ def point_scatter(
     if repeats[1].sum() >= FEWEST:
         return estimate(repeats, "repeats", r)
     squares = [np.zeros((3, 0))]
-    for ring in rings:
-        Q = ring_space(ring.normals, ring.of[0])
+    for (kind, *_), ring in rings:
+        Q = ring_space(ring.normals, kind)
         modelled, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
         each: FloatArray = (vectors.T @ Q.T @ ring.residuals) ** 2
         squares.append(np.array([each, np.ones(len(each)), np.clip(modelled, 0.0, None)]))
@@ -604,14 +585,14 @@ def point_scatter(
 
 def ring_space(normals: FloatArray, kind: Kind) -> FloatArray:
     """Orthonormal (n, n - d - 1): the directions of n residuals that centre and radius of a circle
-    (d = 2) or sphere (3) leave; `normals` (n, 3): see `Ring`.
+    (d = 2) or sphere (3) leave; `normals` (n, 3): see `Measure`.
     """
     # Vectors of a circle lie in its plane: two of the four columns and the ones have rank 3.
     U: FloatArray = np.linalg.svd(np.column_stack([normals, np.ones(len(normals))]))[0]
     return U[:, DIMENSIONS[kind] + 1 :]
 
 
-def estimate(squares: FloatArray, origin: Origin, r: float = 0.0) -> PointScatter:
+def estimate(squares: FloatArray, origin: Origin, r: float) -> PointScatter:
     """s^2 of `squares` (3, j): sums of squares mm^2, their degrees of freedom and modelled
     variances; `r` is the variance of a coordinate by its last digit.
     """
@@ -634,7 +615,7 @@ def estimate(squares: FloatArray, origin: Origin, r: float = 0.0) -> PointScatte
 
 
 def form_tests(
-    rings: Sequence[Ring], scatter: PointScatter | None, r: float = 0.0
+    rings: Sequence[Ring], scatter: PointScatter | None, r: float
 ) -> tuple[FormTest, ...]:
     """The mean form of every ring against what the model and the scatter of points explain.
 
@@ -646,8 +627,8 @@ def form_tests(
     part in it; a ring of one visit without either is not tested.
     """
     result = []
-    for of in dict.fromkeys(ring.of for ring in rings):
-        visits = [ring for ring in rings if ring.of == of]
+    for of in dict.fromkeys(of for of, _ in rings):
+        visits = [ring for key, ring in rings if key == of]
         Q = ring_space(np.mean([ring.normals for ring in visits], axis=0), of[0])
         n, k = len(visits), Q.shape[1]
         e = np.array([ring.residuals for ring in visits]) @ Q
@@ -664,10 +645,10 @@ def form_tests(
         total = float(np.trace(V))
         df1 = total**2 / float((V**2).sum())
         parts = np.maximum([total - k * noise, k * noise], 0.0)
-        df2 = welch_satterthwaite(parts, np.array([min(ring.dof for ring in visits), dof]))
+        df2 = welch_satterthwaite(parts, np.array([min(ring.K_dof for ring in visits), dof]))
         F = float(mean @ mean) / total
         p = float(fdtrc(df1, min(max(df2, 1.0), ENDLESS), F))
         sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
-        calibrated = any(ring.calibrated for ring in visits)
+        calibrated = any(isfinite(ring.reference) for ring in visits)
         result.append(FormTest(*of, calibrated, n, *sizes, F, p))
     return tuple(result)
