@@ -20,7 +20,7 @@ from mtu_cli.files.readings import Readings
 from mtu_cli.files.study import InstrumentBudget
 from mtu_cli.findings import Finding, error, finding, listed
 from mtu_cli.stats.blocks import stream
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, quotient
 from mtu_cli.stats.outliers import medians, outlying
 from mtu_cli.units import LENGTH, UM, UNITS, dimension_name
 
@@ -239,9 +239,7 @@ def figures_of(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
 
 def _average(values: FloatArray) -> FloatArray:
     """Mean of the known values along the last axis; nan of none."""
-    with catch_warnings():
-        simplefilter("ignore", RuntimeWarning)
-        return np.asarray(np.nanmean(values, axis=-1))
+    return quotient(np.nansum(values, axis=-1), np.isfinite(values).sum(axis=-1))
 
 
 def sampling_u(

@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from mtu_cli.findings import error
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 
@@ -132,16 +133,22 @@ class BlockPlan:
     at_once: int = AT_ONCE
 
     @classmethod
-    def of(
-        cls, trials: int | None, probability: float, *, smooth: bool = False, outputs: int = 1
-    ) -> BlockPlan:
+    def of(cls, model: TrialModel, trials: int | None, most: int, probability: float) -> BlockPlan:
         """Exactly `trials`, in one block, without the control variate, where ten would be too short
-        for their quantiles; or None, in blocks as short as can be, so that a first look has many.
+        for their quantiles. With None a count that adapts, in blocks as short as can be, so that a
+        first look has many; or `most` trials, where these leave no room for one.
+
+        Raises InputError for fewer trials than an interval has ends of.
         """
-        least = least_block(probability, smooth=smooth)
-        at_once = min(AT_ONCE, VALUES_AT_ONCE // outputs)
-        if trials is None:
+        fewest = math.ceil(round(2.0 / (1.0 - probability), 6))
+        if (most if trials is None else trials) < fewest:
+            expected = f"{fewest} or more for a {100 * probability:g} % interval"
+            raise error("out-of-range", path="trials", value=str(trials), expected=expected)
+        least = least_block(probability, smooth=bool(getattr(model, "smooth", False)))
+        at_once = min(AT_ONCE, VALUES_AT_ONCE // len(model.names))
+        if trials is None and most >= FIRST_LOOK * least:
             return cls(probability, least, None, at_once=at_once)
+        trials = most if trials is None else trials
         if trials < LEAST_BLOCKS * least:
             return cls(probability, trials, 1)
         blocks = max(LEAST_BLOCKS, trials // max(at_once, least_block(probability)))

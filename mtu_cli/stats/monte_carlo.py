@@ -12,7 +12,7 @@ from itertools import islice
 
 import numpy as np
 
-from mtu_cli.findings import InputError, error, finding
+from mtu_cli.findings import InputError, finding
 from mtu_cli.stats.blocks import (
     FIRST_LOOK,
     LEAST_BLOCKS,
@@ -23,7 +23,6 @@ from mtu_cli.stats.blocks import (
     Draws,
     TrialModel,
     batch_generator,
-    least_block,
 )
 from mtu_cli.stats.coverage import (
     PROBABILITY,
@@ -314,7 +313,7 @@ def monte_carlo(
     Raises InputError for fewer than 2/(1 - p) trials, or model values that are not finite, which
     are counted and never dropped.
     """
-    plan = _plan(model, trials, max_trials, probability)
+    plan = BlockPlan.of(model, trials, max_trials, probability)
     single, total = plan.blocks == 1, plan.total
     exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
     summariser, pool = None if single else BlockSummariser(model, plan), Pool(exists)
@@ -367,22 +366,6 @@ def monte_carlo(
         samples=samples[:, : min(keep, done)],
         **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
     )
-
-
-def _plan(model: TrialModel, trials: int | None, max_trials: int, probability: float) -> BlockPlan:
-    """The blocks of a fixed count, or of one that adapts and has room for a first look.
-
-    Raises InputError for fewer trials than an interval has ends of.
-    """
-    least = math.ceil(round(2.0 / (1.0 - probability), 6))
-    if (max_trials if trials is None else trials) < least:
-        expected = f"{least} or more for a {100 * probability:g} % interval"
-        raise error("out-of-range", path="trials", value=str(trials), expected=expected)
-    smooth, outputs = bool(getattr(model, "smooth", False)), len(model.names)
-    least = least_block(probability, smooth=smooth)
-    if trials is None and max_trials < FIRST_LOOK * least:
-        trials = max_trials
-    return BlockPlan.of(trials, probability, smooth=smooth, outputs=outputs)
 
 
 def _refuse(names: Sequence[str], not_finite: IntArray, trials: int) -> None:

@@ -234,26 +234,19 @@ def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator)
     squares = np.einsum("ij,ij->j", d, d)
     filled = d * np.sqrt((len(d) - 1) / np.where(squares > 0, squares, np.inf))
     rotate = _rotations(filled, rng)
-    largest: list[list[FloatArray]] = [[], [], []]
     square = len(d) ** 2 if len(d) <= DENSE_ROWS else 0
     batch = max(1, IN_CACHE // max(d.size, square, 1))
-    for start in range(0, ROTATIONS, batch):
-        tables = rotate(min(batch, ROTATIONS - start))
-        for maxima, item in zip(largest, _statistics(tables, indicator), strict=True):
-            maxima.append(item.max(axis=1))
+    maxima = [
+        [kind.max(axis=1) for kind in _statistics(rotate(min(batch, ROTATIONS - start)), indicator)]
+        for start in range(0, ROTATIONS, batch)
+    ]
+    largest = [np.concatenate(kind) for kind in zip(*maxima, strict=True)]
     # Entries are alike in all columns, the others differ in size from group to group.
-    nulls: list[FloatArray] = [np.concatenate(largest[0]).max(axis=1)]
-    values = [observed[0]]
-    for kind in (1, 2):
-        value, null = _alike(observed[kind], np.concatenate(largest[kind]))
-        values.append(value)
-        nulls.append(null)
-    p = [_tail(value, null) for value, null in zip(values, nulls, strict=True)]
+    tests = [(observed[0], largest[0].max(axis=1)), *map(_alike, observed[1:], largest[1:])]
     # The three kinds are tested side by side: the smallest p of a table under the null is
     # itself referred to its distribution.
-    tails = np.array([_tail(null, null) for null in nulls])
-    smallest = tails.min(axis=0)
-    entries, distance, mean = (_tail(-item, -smallest) for item in p)
+    smallest = np.min([_tail(null, null) for _, null in tests], axis=0)
+    entries, distance, mean = (_tail(-_tail(*test), -smallest) for test in tests)
     by_row = np.minimum(distance.min(axis=1), mean.min(axis=1))
     return Outstanding(by_row=by_row, by_cell=entries)
 

@@ -17,7 +17,7 @@ from mtu_cli.stats.least_squares import (
     least_squares,
     polynomial,
 )
-from mtu_cli.stats.mixed_model import ARITHMETIC, FEWEST_RUNS, PassFit, lines_by_pass
+from mtu_cli.stats.mixed_model import ARITHMETIC, PassFit, lines_by_pass
 from mtu_cli.stats.resolution import hidden
 
 MAX_POSITIONS = 400
@@ -77,11 +77,6 @@ def pass_scatter(fit: PassFit, r: float = 0.0) -> FTest | None:
     return f_test((fit.pooled_rss - fit.within_rss) / df, noise, df, fit.within_dof)
 
 
-def by_runs(fit: PassFit) -> bool:
-    """Whether the runs there and back are what was repeated, rather than the single passes."""
-    return len(fit.pairs) >= FEWEST_RUNS
-
-
 def pass_trend(fit: PassFit, order: IntArray | FloatArray, r: float = 0.0) -> Shift | None:
     """Drift a pass of the level at the mean position, direction taken out; `order` (G,) is the
     sequence of the passes in time. With a trend passes are not exchangeable, which D and every
@@ -91,7 +86,7 @@ def pass_trend(fit: PassFit, order: IntArray | FloatArray, r: float = 0.0) -> Sh
     if not fit.separated or fit.pass_dof < 2:
         return None
     unit = np.arange(fit.n_passes)
-    if by_runs(fit):
+    if fit.half_differences is not None:
         unit[fit.pairs[:, 1]] = fit.pairs[:, 0]
     unit = np.unique(unit, return_inverse=True)[1].astype(np.int64)
     columns = np.column_stack([fit.deviations[:, 0], fit.group_direction, _ranks(order)])
@@ -131,7 +126,7 @@ def reversal(
     if not fit.separated or not forward.any() or not reverse.any() or fit.n_passes < FEWEST_PASSES:
         return None
     level = fit.pass_coefficients[:, 0]
-    if by_runs(fit):
+    if fit.half_differences is not None:
         level, rank = level[fit.pairs], _ranks(order)[fit.pairs]
         mean, time = level.mean(axis=1), rank.mean(axis=1) - rank.mean()
         difference, spread = level[:, 0] - level[:, 1], float(time @ time)

@@ -167,7 +167,7 @@ def thermal_fit(
 def _component(fit: Fitted, method: str, share: float, of: str | None, unit: str) -> ComponentDrift:
     """The model with its evidence; the residuals allow for a `share` of the sensors' noise."""
     design, spec, y = fit.design, fit.spec, fit.design.y
-    modelled, drift, residual = (np.empty_like(y) for _ in range(3))
+    modelled = np.empty_like(y)
     for (p, _), rows in design.runs.items():
         modelled[rows] = design.Z[rows][:, fit.columns[1:-1]] @ fit.gradients[p]
     places = [*design.runs.values()] if design.offsets else design.places

@@ -95,7 +95,7 @@ class ScaledT:
 def plain_blocks(
     model: Bent, seed: int, trials: int, probability: float = 0.95
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    plan = BlockPlan.of(trials, probability)
+    plan = BlockPlan.of(model, trials, trials, probability)
     values, linear = [], []
     for batch in plan.batches(0, plan.blocks or 0):
         m = len(batch) * plan.trials_in(batch.start)
