@@ -253,18 +253,7 @@ def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
     sigma = math.sqrt(math.fsum(c * c * item.drawn_variance for c, item in terms))
     if not (math.isfinite(sigma) and sigma > 0.0):
         return None
-    series = _series(terms, sigma)
-    if series is None:
-        return None
-    above, x = series
-    half, at = np.maximum.accumulate(above), x * sigma
-    return lambda p: np.sign(p - 0.5) * np.interp(np.abs(p - 0.5), half, at)
-
-
-def _series(terms: Sequence[Term], sigma: float) -> tuple[FloatArray, FloatArray] | None:
-    """F(x) - 1/2 (n,) at x (n,) from 0 up in standard deviations; None where the series is cut
-    too early.
-    """
+    # F(x) - 1/2 at x from 0 up in standard deviations.
     dof = min((item.dof for _, item in terms if not item.bounded), default=math.inf)
     reach, points = next((reach, points) for least, reach, points in REACHES if dof >= least)
     omega = np.arange(1, points // 2, dtype=np.float64) * (math.pi / reach)
@@ -279,8 +268,10 @@ def _series(terms: Sequence[Term], sigma: float) -> tuple[FloatArray, FloatArray
     x: FloatArray = 2.0 * reach / points * np.arange(points // 2, dtype=np.float64)
     spectrum = np.zeros(points // 2 + 1, dtype=np.complex128)
     spectrum[1:-1] = -1j * phi / omega
-    # F(x) - 1/2 = (x + 2 sum over k of phi_k sin(omega_k x)/omega_k) / (2 reach).
-    return (x + np.fft.irfft(spectrum, points)[: len(x)] * points) / (2.0 * reach), x
+    # (x + 2 sum over k of phi_k sin(omega_k x)/omega_k) / (2 reach).
+    above = (x + np.fft.irfft(spectrum, points)[: len(x)] * points) / (2.0 * reach)
+    half, at = np.maximum.accumulate(above), x * sigma
+    return lambda p: np.sign(p - 0.5) * np.interp(np.abs(p - 0.5), half, at)
 
 
 def characteristic(item: Distribution, omega: FloatArray) -> FloatArray:

@@ -289,8 +289,14 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     while frozenset(chosen) not in history:
         history.add(frozenset(chosen))
         candidates = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
-        gains, before = _gains(Z, chosen, candidates)
-        if not candidates or p(len(chosen) + 1, float(gains.max()), before) >= enter:
+        # R of constant, chosen, candidates, target: residuals on the chosen stand below them.
+        R, k = triangle(Z[:, [0, *chosen, *candidates, -1]]), len(chosen) + 1
+        rest, residual = R[k:, k:-1], R[k:, -1]
+        # What each candidate takes off the residual sum of squares of the chosen.
+        squares = np.sum(rest**2, axis=0)
+        usable = squares > _NOTHING_LEFT * np.sum(R[:, k:-1] ** 2, axis=0)
+        gains = np.where(usable, (rest.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
+        if not candidates or p(k, float(gains.max()), float(residual @ residual)) >= enter:
             break
         chosen.append(candidates[int(np.argmax(gains))])
         while len(chosen) > 1:
@@ -301,15 +307,3 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
                 break
             del chosen[int(np.argmin(loss))]
     return tuple(sorted(chosen))
-
-
-def _gains(Z: FloatArray, chosen: list[int], candidates: list[int]) -> tuple[FloatArray, float]:
-    """What each candidate takes off the residual sum of squares of the chosen, and that sum."""
-    p = len(chosen) + 1
-    # R of constant, chosen, candidates, target: residuals on the chosen stand below them.
-    R = triangle(Z[:, [0, *chosen, *candidates, -1]])
-    rest, residual = R[p:, p:-1], R[p:, -1]
-    squares = np.sum(rest**2, axis=0)
-    usable = squares > _NOTHING_LEFT * np.sum(R[:, p:-1] ** 2, axis=0)
-    gains = np.where(usable, (rest.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
-    return gains, float(residual @ residual)

@@ -224,7 +224,14 @@ def outstanding_rows(
     indicator = (groups[:, None] == np.unique(groups)[None, :]).astype(np.float64)
     if d.size <= ENTRIES:
         return _by_rotation(d, indicator, np.random.default_rng(seed))
-    return _by_bounds(d, count, indicator)
+    # Large tables: half of the error rate each to single entries and means, by the bound of
+    # Bonferroni on Grubbs's statistic.
+    entries = np.minimum(2 * d.size * deviation_p(d, count[None, :]), 1.0)
+    means = d @ indicator
+    scale = np.sqrt((means**2).sum(axis=0) / (len(d) - 1))
+    means = means / np.where(scale > 0, scale, 1.0)
+    mean = np.minimum(2 * means.size * deviation_p(means, np.full(1, float(len(d)))), 1.0)
+    return Outstanding(by_row=mean.min(axis=1), by_cell=entries)
 
 
 def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator) -> Outstanding:
@@ -249,19 +256,6 @@ def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator)
     entries, distance, mean = (_tail(-_tail(*test), -smallest) for test in tests)
     by_row = np.minimum(distance.min(axis=1), mean.min(axis=1))
     return Outstanding(by_row=by_row, by_cell=entries)
-
-
-def _by_bounds(d: FloatArray, count: FloatArray, indicator: FloatArray) -> Outstanding:
-    """Large tables: half of the error rate each to single entries and means, by the bound of
-    Bonferroni on Grubbs's statistic.
-    """
-    rows = len(d)
-    entries = np.minimum(2 * d.size * deviation_p(d, count[None, :]), 1.0)
-    means = d @ indicator
-    scale = np.sqrt((means**2).sum(axis=0) / (rows - 1))
-    means = means / np.where(scale > 0, scale, 1.0)
-    mean = np.minimum(2 * means.size * deviation_p(means, np.full(1, float(rows))), 1.0)
-    return Outstanding(by_row=mean.min(axis=1), by_cell=entries)
 
 
 def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, FloatArray]:

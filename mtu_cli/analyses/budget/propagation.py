@@ -62,44 +62,40 @@ def first_order(loaded: LoadedBudget, inputs: Inputs) -> tuple[FirstOrder, ...]:
         variables = names(tree)
         rows = [i for i, x in enumerate(inputs.quantities) if x.u > 0.0 and x.name in variables]
         slopes = derivatives(tree, values, [inputs.quantities[i].name for i in rows])
-        if math.isfinite(slopes.value):
-            # What overflows is inf or nan, and no uncertainty to the first order then exists.
-            with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-                outputs.append(_output(name, tree, slopes, inputs, rows))
+        if not math.isfinite(slopes.value):
+            what, at = "the equation", " at the estimates of its inputs"
+            unknown = finding("no-finite-value", what=what, where=at)
+            problems.append((*slopes.faults, unknown)[0].at(**loaded.where(name)))
             continue
-        what, at = "the equation", " at the estimates of its inputs"
-        unknown = finding("no-finite-value", what=what, where=at)
-        problems.append((*slopes.faults, unknown)[0].at(**loaded.where(name)))
+        g = np.zeros(len(inputs.quantities))
+        g[rows] = slopes.first
+        # What overflows is inf or nan, and no uncertainty to the first order then exists.
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            # Summed by sources, so that a variance of 0 is 0 and not rounding.
+            variances = [source.variance(g) for source in inputs.sources]
+            variance, dof = math.fsum(variances), math.nan
+            if math.isfinite(variance):
+                dofs = [source.dof(g) for source in inputs.sources]
+                dof = welch_satterthwaite(np.array(variances), np.array(dofs))
+            shift, increase = _second_order(tree, slopes, inputs, rows)
+            contribution, joint = np.abs(g) * inputs.u, g * (inputs.covariance @ g)
+            share = joint / variance if variance > 0.0 else np.full(len(g), math.nan)
+        output = FirstOrder(
+            name=name,
+            value=slopes.value,
+            sensitivity=g,
+            contribution=contribution,
+            u=math.sqrt(variance),
+            dof=dof,
+            share=share,
+            second_value=slopes.value + shift,
+            second_u=math.sqrt(variance + increase) if variance + increase >= 0.0 else math.nan,
+            faults=slopes.faults,
+        )
+        outputs.append(output)
     if problems:
         raise InputError(problems)
     return tuple(outputs)
-
-
-def _output(
-    name: str, tree: Node, slopes: Derivatives, inputs: Inputs, rows: Sequence[int]
-) -> FirstOrder:
-    g = np.zeros(len(inputs.quantities))
-    g[rows] = slopes.first
-    # Summed by sources, so that a variance of 0 is 0 and not rounding.
-    variances = [source.variance(g) for source in inputs.sources]
-    variance, dof = math.fsum(variances), math.nan
-    if math.isfinite(variance):
-        dofs = [source.dof(g) for source in inputs.sources]
-        dof = welch_satterthwaite(np.array(variances), np.array(dofs))
-    shift, increase = _second_order(tree, slopes, inputs, rows)
-    joint = g * (inputs.covariance @ g)
-    return FirstOrder(
-        name=name,
-        value=slopes.value,
-        sensitivity=g,
-        contribution=np.abs(g) * inputs.u,
-        u=math.sqrt(variance),
-        dof=dof,
-        share=joint / variance if variance > 0.0 else np.full(len(g), math.nan),
-        second_value=slopes.value + shift,
-        second_u=math.sqrt(variance + increase) if variance + increase >= 0.0 else math.nan,
-        faults=slopes.faults,
-    )
 
 
 def _second_order(

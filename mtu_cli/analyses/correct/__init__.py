@@ -135,7 +135,7 @@ def correct(
     for order, item in enumerate(measurands):
         temperatures = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
         warnings += item.warnings(temperatures) if temperatures and item.kind != "length" else []
-    warnings += [*_size_warnings(sizes, scatter), *form_warnings(forms)]
+    warnings += _size_warnings(sizes, scatter, forms)
     return CorrectResult(
         points=points,
         part=[points.parts[i] for i in points.part],
@@ -155,8 +155,13 @@ def correct(
     )
 
 
-def _size_warnings(sizes: Sequence[Size], scatter: PointScatter | None) -> Iterator[Finding]:
-    """Of unknown figures of sizes, or of their common scatter."""
+def _size_warnings(
+    sizes: Sequence[Size], scatter: PointScatter | None, forms: Collection[FormTest]
+) -> Iterator[Finding]:
+    """Of unknown figures of sizes, or of their common scatter; and of calibrated rings whose form
+    is more than is explained, at 95 % of all together (Bonferroni): a ring of no calibration may
+    have the form that it was made with.
+    """
     names = [f"{size.id} of {size.part}" for size in sizes]
     yield from dof_warnings(names, np.array([size.dof for size in sizes]))
     if scatter is None:
@@ -167,12 +172,6 @@ def _size_warnings(sizes: Sequence[Size], scatter: PointScatter | None) -> Itera
     if exact := [name for name, size in zip(names, sizes, strict=True) if size.error[0] == 0]:
         details = {"names": exact, "reason": "no error before the correction"}
         yield finding("not-estimable", quantity="reduction_percent", **details)
-
-
-def form_warnings(forms: Collection[FormTest]) -> Iterator[Finding]:
-    """Of calibrated rings whose form is more than is explained, at 95 % of all together
-    (Bonferroni): a ring of no calibration may have the form that it was made with.
-    """
     calibrated = [form for form in forms if form.calibrated]
     excess = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
     if excess:

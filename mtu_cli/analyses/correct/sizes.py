@@ -190,7 +190,7 @@ def measurands_of(
 
     Raises InputError for a temperature that a calibration needs and is not known everywhere.
     """
-    measurands, absent = list[Measurand](), list[str]()
+    measurands, absent, columns = list[Measurand](), list[str](), point_columns(points)
     rounds: dict[Kind, Sequence[Circle | Sphere]] = {
         "circle": part.part.circles,
         "sphere": part.part.spheres,
@@ -200,13 +200,33 @@ def measurands_of(
             if set(item.features).isdisjoint(points.features):
                 absent.append(f"{kind} {item.id!r}")
                 continue
+            name = item.temperature or ""
+            temperature = np.full(len(points), at.get(name, nan))
+            if name in columns:
+                codes = [i for i, feature in enumerate(points.features) if feature in item.features]
+                problems, of = list[Finding](), np.flatnonzero(np.isin(points.feature, codes))
+                temperature = numbers_of(points, name, columns[name], problems, of)
+                if problems:
+                    raise InputError(problems)
+            elif name and name not in at and item.calibrated_mm:
+                near = " or ".join(map(repr, nearest(name, [*columns, *at])))
+                near = f" (there is {near})" if near else ""
+                raise error(
+                    "unknown-name",
+                    what="temperature",
+                    expected=f"a column of this name{near}, or --at {name}=VALUE",
+                    file=part.source.shown,
+                    line=part.line_of(f"{kind}s", index, "temperature"),
+                    path=f"{kind}s[{index}].temperature",
+                    value=name,
+                )
             measurand = Measurand(
                 kind=kind,
                 id=item.id,
                 features=tuple(item.features),
                 U_reference=nan if item.U_um is None else item.U_um * UM,
                 calibrated=np.array(sorted((item.calibrated_mm or {}).items())).reshape(-1, 2),
-                temperature=_temperature(part, (f"{kind}s", index), item, points, at),
+                temperature=temperature,
                 ranged=isinstance(part.document.at(f"{kind}s", index, "calibrated_mm"), dict),
             )
             measurands.append(measurand)
@@ -218,32 +238,6 @@ def measurands_of(
             measurands.append(Measurand(kind="length", id=length.id, features=ends))
     reason = "none of its features was measured"
     return measurands, [finding("not-measured", names=absent, reason=reason)] if absent else []
-
-
-def _temperature(
-    part: LoadedPart,
-    path: tuple[str, int],
-    item: Circle | Sphere,
-    points: Points,
-    at: Mapping[str, float],
-) -> FloatArray:
-    """That of every point (n,) by the covariate that the circle or sphere at `path` names."""
-    columns, name = point_columns(points), item.temperature or ""
-    if name in columns:
-        codes = [i for i, feature in enumerate(points.features) if feature in item.features]
-        problems: list[Finding] = []
-        rows = np.flatnonzero(np.isin(points.feature, codes))
-        result = numbers_of(points, name, columns[name], problems, rows)
-        if problems:
-            raise InputError(problems)
-        return result
-    if name and name not in at and item.calibrated_mm:
-        place = {"file": part.source.shown, "line": part.line_of(*path, "temperature")}
-        near = " or ".join(map(repr, nearest(name, [*columns, *at])))
-        expected = f"a column of this name{near and f' (there is {near})'}, or --at {name}=VALUE"
-        place |= {"path": f"{path[0]}[{path[1]}].temperature", "value": name}
-        raise error("unknown-name", what="temperature", expected=expected, **place)
-    return np.full(len(points), at.get(name, nan))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -273,9 +273,21 @@ def _full(fit: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int
     and may be another sensor's: where the model has lags, a group has u_lag b + sum_c (u_c - u_lag)
     b_c of other lags c, the steady state of which is b.
     """
-    design, g = fit.design, len(fit.design.groups)
-    group, other_lags, noise = _other_lags(fit, sensor_u)
-    lags = np.asarray(fit.spec.lags)
+    design, g, lags = fit.design, len(fit.design.groups), np.asarray(fit.spec.lags)
+    # Other lags are none and the next ones; of a group without lag the mean of all.
+    usual = round(float(lags[lags > 0].mean())) if lags.any() else 0
+    pairs = [
+        (j, other)
+        for j, lag in enumerate(lags.tolist())
+        for other in ({0, lag - 1, lag + 1} - {lag} if lag else {usual} - {0})
+        if other < len(design.time_constants)
+    ]
+    group, other_lags = np.array(pairs, int).reshape(-1, 2).T
+    # What of a sensor's noise is in u_lag, and in u_c - u_lag.
+    reading_u = sensor_u * (design.average[:, fit.used] != 0).any(axis=1)
+    lagged_u = reading_u * _through_lags(fit)
+    plain, lagged = (np.sqrt(u**2 @ design.average**2) for u in (reading_u, lagged_u))
+    noise = np.append(lagged, plain[group] * (other_lags == 0) - lagged[group])
     change = design.Z[:, 1 + other_lags * g + group] - design.Z[:, 1 + lags[group] * g + group]
     columns = np.column_stack([design.Z[:, fit.columns[1:-1]], change, design.y])
     owner = np.concatenate([np.arange(g), group])
@@ -299,25 +311,6 @@ def _full(fit: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int
         N = np.pad(N, (0, level.shape[1]))
         blocks.append(Block(np.hstack([np.kron(power, Z[:, :-1]), level]), Z[:, -1], c, N))
     return SerialFit(blocks, levels=design.offsets), squares, len(owner)
-
-
-def _other_lags(fit: Fitted, sensor_u: FloatArray) -> tuple[np.ndarray, np.ndarray, FloatArray]:
-    """The groups (k,) of k other lags (none and the next ones, of a group without lag the mean of
-    all), these lags, and what of a sensor's noise is in u_lag and u_c - u_lag, (g + k,) degC.
-    """
-    design, lags = fit.design, np.asarray(fit.spec.lags)
-    reading_u = sensor_u * (design.average[:, fit.used] != 0).any(axis=1)
-    lagged_u = reading_u * _through_lags(fit)
-    plain, lagged = (np.sqrt(u**2 @ design.average**2) for u in (reading_u, lagged_u))
-    usual = round(float(lags[lags > 0].mean())) if lags.any() else 0
-    pairs = [
-        (j, other)
-        for j, lag in enumerate(lags.tolist())
-        for other in ({0, lag - 1, lag + 1} - {lag} if lag else {usual} - {0})
-        if other < len(design.time_constants)
-    ]
-    group, other_lags = np.array(pairs, int).reshape(-1, 2).T
-    return group, other_lags, np.append(lagged, plain[group] * (other_lags == 0) - lagged[group])
 
 
 def _inseparable(
