@@ -71,24 +71,18 @@ class Pool:
     the first block's, so that their squares do not cancel; nothing grows with the number of blocks.
     """
 
-    _origin: FloatArray
-    _shift: FloatArray
-    _squares: FloatArray
-    _sums: FloatArray
-    _groups: FloatArray
-
     def __init__(self, u_exists: BoolArray) -> None:
-        self.u_exists = u_exists
-        self.blocks = 0
-        self.trials = 0
+        outputs = len(u_exists)
+        self.u_exists, self.blocks, self.trials = u_exists, 0, 0
+        self._origin = np.zeros((2 + 2 * QUANTILES, outputs))
+        self._shift, self._squares = np.zeros(outputs), np.zeros((outputs, outputs))
+        self._sums = np.zeros((5, *self._origin.shape))
+        self._groups = np.zeros((GROUPS, 5, len(ENDS), outputs))
 
     def add(self, batch: BatchSummary) -> None:
         """Takes in the next blocks."""
         if self.blocks == 0:
             self._origin = batch.statistics[0]
-            self._shift, self._squares = np.zeros(len(self.u_exists)), np.zeros_like(batch.squares)
-            self._sums = np.zeros((5, *self._origin.shape))
-            self._groups = np.zeros((GROUPS, 5, len(ENDS), len(self.u_exists)))
         deviations, c = batch.statistics - self._origin, batch.controls
         means = deviations[:, 0]
         self._shift += batch.size * means.sum(axis=0)
@@ -189,15 +183,11 @@ class Pool:
         bend = before - 2.0 * least + after
         inner = (near[0] < best) & (best < near[2]) & (bend > 0.0)
         step = np.where(inner, 0.5 * (before - after) / np.where(inner, bend, 1.0), 0.0)
-        return _between(lower[place], step), _between(upper[place], step)
-
-
-def _between(values: FloatArray, step: FloatArray) -> FloatArray:
-    """The parabola through `values` (3, outputs) at -1, 0, 1, at `step` (outputs,)."""
-    before, middle, after = values
-    bend = before - 2.0 * middle + after
-    result: FloatArray = middle + 0.5 * step * (after - before + step * bend)
-    return result
+        # The parabolas through both ends' values at -1, 0 and 1, at the step.
+        before, middle, after = np.stack([lower[place], upper[place]], axis=1)
+        bend = before - 2.0 * middle + after
+        low, high = middle + 0.5 * step * (after - before + step * bend)
+        return low, high
 
 
 def single_block_estimates(
