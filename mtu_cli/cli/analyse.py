@@ -61,7 +61,7 @@ def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
 
 def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
     """Errors of the features of a part, or of a grid over the machine's travels."""
-    from mtu_cli.analyses import predict_points as analysis
+    from mtu_cli.analyses import predictions as analysis
     from mtu_cli.model.features import grid_of
     from mtu_cli.reports import predict_points as report
 
@@ -80,7 +80,7 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
 
 def lengths(inputs: Inputs, settings: Settings) -> Outcome:
     """Feature-to-feature lengths."""
-    from mtu_cli.analyses.lengths import predict_lengths
+    from mtu_cli.analyses.predictions import predict_lengths
 
     modelling = modelled(inputs)
     result = predict_lengths(modelling.model, inputs.part, settings, inputs.at)
@@ -93,7 +93,7 @@ def lengths(inputs: Inputs, settings: Settings) -> Outcome:
 
 def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
     """Right angles between rows and columns of features."""
-    from mtu_cli.analyses.orthogonality import predict_orthogonality
+    from mtu_cli.analyses.predictions import predict_orthogonality
 
     modelling = modelled(inputs)
     result = predict_orthogonality(modelling.model, inputs.part, settings, inputs.at)

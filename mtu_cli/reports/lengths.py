@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from mtu_cli.analyses.lengths import LengthsResult
+from mtu_cli.analyses.predictions import LengthsResult
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table, least_conforming
 from mtu_cli.reports.fields import declare, rows_of

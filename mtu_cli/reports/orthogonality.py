@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from mtu_cli.analyses.orthogonality import OrthogonalityResult
+from mtu_cli.analyses.predictions import OrthogonalityResult
 from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table, least_conforming

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.predict_points import PointsResult
+from mtu_cli.analyses.predictions import PointsResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import (

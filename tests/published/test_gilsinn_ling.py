@@ -10,9 +10,14 @@ import numpy as np
 import pytest
 from support import Study, paper_study
 
-from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
-from mtu_cli.analyses.orthogonality import Orthogonality, predict_orthogonality
-from mtu_cli.analyses.predict_points import PointsResult, predict_points
+from mtu_cli.analyses.predictions import (
+    LengthsResult,
+    Orthogonality,
+    PointsResult,
+    predict_lengths,
+    predict_orthogonality,
+    predict_points,
+)
 from mtu_cli.model.settings import Settings
 from mtu_cli.units import ARCSEC
 

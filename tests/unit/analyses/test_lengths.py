@@ -9,7 +9,7 @@ import pytest
 from model_examples import estimate, model_of, part_of, stated
 from scipy import stats
 
-from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
+from mtu_cli.analyses.predictions import LengthsResult, predict_lengths
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.fields import RowOf, rows_of

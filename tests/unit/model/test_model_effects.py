@@ -11,9 +11,7 @@ import pytest
 from model_examples import FloatArray, loaded, part_of, stated
 from support import read_components
 
-from mtu_cli.analyses.lengths import predict_lengths
-from mtu_cli.analyses.orthogonality import predict_orthogonality
-from mtu_cli.analyses.predict_points import predict_points
+from mtu_cli.analyses.predictions import predict_lengths, predict_orthogonality, predict_points
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix
 from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, searched_warnings

@@ -7,9 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
-from mtu_cli.analyses.orthogonality import OrthogonalityResult, predict_orthogonality
-from mtu_cli.analyses.predict_points import PointsResult, predict_points
+from mtu_cli.analyses.predictions import (
+    LengthsResult,
+    OrthogonalityResult,
+    PointsResult,
+    predict_lengths,
+    predict_orthogonality,
+    predict_points,
+)
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import read_readings
