@@ -185,9 +185,8 @@ def part_interval(cells: Cells, table: OneWay) -> FloatArray:
     """
     present = cells.present
     tail = (1 - PROBABILITY) / 2
-    n1 = table.df_between
-    valid = (n1 > 0) & (table.df_within > 0)
-    n1, n2 = np.where(valid, n1, 1.0), np.where(valid, table.df_within, 1.0)
+    known = (table.df_between > 0) & (table.df_within > 0)
+    n1, n2 = (np.where(known, df, np.nan) for df in (table.df_between, table.df_within))
     inverse = np.divide(1.0, cells.n, out=np.zeros_like(cells.n), where=present)
     h = table.parts / inverse.sum(axis=1)
     centre = np.where(present, cells.mean, 0.0).sum(axis=1) / table.parts
@@ -202,8 +201,7 @@ def part_interval(cells: Cells, table: OneWay) -> FloatArray:
     up = (H1 * S1) ** 2 + (G2 * S2) ** 2 + H12 * S1 * S2
     low = (S1 - S2 - np.sqrt(np.maximum(down, 0.0))) / h
     high = (S1 - S2 + np.sqrt(np.maximum(up, 0.0))) / h
-    limits = np.maximum(np.column_stack([low, high]), 0.0)
-    return np.where(valid[:, None], limits, np.nan)
+    return np.maximum(np.column_stack([low, high]), 0.0)
 
 
 GRID = np.concatenate([[0.0], 10.0 ** np.arange(-5.0, 9.01, 0.25)])

@@ -118,6 +118,8 @@ def fit_passes(
     design = None
     if group is not None:
         design = _pass_design(position, center, degree, group, direction, runs)
+    # A sum of n numbers is rounded n times, by half of the spacing of numbers of its size each.
+    rounding = max(len(y), FEWEST_ROUNDINGS) * float(np.spacing(np.abs(y).max(initial=0.0)))
     # One pass, or none known: all scatter counts as repeatability.
     nothing, empty = np.zeros((q, q)), np.zeros((0, q))
     single = PassFit(
@@ -136,7 +138,7 @@ def fit_passes(
         deviations=empty,
         pooled_rss=plain.rss,
         pooled_dof=plain.dof,
-        rounding=rounding_of(y),
+        rounding=rounding,
     )
     return single if design is None or design.dof <= 0 else _separated(y, design, single)
 
@@ -284,14 +286,6 @@ def _pass_design(
         fixed=fixed,
         dof=dof,
     )
-
-
-def rounding_of(y: FloatArray) -> float:
-    """What a mean of the readings (n,), or a line through them, may be off by arithmetic alone: a
-    sum of n numbers is rounded n times, by half of the spacing of numbers of its size each.
-    """
-    steps = max(len(y), FEWEST_ROUNDINGS)
-    return steps * float(np.spacing(np.abs(y).max(initial=0.0)))
 
 
 def _between_lines(

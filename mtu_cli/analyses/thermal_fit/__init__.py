@@ -143,9 +143,8 @@ def thermal_fit(
             what = f"{counted(len(design.y), 'reading')} of {design.name}"
             expected = f"{levels + fitted.coefficients.size + 1} for the {fitted.spec.kind} model"
             raise error("too-little-data", what=what, file=design.file, expected=expected)
-        bound = noise_share(fitted, sensor_noise(design))
-        result[design.name] = drift = _component(fitted, method, bound, of, unit)
-        share = min(share, bound)
+        drift, bound = _component(fitted, method, of, unit)
+        result[design.name], share = drift, min(share, bound)
         warnings += _warnings(design, drift)
     numbers = [name for name, values in readings.covariates.items() if values.dtype != object]
     if odd := [name for name in numbers if not is_temperature(name)]:
@@ -164,8 +163,8 @@ def thermal_fit(
     )
 
 
-def _component(fit: Fitted, method: str, share: float, of: str | None, unit: str) -> ComponentDrift:
-    """The model with its evidence; the residuals allow for a `share` of the sensors' noise."""
+def _component(fit: Fitted, method: str, of: str | None, unit: str) -> tuple[ComponentDrift, float]:
+    """The model with its evidence, and the share of the sensors' noise that residuals allow for."""
     design, spec, y = fit.design, fit.spec, fit.design.y
     modelled = np.empty_like(y)
     for (p, _), rows in design.runs.items():
@@ -176,6 +175,7 @@ def _component(fit: Fitted, method: str, share: float, of: str | None, unit: str
     square, lag = fit.mean_products(design.every_cycle)
     lag1 = lag / square if square > 0 else 0.0
     sensor_u, curves = sensor_noise(design), []
+    share = noise_share(fit, sensor_u)
     for (p, c), run in design.runs.items():
         sample = slice(run.start, run.stop, max(1, -(-(run.stop - run.start) // MOST_POINTS)))
         time, measured = design.time[sample], y[sample]
@@ -188,7 +188,7 @@ def _component(fit: Fitted, method: str, share: float, of: str | None, unit: str
     factors = variance_inflation(inner).tolist() if len(columns) else []
     squares = fit.group_shares(design.every_cycle)
     single, several = gradients(fit, sensor_u * share)
-    return ComponentDrift(
+    result = ComponentDrift(
         name=design.name,
         unit=UNITS[unit],
         model="lagged" if any(spec.lags) else spec.kind,
@@ -220,6 +220,7 @@ def _component(fit: Fitted, method: str, share: float, of: str | None, unit: str
         offsets=design.offsets,
         by=design.by,
     )
+    return result, share
 
 
 def _warnings(design: Design, drift: ComponentDrift) -> Iterator[Finding]:
