@@ -8,8 +8,8 @@ from budget_examples import loaded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mtu_cli.analyses.budget import FirstOrder, first_order
 from mtu_cli.analyses.budget.inputs import inputs_of
-from mtu_cli.analyses.budget.propagation import FirstOrder, first_order
 
 positive = st.floats(0.01, 10.0)
 signed = st.floats(-5.0, 5.0)
