@@ -556,23 +556,20 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
         way: Verdict = "under-predicted" if each.ratio > 1 else "over-predicted"
         verdict = way if p_test <= FAMILY_RATE else None
         pooled[name] = each._replace(p=min(p_test, 1.0), verdict=verdict)
-    result, start = list[Compared](), 0
-    for kind in (replace(features, pooled=pooled), *kinds[1:]):
-        p = adjusted[:, start : start + len(kind.labels)]
-        start += len(kind.labels)
+    result = list[Compared]()
+    of_kinds = np.split(adjusted, [len(features.labels)], axis=1)[: len(kinds)]
+    for kind, p in zip((replace(features, pooled=pooled), *kinds[1:]), of_kinds, strict=True):
         bias, scatter = p <= FAMILY_RATE
         under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
         # Parts too few to measure their scatter, but known to scatter more, explain a biased mean.
         bias &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
-        biased, under_predicted, over_predicted = (
-            tuple(bool(x) if np.isfinite(p_i) else None for x, p_i in zip(mask, q, strict=True))
-            for mask, q in ((bias, p[0]), (under, p[1]), (over, p[1]))
-        )
-        judged_kind = replace(
-            kind, p_bias=p[0], p_scatter=p[1], biased=biased, under_predicted=under_predicted,
-            over_predicted=over_predicted,
-        )  # fmt: skip
-        result.append(judged_kind)
+        tests = {"biased": (bias, p[0]), "under_predicted": (under, p[1]),
+                 "over_predicted": (over, p[1])}  # fmt: skip
+        answers: dict[str, Any] = {
+            name: tuple(np.where(np.isfinite(of), mask, None).tolist())
+            for name, (mask, of) in tests.items()
+        }
+        result.append(replace(kind, p_bias=p[0], p_scatter=p[1], **answers))
     return result[0], result[1] if lengths is not None else None
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr, stdtr
 
-from mtu_cli.analyses.iso230 import figures_of
+from mtu_cli.analyses.iso230 import TRIALS, WAYS, figures_of
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
 from mtu_cli.model.stated_errors import StatedErrors
@@ -24,7 +24,6 @@ from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pass_tests import FTest, f_test
 from mtu_cli.units import ARCSEC, UM
 
-TRIALS = 10_000
 MOST_MOVES = 7
 """Targets of the verification, in both directions."""
 VARIES_SHARE, VARIES_P = 0.25, 0.01
@@ -34,7 +33,6 @@ UNLIKE_P = 0.05
 VERDICTS = {0.0: "worked", 1.0: "no-effect", 2.0: "wrong-sign"}
 SAME_PLACE = 1e-3
 """mm or deg: a verification reading this near a target is of that target."""
-WAYS = ("forward", "reverse")
 
 
 class Block(NamedTuple):
