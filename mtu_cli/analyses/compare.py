@@ -566,7 +566,7 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
         tests = {"biased": (bias, p[0]), "under_predicted": (under, p[1]),
                  "over_predicted": (over, p[1])}  # fmt: skip
         answers: dict[str, Any] = {
-            name: tuple(np.where(np.isfinite(of), mask, None).tolist())
+            name: tuple(np.where(np.isfinite(of), mask, np.array(None)).tolist())
             for name, (mask, of) in tests.items()
         }
         result.append(replace(kind, p_bias=p[0], p_scatter=p[1], **answers))
