@@ -13,6 +13,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from string import Formatter
 from typing import Any, Literal
@@ -29,17 +30,7 @@ class Kind:
     suspicious: bool = False
 
 
-def _error(template: str, suspicious: bool = False) -> Kind:
-    return Kind("error", template, suspicious)
-
-
-def _warning(template: str, suspicious: bool = False) -> Kind:
-    return Kind("warning", template, suspicious)
-
-
-def _note(template: str) -> Kind:
-    return Kind("note", template)
-
+_error, _warning, _note = partial(Kind, "error"), partial(Kind, "warning"), partial(Kind, "note")
 
 CATALOGUE: dict[str, Kind] = {
     # Files and cells.
@@ -490,15 +481,6 @@ def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
     return tuple(words[each] for each in difflib.get_close_matches(key, words, 1, 0.65))
 
 
-def closest(name: str, names: Iterable[str]) -> str | None:
-    """The known name that `name` was probably meant to be, or None.
-
-    >>> closest("coverge_factor", ["seed", "coverage_factor"])
-    'coverage_factor'
-    """
-    return next(iter(nearest(name, names)), None)
-
-
 def suggestion(name: str, names: Iterable[str]) -> dict[str, Any]:
     """Facts of a Finding of an unknown name: `meant`, the nearest names, else `expected`, all."""
     choices = list(names)
@@ -515,11 +497,7 @@ def shorten(text: str, width: int = LONGEST_VALUE) -> str:
 
 def printable(text: str) -> str:
     """Text in which control characters (of a file name, say) are escaped: no terminal obeys it."""
-    if text.isprintable():
-        return text
-    return "".join(
-        sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text
-    )
+    return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
 
 
 def _plain(value: Any) -> Any:

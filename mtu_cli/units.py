@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan, log10, nan, pi
 
@@ -45,11 +45,6 @@ class Powers:
     def size(self) -> float:
         """The common logarithm of its size."""
         return self.exponents[-1]
-
-    @property
-    def minute(self) -> float:
-        """The exponent of time."""
-        return self.exponents[BASES.index("s")]
 
     @property
     def known(self) -> bool:
@@ -237,23 +232,18 @@ def unit_powers(text: str | None) -> Powers:
         divides = match is not None and "/" in match[1]
         if match is None or ("/" in plain[:position] and not divides):
             return ANY
-        powers *= _symbol(match[2]) ** (float(match[3] or 1) * (-1.0 if divides else 1.0))
+        unit = _SYMBOLS.get(_SYNONYMS.get(match[2].casefold(), match[2]), ANY)
+        powers *= unit ** (float(match[3] or 1) * (-1.0 if divides else 1.0))
         position = match.end()
     return powers if powers.known else ANY
 
 
-def _symbol(name: str) -> Powers:
-    name = _SYNONYMS.get(name.casefold(), name)
-    if name in _OTHER:
-        size, *exponents = _OTHER[name]
-        return _powers(exponents, log10(size))
-    for symbol, of in _PREFIXED.items():
-        prefix = name.removesuffix(symbol)
-        if name.endswith(symbol) and prefix in _PREFIXES:
-            return _powers(of, _PREFIXES[prefix])
-    return ANY
+def _powers(size: float, *exponents: float) -> Powers:
+    return Powers((*map(float, exponents), *[0.0] * (len(BASES) - len(exponents)), size))
 
 
-def _powers(exponents: Sequence[float], size: float) -> Powers:
-    values = tuple(map(float, exponents))
-    return Powers((*values, *[0.0] * (len(BASES) - len(values)), size))
+_SYMBOLS = {
+    prefix + symbol: _powers(size, *exponents)
+    for symbol, exponents in _PREFIXED.items()
+    for prefix, size in _PREFIXES.items()
+} | {name: _powers(log10(size), *exponents) for name, (size, *exponents) in _OTHER.items()}

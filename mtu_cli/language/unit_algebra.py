@@ -170,7 +170,7 @@ def times(powers: Powers, target: Powers, what: str) -> str:
 
 def check_dimension(
     node: Node,
-    target: Powers | None,
+    target: Powers,
     units: Mapping[str, Powers],
     *,
     parameters: Mapping[str, Unit] | None = None,
@@ -192,7 +192,7 @@ def check_dimension(
         table = units if symbol is None else all_units
         algebra = Algebra(units=table, factor=NO_LENGTH)
         powers = algebra.of(term)
-        if target is not None and not (powers.agrees(target) or algebra.faults):
+        if not (powers.agrees(target) or algebra.faults):
             expected = _expected(powers, target, None if symbol is None else stated[symbol], symbol)
             if expected is not None:
                 column, text = first_column(term), short_text(term)
