@@ -385,21 +385,18 @@ def _add_column(
 
 def _value(file: File, column: Column, label: str) -> float:
     """What stands for a cell: 0 for a text; nan for an empty cell, infinity for what may not be."""
-    value: float | None = None
+    if not label:
+        return math.nan
+    value: float | None
     if column.kind == "text":
-        value = (
-            0.0 if (label in column.texts if column.texts is not None else is_name(label)) else None
-        )
+        value = 0.0 if (is_name(label) if column.texts is None else label in column.texts) else None
     elif column.kind == "sign":
         value = direction_sign(label)
     elif column.kind == "time":
-        if time := time_of(label):
-            value = time[0]
-            file.aware |= {time[1]}
+        value, *aware = time_of(label) or (None,)
+        file.aware |= {*aware}
     else:
         value = number(label, file.decimal)
-    if not label:
-        return math.nan
     return math.inf if value is None or math.isnan(value) else value
 
 
@@ -429,7 +426,7 @@ def _fault(name: str, column: Column, decimal: Decimal, label: str) -> dict[str,
 
 def _excluded(numbers: Floats, column: Column) -> Flags:
     """Where numbers (n,) are none that the column may hold; nan is an empty cell."""
-    largest = min(column.largest, sys.float_info.max) if column.numeric else sys.float_info.max
+    largest = min(column.largest, sys.float_info.max)
     # Extremes cost less than flags: nan makes both nan.
     in_range = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
     odd = np.zeros(len(numbers), bool) if in_range else ~(np.abs(numbers) <= largest)

@@ -105,7 +105,7 @@ class TableSpec:
 EXCLUSIVE = ("time", "time_min")
 """Columns of which a table has one at most."""
 TIMES = {
-    "time": Column("time"),
+    "time": Column("time", largest=math.inf),
     # Minutes since 1970 are within a century, seconds are not.
     "time_min": Column(largest=5.3e7, says="minutes, at most a century (5.3e+07) from the start"),
 }

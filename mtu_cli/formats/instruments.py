@@ -14,7 +14,7 @@ from mtu_cli.files.csv_file import GZIP, Convert, Converted
 from mtu_cli.files.headers import POINTS, READINGS
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, listed, nearest, shorten
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile, of_content
+from mtu_cli.formats.base import Ask, Format, Import, Imported, RawFile, of_content
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
 MODULES = ("renishaw", "ecmc", "dfq", "points", "channels", "wide")
@@ -60,19 +60,24 @@ def read(file: RawFile, ask: Ask) -> Imported:
     if ask.profile is not None:
         from mtu_cli.formats.table_map import read_with
 
-        return read_with(file, ask, SPECS)
+        kind = str(ask.kind if ask.kind in SPECS else "readings")
+        result = Import(format="table", kind=kind, file=file, ask=ask)
+        read_with(result, SPECS[kind])
+        return result
     entry = identify(file)
     if entry is None:
         raise unknown(file)
     if ask.kind in SPECS and ask.kind != entry.gives:
         kind = f"{entry.title} ({entry.name}), which gives {entry.gives}"
         raise file.error("other-table", kind=kind, expected=str(ask.kind))
+    result = Import(format=entry.name, kind=entry.gives, file=file, ask=ask)
     try:
-        return entry.read(file, ask)
+        entry.read(result)
     except (ValueError, IndexError, KeyError, OverflowError, RecursionError) as fault:
         # A reader checks what its format documents; this is the rest of what bytes can be.
         reason = f"damaged {entry.name} ({shorten(str(fault))})"
         raise file.error("not-readable", reason=reason, expected=entry.title) from None
+    return result
 
 
 def unknown(file: RawFile) -> InputError:
