@@ -209,7 +209,12 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
     body = content.find(b"\n", start) + 1 or len(content)
     line, row = content[start:body].decode(), content.count(b"\n", 0, start) + 1
     place = {"file": source.shown, "row": row}
+    decimal: Decimal = "."
     separator = _separator(line, place)
+    if separator == ";":  # numbers have the decimal sign of most of them
+        sample = content[body : body + SAMPLE_BYTES].decode(errors="ignore")
+        signs = re.findall(r"(?<![\d.,])[+-]?\d*([.,])\d", sample)
+        decimal = "," if 2 * signs.count(",") > len(signs) else "."
     try:
         header = next(csv.reader([line], delimiter=separator, strict=True))
     except csv.Error as fault:
@@ -221,7 +226,7 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
         header_row=row,
         body=body,
         separator=separator,
-        decimal=_decimal(content, body) if separator == ";" else ".",
+        decimal=decimal,
         lines=lines,
         headings=headings,
     )
@@ -246,13 +251,6 @@ def _separator(line: str, place: dict[str, Any]) -> str:
         facts = {"value": line.strip(), "expected": "commas or semicolons"}
         raise error("not-readable", reason=reason, **facts, **place)
     return ";" if ";" in bare and bare.count(";") >= bare.count(",") else ","
-
-
-def _decimal(content: bytes, body: int) -> Decimal:
-    """The decimal sign of a file with semicolons: the one most of its numbers have."""
-    sample = content[body : body + SAMPLE_BYTES].decode(errors="ignore")
-    commas, points = (len(re.findall(rf"(?<![\d.,])[+-]?\d*{s}\d", sample)) for s in (",", r"\."))
-    return "," if commas > points else "."
 
 
 # Rows and columns.

@@ -336,7 +336,17 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
             units |= {name: UNITS[item.unit] for name, item in effect.components.items()}
             path = ("effects", index, "equations")
             effect_forms.append(_linear_forms(machine, effect.equations, units, path, faults))
-            _check_effect(effect, index, faults)
+            for name, component in effect.components.items():
+                place = ("effects", index, "components", name)
+                _check_component(component, place, faults)
+                if component.coefficients is None:
+                    what, other = "a component of an effect", "`coefficients`"
+                    faults.add(place, "incomplete", what=what, other=other)
+                if name in effect.parameters:
+                    faults.add(place, "name-taken", value=name, taken="a parameter")
+            if effect.covariance is not None:
+                path = ("effects", index, "covariance")
+                check_covariance(effect.covariance, len(effect.parameters), path, faults)
 
     machine = check_contract(document, Machine, "machine", check)
     loaded = LoadedMachine(
@@ -491,21 +501,6 @@ def _check_thermal(item: Component, path: YamlPath, faults: Faults) -> None:
         for sensor in getattr(thermal, key):
             if sensor not in thermal.gradients:
                 faults.unknown((*path, key, sensor), sensor, thermal.gradients.keys(), "sensor")
-
-
-def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
-    """What an effect is of, its components and covariance."""
-    path: YamlPath = ("effects", index)
-    for name, item in effect.components.items():
-        place = (*path, "components", name)
-        _check_component(item, place, faults)
-        if item.coefficients is None:
-            faults.add(place, "incomplete", what="a component of an effect", other="`coefficients`")
-        if name in effect.parameters:
-            faults.add(place, "name-taken", value=name, taken="a parameter")
-    if effect.covariance is not None:
-        size = len(effect.parameters)
-        check_covariance(effect.covariance, size, (*path, "covariance"), faults)
 
 
 def _linear_forms(

@@ -76,11 +76,7 @@ class Feature(Contract):
     position_um: Positive | None = optional("True position: diameter of its tolerance zone")
 
 
-class _Identified(Contract):
-    id: IdText
-
-
-class Length(_Identified):
+class Length(Contract):
     """A length between two features."""
 
     id: IdText = optional("Default: from-to", "")
@@ -98,9 +94,10 @@ class Length(_Identified):
         return data
 
 
-class Orthogonality(_Identified):
+class Orthogonality(Contract):
     """The angle between a row and a column of features."""
 
+    id: IdText
     row: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along x")
     column: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along y")
     tolerance: Tolerated | None = Field(
@@ -127,20 +124,17 @@ Calibration = Annotated[
 ]
 
 
-class _Round(_Identified):
-    features: list[IdText]
+class Circle(Contract):
+    """Features on a circle: a ring gauge, a milled circle."""
+
+    id: IdText
+    features: Annotated[list[IdText], Field(min_length=3)]
     calibrated_mm: Calibration | None = optional("Calibrated diameter, mm, or {degC: mm}")
     U_um: NonNegative | None = optional("Its expanded uncertainty (k = 2)")
     temperature: str | None = optional("The covariate that holds the temperature")
 
 
-class Circle(_Round):
-    """Features on a circle: a ring gauge, a milled circle."""
-
-    features: Annotated[list[IdText], Field(min_length=3)]
-
-
-class Sphere(_Round):
+class Sphere(Circle):
     """Features on a sphere."""
 
     features: Annotated[list[IdText], Field(min_length=4)]

@@ -202,21 +202,17 @@ def _calculated(result: Import, profile: Profile, table: DataFrame) -> DataFrame
             if "unit" not in table:
                 table["unit"] = result.ask.unit or unit.name
                 result.says.append(f"errors in {result.ask.unit or unit.name}")
-            factors = {text: _ratio(result, unit, text, reference) for text in {*table["unit"]}}
-            operand = operand * table["unit"].map(factors)
+            ratios = {}
+            for text in {*table["unit"]}:
+                # One that is not known is none of the contract's.
+                other = UNITS.get(plain_unit(str(text)), unit)
+                if other.dimension != unit.dimension:
+                    reason = f"{reference} is in {unit.name}, and what it is subtracted from in "
+                    raise result.file.error("not-applicable", reason=f"{reason}{text}")
+                ratios[text] = unit.to_internal / other.to_internal
+            operand = operand * table["unit"].map(ratios)
         table[name] = table[name] - operand
     return table.drop(columns=profile.operands)
-
-
-def _ratio(result: Import, unit: Unit, text: Any, column: str) -> float:
-    """By what a column in a unit is multiplied, to be subtracted from readings in the unit `text`;
-    one that is not known is none of the contract's.
-    """
-    other = UNITS.get(plain_unit(str(text)), unit)
-    if other.dimension != unit.dimension:
-        reason = f"{column} is in {unit.name}, and what it is subtracted from in {text}"
-        raise result.file.error("not-applicable", reason=reason)
-    return unit.to_internal / other.to_internal
 
 
 def _places(result: Import, header: Row, profile: Profile) -> dict[str, int]:
