@@ -197,12 +197,12 @@ class LoadedBudget(Loaded):
         return {**place, "path": ".".join(map(str, path))}
 
 
-def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget:
+def load_budget(file: Path | YamlDocument) -> LoadedBudget:
     """Checks a budget file, or one that was read already.
 
     Raises InputError with all problems of the file, each with its line.
     """
-    document = file if isinstance(file, YamlDocument) else read_yaml(file, role)
+    document = file if isinstance(file, YamlDocument) else read_yaml(file, "budget")
     trees: dict[str, Node] = {}
     units: dict[str, str] = {}
 

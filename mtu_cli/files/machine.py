@@ -304,12 +304,12 @@ class LoadedMachine(Loaded):
         return {name for group in groups for form in group.values() for name in form.coefficients}
 
 
-def load_machine(path: Path, role: str = "machine") -> LoadedMachine:
+def load_machine(path: Path) -> LoadedMachine:
     """Reads and checks a machine file.
 
     Raises InputError with all faults of the file, each with its line.
     """
-    return machine_from(read_yaml(path, role))
+    return machine_from(read_yaml(path, "machine"))
 
 
 def machine_from(document: YamlDocument) -> LoadedMachine:

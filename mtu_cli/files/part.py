@@ -169,12 +169,12 @@ class LoadedPart(Loaded):
     part: Part
 
 
-def load_part(path: Path, role: str = "part") -> LoadedPart:
+def load_part(path: Path) -> LoadedPart:
     """Reads and checks a part file.
 
     Raises InputError with all faults of the file, each with its line.
     """
-    document = read_yaml(path, role)
+    document = read_yaml(path, "part")
     return LoadedPart(document=document, part=check_contract(document, Part, "part", _check))
 
 

@@ -199,7 +199,7 @@ class Import(Imported):
         return unit
 
     def add_readings(
-        self, unit: str, readings: Iterable[tuple[int, float, int, str, float]]
+        self, unit: str, readings: Iterable[tuple[int, float, int, str | None, float]]
     ) -> None:
         """Adds readings of one component: line, target, pass, direction and error of each.
 

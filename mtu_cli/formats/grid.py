@@ -116,7 +116,7 @@ def decimals(
     if result.ask.decimal:
         return [result.ask.decimal] * len(counts)
     signs = [{sign for sign in (".", ",") if count[sign]} for count in counts]
-    all_signs: set[str] = set().union(*signs) if signs else set()
+    all_signs: set[str] = set().union(*signs)
     if separator == "," and not all_signs:
         all_signs = {"."}
     decided: list[Decimal] = []
@@ -128,8 +128,7 @@ def decimals(
             expected = "--decimal . or --decimal , (a map profile has `decimal`)"
             what = f"the decimal sign of column {number}: {kind}"
             raise result.file.error("undecided", what=what, expected=expected)
-        sign = next(iter(marks), None) or (next(iter(all_signs)) if len(all_signs) == 1 else ".")
-        decided.append("," if sign == "," else ".")
+        decided.append("," if "," in marks or (not marks and all_signs == {","}) else ".")
     return decided
 
 

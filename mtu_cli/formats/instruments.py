@@ -109,10 +109,10 @@ def converter(
 
     def convert(source: Source, content: bytes) -> Converted | None:
         ask, names = ask_of(source.path, source.role), header_of(content)
-        foreign = ask.profile is not None or not is_contract(content)
+        contract = ask.profile is None and is_contract(content)
         if content.startswith(GZIP):
             return None
-        if is_contract(content) and not ask.profile:
+        if contract:
             nameless = "error" in names and "component" not in names and ask.kind != "points"
             if not (nameless and ask.component):
                 return None
@@ -120,10 +120,10 @@ def converter(
             columns = {name: name for name in names}
             ask = replace(ask, profile={"schema": "mtu/import/1", "columns": columns})
         file = of_content(source, content)
-        if not ask.profile and identify(file) is None:
+        if ask.profile is None and identify(file) is None:
             return None
         result = read(file, ask)
-        if foreign and result.kind != "points":
+        if not contract and result.kind != "points":
             result.count_on(last)
         report(file, result)
         return result.converted(list(SPECS[result.kind].columns))

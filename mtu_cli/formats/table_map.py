@@ -16,7 +16,7 @@ from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import suggestion
 from mtu_cli.formats.base import Import
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
-from mtu_cli.formats.wide import runs_of, way_of
+from mtu_cli.formats.wide import directed
 from mtu_cli.units import UNITS, Unit, plain_unit
 
 if TYPE_CHECKING:
@@ -254,13 +254,7 @@ def _row_labels(
     if how and "direction" in {*profile.columns, *profile.constants}:
         names = "directions of the unpivoted columns and a column 'direction'"
         raise cells.result.file.error("exclusive", names=names, expected="one of them")
-    ways: list[str | None] = [how] * len(unpivot.columns)
-    if how == "headings":
-        ways = [way_of(name) for name in unpivot.columns]
-    elif how == "alternate":
-        ways = [("forward", "reverse")[n % 2] for n in range(len(ways))]
-    # What alternates is counted as it comes.
-    passes = runs_of(unpivot.columns if how == "headings" else [""] * len(ways), ways)
+    ways, passes = directed(unpivot.columns, how)
     for name, way, number_of in zip(unpivot.columns, ways, passes, strict=True):
         heading = cells.header[place[name]]
         value = number(heading, cells.signs[place[name]])

@@ -67,6 +67,19 @@ def runs_of(headings: Sequence[str], ways: Sequence[str | None]) -> list[int]:
     return [list(ways[:n]).count(way) + 1 for n, way in enumerate(ways)]
 
 
+def directed(headings: Sequence[str], how: str | None) -> tuple[list[str | None], list[int]]:
+    """The direction of each run and its number: both as the `headings` have them, or of this
+    direction or ``alternate``, counted as they come.
+    """
+    ways: list[str | None] = [how] * len(headings)
+    if how == "headings":
+        ways = [way_of(heading) for heading in headings]
+        return ways, runs_of(headings, ways)
+    if how == "alternate":
+        ways = [("forward", "reverse")[n % 2] for n in range(len(headings))]
+    return ways, runs_of([""] * len(headings), ways)
+
+
 def sniff(file: RawFile) -> bool:
     """Whether most of it is a numeric table with different targets in its first column."""
     if not file.text or file.text.lstrip().startswith(("<", "{")):
@@ -147,22 +160,20 @@ def read(result: Import, lines: list[str] | None = None) -> None:
 
 def _ways(
     result: Import, headings: Sequence[Sequence[str]], runs: int
-) -> tuple[list[str], list[int], str]:
+) -> tuple[list[str | None], list[int], str]:
     """The direction of each run, its number, and where the direction was read."""
-    ask = result.ask
-    if ask.directions in ("forward", "reverse"):
-        how = f"all runs {ask.directions}, as given"
-        return [ask.directions] * runs, list(range(1, runs + 1)), how
-    for cells in headings:
-        ways = [way_of(cell) or "" for cell in cells]
-        if all(ways):
-            return ways, runs_of(cells, ways), "directions from the headings"
-    alternating = [("forward", "reverse")[n % 2] for n in range(runs)]
-    passes = [1 + n // 2 for n in range(runs)]
-    if ask.directions:
-        return alternating, passes, "directions alternating, as given"
-    result.doubts.append("directions are not stated: taken as alternating")
-    return alternating, passes, "directions not stated, taken as alternating"
+    given = result.ask.directions
+    stated = next((cells for cells in headings if all(map(way_of, cells))), None)
+    if given in ("forward", "reverse"):
+        how, says = given, f"all runs {given}, as given"
+    elif stated:
+        how, says = "headings", "directions from the headings"
+    elif given:
+        how, says = "alternate", "directions alternating, as given"
+    else:
+        how, says = "alternate", "directions not stated, taken as alternating"
+        result.doubts.append("directions are not stated: taken as alternating")
+    return *directed(stated or [""] * runs, how), says
 
 
 FORMATS = (
