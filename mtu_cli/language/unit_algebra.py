@@ -212,7 +212,11 @@ def _expected(
         if meant := parameter_units_of(unit.powers * target / powers, unit.name):
             return f"{parameter} in {' or '.join(meant)}"
         ratio = (powers / target).exponents
-        if unit.per is None and ratio[0] == 0 and any(power > 1 for power in ratio):
+        if (
+            not any(unit.powers.exponents[1:-1])
+            and ratio[0] == 0
+            and any(power > 1 for power in ratio)
+        ):
             return None
     if powers.exponents[0] < target.exponents[0]:
         return "its lever arm as a factor (a position or a named constant)"
