@@ -115,11 +115,11 @@ READINGS = TableSpec(
     option="--lbb, --laser or --drift",
     columns={
         "component": Column("text", required=True, says="the name of a component of the machine"),
-        "error": Column(required=True),
-        "unit": Column("text", required=True, texts=UNITS, says=f"one of: {', '.join(UNITS)}"),
         "position_mm": Column(may_be_empty=True),
         "pass": PASS,
         "direction": Column("sign", may_be_empty=True),
+        "error": Column(required=True),
+        "unit": Column("text", required=True, texts=UNITS, says=f"one of: {', '.join(UNITS)}"),
         "cycle": Column(
             "text", says="the name of a warm-up or cool-down in every row, or no column 'cycle'"
         ),

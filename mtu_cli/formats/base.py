@@ -23,8 +23,6 @@ CODE_PAGES = ("utf-8-sig", "cp1252", "gbk")
 """In this order: the first that fits; each later one accepts more."""
 MOJIBAKE = {"\u00c2\u00b0": "\u00b0", "\u00c2\u00b5": "\u00b5", "\u00ce\u00bc": "\u00b5"}
 """UTF-8 that was once read as cp1252 and saved again."""
-FIRST = ("component", "position_mm", "pass", "direction", "error", "unit")
-"""How columns of readings are ordered."""
 MAX_BYTES = 200_000_000
 
 
@@ -143,8 +141,7 @@ class Imported:
 
     def csv(self, order: Sequence[str] = ()) -> str:
         """The contract's CSV; numbers to the last digit."""
-        sequence = dict.fromkeys((*FIRST, *order, *self.columns))
-        names = [name for name in sequence if name in self.columns]
+        names = [x for x in dict.fromkeys((*order, *self.columns)) if x in self.columns]
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")  # floats in full, None as nothing
         writer.writerow(names)
