@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from mtu_cli.files.contract import (
     MAX_DEGREE,
+    SIZED,
     Contract,
     Faults,
     Loaded,
@@ -23,11 +24,11 @@ from mtu_cli.files.contract import (
     Positive,
     check_contract,
     is_number,
+    must,
     one_or_more,
     optional,
     present,
     short,
-    sized,
     wrong,
 )
 from mtu_cli.files.covariates import (
@@ -59,23 +60,15 @@ def _unit_of(units: Collection[str]) -> AfterValidator:
     return AfterValidator(check)
 
 
-def _rising(ends: list[float]) -> list[float]:
-    if ends[0] > ends[1]:
-        raise wrong("the lower end first")
-    return ends
-
-
-def _climbing(values: list[float]) -> list[float]:
-    if any(after <= before for before, after in pairwise(values)):
-        raise wrong("the lowest first: positions that rise")
-    return values
-
-
-Size = Annotated[NonNegative, AfterValidator(sized)]
+RISING = must(
+    lambda values: all(before < after for before, after in pairwise(values)),
+    "the lowest first: positions that rise",
+)
+Size = Annotated[NonNegative, SIZED]
 Numbers = Annotated[list[Number], Field(min_length=1)]
 Matrix = list[list[Number]]
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
-Range = Annotated[Pair, AfterValidator(_rising)]
+Range = Annotated[Pair, must(lambda ends: ends[0] <= ends[1], "the lower end first")]
 UnitName = Annotated[str, _unit_of(UNITS), Field(json_schema_extra={"enum": list(UNITS)})]
 ParameterUnitName = Annotated[
     str, _unit_of(PARAMETER_UNITS), Field(json_schema_extra={"enum": list(PARAMETER_UNITS)})
@@ -100,9 +93,7 @@ Gradients = Annotated[list[Gradient], Field(min_length=1), one_or_more(float)]
 class Axis(Contract):
     """A linear axis of the machine."""
 
-    travel_mm: Annotated[Pair, AfterValidator(_climbing)] = Field(
-        description="Lowest and highest position, mm"
-    )
+    travel_mm: Annotated[Pair, RISING] = Field(description="Lowest and highest position, mm")
 
 
 class Constant(Contract):
@@ -176,9 +167,9 @@ class Component(Contract):
         "without `of`",
         1,
     )
-    at_mm: (
-        Annotated[list[Number], Field(min_length=LEAST_OF_TABLE), AfterValidator(_climbing)] | None
-    ) = optional("Positions of a table whose values are known")
+    at_mm: Annotated[list[Number], Field(min_length=LEAST_OF_TABLE), RISING] | None = optional(
+        "Positions of a table whose values are known"
+    )
     roughness_um2_per_mm3: Size | None = optional(
         "Of a table: variance of the integrated Wiener process between its positions"
     )
