@@ -24,7 +24,7 @@ from mtu_cli.files.contract import (
     present,
     wrong,
 )
-from mtu_cli.files.study import MAX_COVERAGE
+from mtu_cli.files.study import MAX_COVERAGE, CoverageFactor
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, finding
 from mtu_cli.language import Node, check_known, names, parse
@@ -151,9 +151,7 @@ class Coverage(Contract):
     probability: Annotated[float, Field(gt=0, le=LARGEST_PROBABILITY)] | None = optional(
         "Coverage probability; k is then that of Student's t"
     )
-    k: Annotated[float, Field(gt=0, lt=MAX_COVERAGE)] | None = optional(
-        "Coverage factor of U = k u"
-    )
+    k: CoverageFactor | None = optional("Coverage factor of U = k u")
 
 
 class Budget(Contract):

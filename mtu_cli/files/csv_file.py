@@ -297,9 +297,8 @@ def _one_by_one(file: File, faults: CellFaults) -> tuple[Ints, list[list[str]]]:
                 if len(cells) > width and cells[-1].strip() and file.separator == ",":
                     expected += "; decimal commas need semicolons between the columns"
                 facts = {"value": file.separator.join(cells), "expected": expected}
-                faults.add(
-                    finding("row-length", cells=counted(len(cells), "cell"), **facts, **place)
-                )
+                count = counted(len(cells), "cell")
+                faults.add(finding("row-length", cells=count, **facts, **place))
             place["row"] = file.header_row + 1 + reader.line_num
     except csv.Error as fault:
         place["expected"] = 'a closing "' if "unexpected end" in str(fault) else None

@@ -49,12 +49,10 @@ class Tolerance:
 
 def _tolerance(value: Any) -> Tolerance:
     """20 for plus-minus 20, or [-5, 25]."""
-    expected = "a number above 0, or [low, high]"
     ends: Any = [-value, value] if is_number(value) else value
-    if not (isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends))):
-        raise wrong(expected)
-    if not (all(map(isfinite, ends)) and ends[0] < ends[1]):
-        raise wrong(expected)
+    pair = isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends))
+    if not (pair and all(map(isfinite, ends)) and ends[0] < ends[1]):
+        raise wrong("a number above 0, or [low, high]")
     return Tolerance(*map(float, ends))
 
 

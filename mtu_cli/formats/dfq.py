@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 from mtu_cli.formats.base import Format, Import
 from mtu_cli.formats.points import OF_AXIS, Coordinate, collect
@@ -16,7 +17,8 @@ def read(result: Import) -> None:
     """Values of characteristics named ``feature.X``: the n-th value of each is the n-th part."""
     # Of each characteristic; 0: of all, and of the part.
     fields: dict[int, dict[str, str]] = {0: {}}
-    values, last, width = list[list[str]](), dict[int, int](), 0
+    # Of each value: line, characteristic, text and attribute.
+    values, last, width = list[list[Any]](), dict[int, int](), 0
 
     def count() -> int:
         return len(fields) - 1
@@ -24,7 +26,6 @@ def read(result: Import) -> None:
     def of(index: int, key: str) -> str:
         return fields.get(index, {}).get(key) or fields[0].get(key, "")
 
-    lines = list[tuple[int, int]]()
     for line, text in enumerate(result.file.lines, 1):
         match = _FIELD.fullmatch(text.strip(" \t"))
         if match is None:
@@ -37,18 +38,16 @@ def read(result: Import) -> None:
                 result.bad_cell(line, "values", text, expected)
                 continue
             for i, cell in enumerate(cells, 1):
-                lines.append((line, i))
-                values.append([part.strip() for part in (*cell, "")[:2]])
+                values.append([line, i, cell[0].strip(), (*cell, "")[1].strip()])
             continue
         key, index, value = match[1], int(match[2] or 0), match[3].strip()
         if key == "K0001":
             last[index or 1] = len(values)
-            lines.append((line, index or 1))
-            values.append([value, "0"])
+            values.append([line, index or 1, value, "0"])
         elif key in ("K0002", "K0004") and (index or 1) not in last:
             result.bad_cell(line, key, value, f"a K0001/{index or 1} before it")
         elif key == "K0002":
-            values[last[index or 1]][1] = value
+            values[last[index or 1]][3] = value
         elif key != "K0004":
             fields.setdefault(0 if key.startswith("K1") else index, {})[key] = value
     if (stated := of(0, "K0100")) != str(count()):
@@ -56,7 +55,7 @@ def read(result: Import) -> None:
         result.fault("wrong-count", found=number, expected=expected)
     result.faults.raise_if_any()
     coordinates, counts = list[Coordinate](), dict[int, int]()
-    for (line, index), (text, attribute) in zip(lines, values, strict=True):
+    for line, index, text, attribute in values:
         match = OF_AXIS.fullmatch(of(index, "K2002") or of(index, "K2001"))
         feature = match[1].rstrip(" ._-:") if match else ""
         counts[index] = counts.get(index, 0) + 1
