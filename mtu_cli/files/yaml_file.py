@@ -174,16 +174,24 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
 
 def composed(text: str, source: Source) -> yaml.Node:
     """The nodes of a YAML text, whose marks count its characters."""
+    place: dict[str, Any] = {"file": source.shown}
     try:
         root = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as fault:
-        raise _not_yaml(fault, source.shown) from None
+        problem, mark = fault.problem or "unknown fault", fault.problem_mark or fault.context_mark
+        # A text whose end is missing is at fault where it begins.
+        if problem.startswith(("found unexpected end", "could not find")) and fault.context_mark:
+            mark = fault.context_mark
+        place["line"] = None if mark is None else mark.line + 1
+        if "nesting depth" in str(fault):
+            raise error("too-large", most=MAX_DEPTH, what="levels", **place) from None
+        raise error("not-readable", reason=f"no YAML: {problem}", **place) from None
     except (yaml.YAMLError, RecursionError) as fault:
         line = text.encode()[: getattr(fault, "position", 0)].count(b"\n") + 1
         why = f"no YAML: {(str(fault).splitlines() or ['nested too deeply'])[0]}"
-        raise error("not-readable", reason=why, file=source.shown, line=line) from None
+        raise error("not-readable", reason=why, line=line, **place) from None
     if root is None:
-        raise error("empty-file", what="values", file=source.shown, expected=a_file(source.role))
+        raise error("empty-file", what="values", expected=a_file(source.role), **place)
     return root
 
 
@@ -192,14 +200,3 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
 
     def resolve(self, kind: Any, value: str, implicit: Any) -> str:
         return ""
-
-
-def _not_yaml(fault: yaml.MarkedYAMLError, file: str) -> InputError:
-    problem, mark = fault.problem or "unknown fault", fault.problem_mark or fault.context_mark
-    # A text whose end is missing is at fault where it begins.
-    if problem.startswith(("found unexpected end", "could not find")) and fault.context_mark:
-        mark = fault.context_mark
-    line = None if mark is None else mark.line + 1
-    if "nesting depth" in str(fault):
-        return error("too-large", most=MAX_DEPTH, what="levels", file=file, line=line)
-    return error("not-readable", reason=f"no YAML: {problem}", file=file, line=line)
