@@ -161,24 +161,43 @@ def read_table(
         row_numbers = np.array(file.lines, np.int64)[rows - file.header_row - 1]
     table = Table(files=(file,), rows=row_numbers, file_index=np.zeros(len(rows), np.int64))
     numbers = {name: np.empty(len(rows)) for name in kinds}
-    cells: dict[str, list[Cells]] = {name: [] for name in kinds}
+    texts = {name: list[tuple[Ints, list[str]]]() for name in kinds}
+    text_columns = {name for name, column in kinds.items() if column.kind == "text"}
     first = 0
     for frame in _frames(file, kinds, records):
         part = slice(first, first := first + len(frame))
         for name, column in kinds.items():
             if column.numeric and frame[name].dtype.kind in "iuf":
                 numbers[name][part] = frame[name]
-            else:
-                cells[name].append((part, *_labelled(frame[name], column)))
+                continue
+            codes, labels = _labelled(frame[name], column)
+            if column.kind in ("text", "free"):
+                texts[name].append((codes, labels))
+            # Of a free column one cell that is no number makes texts of all.
+            if column.kind == "free" and any(number(x, file.decimal) is None for x in labels if x):
+                text_columns.add(name)
+            if column.kind != "free" or name not in text_columns:
+                numbers[name][part] = np.array([_value(file, column, x) for x in labels])[codes]
     lines = cache(lambda: file.content.decode().split("\n"))
+    described = cache(lambda label, name: _fault(name, kinds[name], file.decimal, label))
 
-    def cell(i: int, name: str) -> str:
-        """A cell as the file has it: its float may be another number."""
+    def fault(i: int, name: str) -> dict[str, Any]:
+        # A cell as the file has it: its float may be another number.
         row = records[i] if records else lines()[rows[i] - 1].split(file.separator)
-        return row[file.header.index(name)].strip()
+        return described(row[file.header.index(name)].strip(), name)
 
     for name, column in kinds.items():
-        _add_column(table, name, column, numbers.pop(name), cells.pop(name), cell, faults)
+        values, labelled = numbers.pop(name), texts.pop(name)
+        if name in text_columns:
+            table.texts[name] = stacked(labelled)
+        if name in text_columns and column.kind == "free":
+            continue
+        odd = _excluded(values, column)
+        if odd.any():
+            faults.cells(table, odd, name, partial(fault, name=name))
+            values = np.where(np.isinf(values), np.nan, values)
+        if name not in text_columns:
+            table.numbers[name] = values
     file.content = b""
     return table
 
@@ -254,10 +273,6 @@ def _separator(line: str, place: dict[str, Any]) -> str:
 
 
 # Rows and columns.
-
-
-Cells = tuple[slice, Ints, list[str]]
-"""Cells of a part of a column, stripped: `labels[codes[i]]`, the last of them empty."""
 
 
 def _sound_rows(file: File) -> Ints | None:
@@ -340,6 +355,7 @@ def _frames(
 
 
 def _labelled(values: pd.Series[Any], column: Column) -> tuple[Ints, list[str]]:
+    """Cells, stripped: `labels[codes[i]]`, the last of them empty."""
     import pandas as pd
 
     codes, labels = pd.factorize(values.astype(object))
@@ -348,36 +364,6 @@ def _labelled(values: pd.Series[Any], column: Column) -> tuple[Ints, list[str]]:
         # The sign for micro and the Greek letter look alike.
         cells = [cell if cell in column.texts else plain_unit(cell) for cell in cells]
     return codes, [*cells, ""]
-
-
-def _add_column(
-    table: Table,
-    name: str,
-    column: Column,
-    numbers: Floats,
-    parts: list[Cells],
-    cell: Callable[[int, str], str],
-    faults: CellFaults,
-) -> None:
-    """A column of `numbers` (n,) but for some `parts`; one of the kind `free` holds numbers where
-    every cell is one, else texts.
-    """
-    (file,) = table.files
-    labels = (label for *_, labels in parts for label in labels if label)
-    is_text = column.kind == "free" and any(number(label, file.decimal) is None for label in labels)
-    if is_text or column.kind == "text":
-        table.texts[name] = stacked([(codes, labels) for _, codes, labels in parts])
-        if is_text:
-            return
-    for part, codes, texts in parts:
-        numbers[part] = np.array([_value(file, column, text) for text in texts])[codes]
-    odd = _excluded(numbers, column)
-    if odd.any():
-        fault = cache(partial(_fault, name, column, file.decimal))
-        faults.cells(table, odd, name, lambda i: fault(cell(i, name)))
-        numbers = np.where(np.isinf(numbers), np.nan, numbers)
-    if column.kind != "text":
-        table.numbers[name] = numbers
 
 
 def _value(file: File, column: Column, label: str) -> float:
