@@ -13,6 +13,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
 from string import Formatter
 from typing import Any, Literal
@@ -29,17 +30,8 @@ class Kind:
     suspicious: bool = False
 
 
-def _error(template: str, suspicious: bool = False) -> Kind:
-    return Kind("error", template, suspicious)
-
-
-def _warning(template: str, suspicious: bool = False) -> Kind:
-    return Kind("warning", template, suspicious)
-
-
-def _note(template: str) -> Kind:
-    return Kind("note", template)
-
+_error, _warning, _note = partial(Kind, "error"), partial(Kind, "warning"), partial(Kind, "note")
+_impossible, _odd = partial(_error, suspicious=True), partial(_warning, suspicious=True)
 
 CATALOGUE: dict[str, Kind] = {
     # Files and cells.
@@ -129,61 +121,54 @@ CATALOGUE: dict[str, Kind] = {
     "machine-written-anew": _warning(
         "comments are lost: values of the file are written anew with the effects"
     ),
-    # The part and the study.
     # Measurement graphs and effects.
     "graph-cycle": _error("a cycle: {places}"),
     "unused-place": _error("{reason}"),
     "wrong-connection": _error("{do} does not {verb} {places}"),
     # Checks of readings and sensors.
-    "distances-not-errors": _error(
+    "distances-not-errors": _impossible(
         "{component}: the errors are distances that follow the position ({rows}): subtract "
-        "the position",
-        True,
+        "the position"
     ),
-    "swapped-columns": _error(
+    "swapped-columns": _impossible(
         "{component}: the same errors in every pass at other positions: position_mm and error "
-        "are swapped ({rows})",
-        True,
+        "are swapped ({rows})"
     ),
-    "unit-of-errors": _error(
+    "unit-of-errors": _impossible(
         "errors of up to {size} {unit} are those of no machine; the unit is probably {meant} "
-        "({rows})",
-        True,
+        "({rows})"
     ),
-    "position-beyond-travel": _error(
-        "beyond three times the travel of {axis} ({travel} mm){hint}",
-        True,
+    "position-beyond-travel": _impossible(
+        "beyond three times the travel of {axis} ({travel} mm){hint}"
     ),
-    "unit-of-positions": _warning(
+    "unit-of-positions": _odd(
         "positions of {names} are within a twentieth of the travel of {axis} ({travel} mm)"
-        "{hint} ({rows})",
-        True,
+        "{hint} ({rows})"
     ),
-    "copied-values": _warning(
-        "the same values to the last digit, more than chance explains: {names} ({rows})", True
+    "copied-values": _odd(
+        "the same values to the last digit, more than chance explains: {names} ({rows})"
     ),
-    "unlike-pass": _warning("{component}: pass {number} {how} ({rows})", True),
-    "outlying-value": _warning(
-        "{what}: {count} outlying, up to {off} {unit} off {beside}, whose s is {s} {unit} ({rows})",
-        True,
+    "unlike-pass": _odd("{component}: pass {number} {how} ({rows})"),
+    "outlying-value": _odd(
+        "{what}: {count} outlying, up to {off} {unit} off {beside}, whose s is {s} {unit} ({rows})"
     ),
-    "sensor-unit": _error("the temperatures are in {unit}, not degC ({rows})", True),
-    "sensor-out-of-range": _error(
-        "outside {low:g} to {high:g} degC: no temperature of a machine", True
+    "sensor-unit": _impossible("the temperatures are in {unit}, not degC ({rows})"),
+    "sensor-out-of-range": _impossible(
+        "outside {low:g} to {high:g} degC: no temperature of a machine"
     ),
-    "sensor-spike": _warning(
-        "a spike of the sensor, or its code for no reading: far off its neighbours ({rows})", True
+    "sensor-spike": _odd(
+        "a spike of the sensor, or its code for no reading: far off its neighbours ({rows})"
     ),
-    "stuck-sensor": _warning(
-        "the sensor is stuck at one value while others moved by {others} K ({rows})", True
+    "stuck-sensor": _odd(
+        "the sensor is stuck at one value while others moved by {others} K ({rows})"
     ),
     # Checks of points, parts and machines.
-    "unit-of-points": _error("the points are typically {off} mm off: {looks} ({rows})", True),
-    "far-from-nominal": _warning(
-        "{what}: {off} mm from nominal, more than a machine errs: {looks} ({rows})", True
+    "unit-of-points": _impossible("the points are typically {off} mm off: {looks} ({rows})"),
+    "far-from-nominal": _odd(
+        "{what}: {off} mm from nominal, more than a machine errs: {looks} ({rows})"
     ),
-    "implausible-size": _warning("{what} is hardly meant; probably {meant}", True),
-    "alike": _warning("{what}: {names}", True),
+    "implausible-size": _odd("{what} is hardly meant; probably {meant}"),
+    "alike": _odd("{what}: {names}"),
     "partial-circle": _warning("a trace is an arc, no circle"),
     # Measured parts.
     "few-parts": _warning("too few parts ({parts} for {items}): {consequence}"),
@@ -230,8 +215,8 @@ CATALOGUE: dict[str, Kind] = {
         "{what} is outside the measured range of {names}, {low:g} to {high:g} {unit}: extrapolated"
     ),
     # The model.
-    "nominals-differ": _warning(
-        "{names}: more than one nominal place; each error is taken at its own ({rows})", True
+    "nominals-differ": _odd(
+        "{names}: more than one nominal place; each error is taken at its own ({rows})"
     ),
     "settled-temperatures": _warning(
         "the drift of {components} follows its temperatures with lags of up to {minutes:g} min: "
@@ -490,15 +475,6 @@ def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
     return tuple(words[each] for each in difflib.get_close_matches(key, words, 1, 0.65))
 
 
-def closest(name: str, names: Iterable[str]) -> str | None:
-    """The known name that `name` was probably meant to be, or None.
-
-    >>> closest("coverge_factor", ["seed", "coverage_factor"])
-    'coverage_factor'
-    """
-    return next(iter(nearest(name, names)), None)
-
-
 def suggestion(name: str, names: Iterable[str]) -> dict[str, Any]:
     """Facts of a Finding of an unknown name: `meant`, the nearest names, else `expected`, all."""
     choices = list(names)
@@ -515,11 +491,7 @@ def shorten(text: str, width: int = LONGEST_VALUE) -> str:
 
 def printable(text: str) -> str:
     """Text in which control characters (of a file name, say) are escaped: no terminal obeys it."""
-    if text.isprintable():
-        return text
-    return "".join(
-        sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text
-    )
+    return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
 
 
 def _plain(value: Any) -> Any:

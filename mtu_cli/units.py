@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import isnan, log10, nan, pi
 
 LENGTH = 1
 """Dimension of a length as its exponent; an angle (and um/m) has 0."""
 ANGLE = 0
-DEGREE, MINUTE = "K", "min"
-"""What the parameter of an effect may be per, beside lengths."""
 BASES = ("m", "kg", "s", "A", "K")
 _INTERNAL = ("mm", "kg", "min", "A", "K")
 _SAME = 1e-9
@@ -45,11 +43,6 @@ class Powers:
     def size(self) -> float:
         """The common logarithm of its size."""
         return self.exponents[-1]
-
-    @property
-    def minute(self) -> float:
-        """The exponent of time."""
-        return self.exponents[BASES.index("s")]
 
     @property
     def known(self) -> bool:
@@ -109,20 +102,18 @@ def internal(length: float = 0, degree: float = 0, minute: float = 0) -> Powers:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit of a reading: `to_internal` times a number of it gives mm or rad.
-
-    `per`: K or min, where it is a unit of an effect's parameter per kelvin or time.
+    """A unit of a reading or of an effect's parameter: `to_internal` times a number of it gives
+    these `powers` of the internal units.
     """
 
     name: str
-    dimension: int
+    powers: Powers
     to_internal: float
-    per: str | None = None
 
     @property
-    def powers(self) -> Powers:
-        """Its powers of the internal units."""
-        return internal(self.dimension, -(self.per == DEGREE), -(self.per == MINUTE))
+    def dimension(self) -> int:
+        """The exponent of length: 1, of angles 0."""
+        return int(self.powers.exponents[0])
 
 
 _LENGTHS = {"um": 1e-3, "mm": 1.0, "nm": 1e-6}
@@ -131,7 +122,7 @@ _ANGLES = {
     "um/m": 1e-6,
 }  # fmt: skip
 UNITS: dict[str, Unit] = {
-    name: Unit(name, dimension, size)
+    name: Unit(name, internal(dimension), size)
     for dimension, sizes in ((LENGTH, _LENGTHS), (ANGLE, _ANGLES))
     for name, size in sizes.items()
 }
@@ -155,19 +146,17 @@ def dimension_name(dimension: float) -> str:
 
 
 _PER = {
-    "/m": (-1, 1e-3, None), "/m^2": (-2, 1e-6, None), "/m^3": (-3, 1e-9, None),
-    "/K": (0, 1.0, DEGREE), "/m/K": (-1, 1e-3, DEGREE), "/min": (0, 1.0, MINUTE),
-    "/h": (0, 1.0 / 60.0, MINUTE), "/m/min": (-1, 1e-3, MINUTE), "/m/h": (-1, 1e-3 / 60.0, MINUTE),
+    "/m": (internal(-1), 1e-3), "/m^2": (internal(-2), 1e-6), "/m^3": (internal(-3), 1e-9),
+    "/K": (internal(degree=-1), 1.0), "/m/K": (internal(-1, degree=-1), 1e-3),
+    "/min": (internal(minute=-1), 1.0), "/h": (internal(minute=-1), 1.0 / 60.0),
+    "/m/min": (internal(-1, minute=-1), 1e-3), "/m/h": (internal(-1, minute=-1), 1e-3 / 60.0),
 }  # fmt: skip
-"""Dimension and internal size (mm, degC, min) of what the parameter of an effect may be per, and
-whether it is per kelvin or time."""
+"""Powers and internal size of what the parameter of an effect may be per."""
 
 PARAMETER_UNITS: dict[str, Unit] = UNITS | {
-    base + per: Unit(
-        base + per, UNITS[base].dimension + dimension, UNITS[base].to_internal * size, of
-    )
+    base + per: Unit(base + per, UNITS[base].powers * powers, UNITS[base].to_internal * size)
     for base in ("um", "arcsec", "urad")
-    for per, (dimension, size, of) in _PER.items()
+    for per, (powers, size) in _PER.items()
     if base + per not in UNITS
 }
 """Units of the parameters of effects: those of readings, and these per length, kelvin or time."""
@@ -237,23 +226,18 @@ def unit_powers(text: str | None) -> Powers:
         divides = match is not None and "/" in match[1]
         if match is None or ("/" in plain[:position] and not divides):
             return ANY
-        powers *= _symbol(match[2]) ** (float(match[3] or 1) * (-1.0 if divides else 1.0))
+        unit = _SYMBOLS.get(_SYNONYMS.get(match[2].casefold(), match[2]), ANY)
+        powers *= unit ** (float(match[3] or 1) * (-1.0 if divides else 1.0))
         position = match.end()
     return powers if powers.known else ANY
 
 
-def _symbol(name: str) -> Powers:
-    name = _SYNONYMS.get(name.casefold(), name)
-    if name in _OTHER:
-        size, *exponents = _OTHER[name]
-        return _powers(exponents, log10(size))
-    for symbol, of in _PREFIXED.items():
-        prefix = name.removesuffix(symbol)
-        if name.endswith(symbol) and prefix in _PREFIXES:
-            return _powers(of, _PREFIXES[prefix])
-    return ANY
+def _powers(size: float, *exponents: float) -> Powers:
+    return Powers((*map(float, exponents), *[0.0] * (len(BASES) - len(exponents)), size))
 
 
-def _powers(exponents: Sequence[float], size: float) -> Powers:
-    values = tuple(map(float, exponents))
-    return Powers((*values, *[0.0] * (len(BASES) - len(values)), size))
+_SYMBOLS = {
+    prefix + symbol: _powers(size, *exponents)
+    for symbol, exponents in _PREFIXED.items()
+    for prefix, size in _PREFIXES.items()
+} | {name: _powers(log10(size), *exponents) for name, (size, *exponents) in _OTHER.items()}

@@ -6,7 +6,7 @@ suspicious; the severity there decides whether the run ends (exit code 2) or war
 
 What a check holds against an input is of three sorts: a size that another unit makes plausible,
 values that agree by more than chance, or one that is too far off its neighbours. All limits are in
-`plausible`; outliers are those of `stats.outliers`.
+`limits`; outliers are those of `stats.outliers`.
 """
 
 from __future__ import annotations

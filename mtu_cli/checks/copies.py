@@ -8,8 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, check
-from mtu_cli.checks.plausible import CHANCE, FEWEST_EQUAL, LEAST_REPEAT_MM
+from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, check, limits
 from mtu_cli.checks.readings import profiles
 from mtu_cli.files.readings import SAME_MM
 from mtu_cli.stats.resolution import step_of
@@ -24,7 +23,7 @@ def agreeing(one: Floats, other: Floats) -> float:
     """
     count = (np.isfinite(one) & np.isfinite(other)).sum(axis=1)
     alike = (one == other).sum(axis=1)
-    enough = count >= FEWEST_EQUAL
+    enough = count >= limits.FEWEST_EQUAL
     largest = (alike[enough] / count[enough]).max(initial=0.0)
     return float(max(largest, (alike.sum() + 1) / (count.sum() + 1)))
 
@@ -59,7 +58,8 @@ def copies(values: Floats, group: Rows, least: float = 0.0) -> Rows:
             # Values of nothing but zeros have no last digit.
             share = max(1.0 - MEAN_RANGE * least / (step_of(values) or 1.0), 0.0)
         count = np.isfinite(values[pairs[0]]).sum(axis=1)
-        mask = (count >= FEWEST_EQUAL) & (len(values) ** 2 / 2 * share**count < CHANCE)
+        by_chance = len(values) ** 2 / 2 * share**count
+        mask = (count >= limits.FEWEST_EQUAL) & (by_chance < limits.CHANCE)
         result.append(pairs[:, mask].T)
     return np.concatenate(result)
 
@@ -81,7 +81,7 @@ def copied_components(data: ReadingsData) -> Iterator[Odd]:
     for name, rows in data.by_component:
         errors = data.table.error[rows]
         other = first.setdefault(errors.tobytes(), name)
-        if other != name and len(np.unique(errors)) >= FEWEST_EQUAL:
+        if other != name and len(np.unique(errors)) >= limits.FEWEST_EQUAL:
             yield Odd(rows, {"names": [f"{name} as {other}"]}, "error")
 
 
@@ -90,7 +90,7 @@ def copied_points(data: PointsData) -> Iterator[Odd]:
     """Measurements of parts with the values of another one, of the same part or of another."""
     visits, axes = data.visits, list(data.axes)
     measured = visits.errors[:, :, axes] + visits.nominal[:, axes]
-    pairs = copies(measured.reshape(len(measured), -1), visits.part, LEAST_REPEAT_MM)
+    pairs = copies(measured.reshape(len(measured), -1), visits.part, limits.LEAST_REPEAT_MM)
     pairs = pairs[~of_drawing(visits.errors[pairs[:, 0]][:, :, axes]).all(axis=(1, 2))]
     if len(pairs):
         names = dict.fromkeys(
@@ -106,7 +106,7 @@ def drawn(data: PointsData) -> Iterator[Odd]:
     """Measurements, or axes, whose values are those of the drawing to the last digit."""
     table, visits = data.table, data.visits
     errors = visits.errors[:, :, list(data.axes)]
-    axes = of_drawing(errors).all(axis=(0, 1)) & (len(table) >= FEWEST_EQUAL)
+    axes = of_drawing(errors).all(axis=(0, 1)) & (len(table) >= limits.FEWEST_EQUAL)
     for k in np.flatnonzero(axes):
         letter = "xyz"[data.axes[k]]
         names = [f"{letter} of all points as the drawing"]
@@ -118,7 +118,7 @@ def drawn(data: PointsData) -> Iterator[Odd]:
         return
     share = agreeing(np.where(exact, 0.0, errors)[~whole], np.zeros_like(errors[~whole]))
     count = np.isfinite(errors).sum(axis=1)
-    sure = whole & (count >= FEWEST_EQUAL) & (len(errors) * share**count < CHANCE)
+    sure = whole & (count >= limits.FEWEST_EQUAL) & (len(errors) * share**count < limits.CHANCE)
     if sure.any():
         parts = data.named(np.unique(visits.part[sure]))
         names = [f"part {name!r} as the drawing" for name in parts]

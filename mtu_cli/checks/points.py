@@ -22,25 +22,8 @@ from mtu_cli.checks import (
     ReadingsData,
     Rows,
     check,
+    limits,
     split,
-)
-from mtu_cli.checks.plausible import (
-    BEYOND,
-    CONSTANT_TRAVELS,
-    COORDINATES,
-    EXPLAINED,
-    FEWEST_POINTS,
-    MOST,
-    NARROW,
-    NEARLY,
-    NEARLY_ALL,
-    POINT_ERROR_MM,
-    POSITIONS,
-    RELATED,
-    SPAN,
-    TOLERANCE_UM,
-    TRAVEL_MM,
-    largest,
 )
 from mtu_cli.files.headers import meant_by
 from mtu_cli.files.readings import SAME_MM
@@ -75,11 +58,11 @@ def mistake_of(data: PointsData, rows: Rows) -> Mistake:
     for part in [] if data.datum == "none" else split(None, data.table.part[rows]):
         measured[part] -= measured[part].mean(axis=0)
         nominal[part] -= nominal[part].mean(axis=0)
-    limit = min(EXPLAINED * typical(measured - nominal), POINT_ERROR_MM)
+    limit = min(limits.EXPLAINED * typical(measured - nominal), limits.POINT_ERROR_MM)
     result: dict[Mistake, list[str]] = {}
     for k, axis in enumerate(data.axes):
         for mistake, errors in _undone(measured, nominal, k):
-            if np.quantile(np.abs(errors), NEARLY_ALL) < limit:
+            if np.quantile(np.abs(errors), limits.NEARLY_ALL) < limit:
                 result.setdefault(mistake, []).append("xyz"[axis])
                 break
         else:
@@ -95,10 +78,10 @@ def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake
     """
     place = nominal[:, k]
     yield Mistake(""), measured[:, k] - place
-    scaled = ((unit, measured[:, k] * factor - place) for unit, factor in COORDINATES.items())
+    scaled = [(unit, measured[:, k] * to - place) for unit, to in limits.COORDINATES.items()]
     for unit, errors in sorted(scaled, key=lambda pair: np.abs(pair[1]).sum()):
         yield Mistake(f"in {unit}, not mm", unit=True), errors
-    if len(place) < FEWEST_POINTS:
+    if len(place) < limits.FEWEST_POINTS:
         return
     shift = np.median(measured[:, k] - place)
     yield Mistake(f"from an origin {shift:.3g} mm off"), measured[:, k] - shift - place
@@ -114,7 +97,7 @@ def _joint_mistake(measured: Floats, nominal: Floats, limit: float) -> Mistake:
     """A mistake of all axes: points at the places of others, most of them, or values much smaller
     than the coordinates that follow none of them.
     """
-    if not FEWEST_POINTS <= len(measured) <= MOST:
+    if not limits.FEWEST_POINTS <= len(measured) <= limits.MOST:
         return UNKNOWN
     from scipy.spatial import KDTree
 
@@ -122,13 +105,13 @@ def _joint_mistake(measured: Floats, nominal: Floats, limit: float) -> Mistake:
     at: Mask = np.asarray(distance) < max(limit, SAME_MM) * np.sqrt(nominal.shape[1])
     nearest = nominal[np.asarray(index)]
     hits, places = (len(np.unique(points, axis=0)) for points in (nearest[at], nominal))
-    all_hit = np.mean(at) >= NEARLY_ALL and hits >= NEARLY_ALL * places
+    all_hit = np.mean(at) >= limits.NEARLY_ALL and hits >= limits.NEARLY_ALL * places
     if all_hit and np.mean(at & (nearest != nominal).any(axis=1)) > 0.5:
         return Mistake("features in another order")
     with np.errstate(invalid="ignore"):
         R = np.abs(np.corrcoef(measured, nominal, rowvar=False))
     count = measured.shape[1]
-    if typical(measured) < typical(nominal) / 2 and not (R[:count, count:] >= RELATED).any():
+    if typical(measured) < typical(nominal) / 2 and not (R[:count, count:] >= limits.RELATED).any():
         return Mistake("errors, not the coordinates that they are errors of")
     return UNKNOWN
 
@@ -142,7 +125,7 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
     and what is named is no longer looked at in smaller groups. A file in another unit is an error.
     """
     errors, axes, table = data.errors, data.axes, data.table
-    far: Mask = np.abs(errors).max(axis=1, initial=0.0) > POINT_ERROR_MM
+    far: Mask = np.abs(errors).max(axis=1, initial=0.0) > limits.POINT_ERROR_MM
     levels: tuple[tuple[str, Rows, Sequence[str]], ...] = (
         ("points of", table.file_index, [source.shown for source in table.sources]),
         ("part", table.part, table.parts),
@@ -166,7 +149,7 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
         facts = {"what": what, "off": typical(errors[rows]), "looks": mistake.looks}
         file_unit = mistake.unit and level == "points of"
         yield Odd(rows, facts, code="unit-of-points" if file_unit else None)
-    for row in np.flatnonzero(far)[:MOST].tolist():
+    for row in np.flatnonzero(far)[: limits.MOST].tolist():
         axis = axes[np.argmax(np.abs(errors[row]))]
         value, place = (float(of[row, axis]) for of in (table.measured, table.nominal))
         facts = {"what": f"a point of part {table.parts[table.part[row]]!r}"}
@@ -176,7 +159,7 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
 
 def _slip(value: float, place: float) -> str:
     """The slip of one coordinate that would bring it to its place."""
-    limit = max(POINT_ERROR_MM, 1e-3 * abs(place))
+    limit = max(limits.POINT_ERROR_MM, 1e-3 * abs(place))
     slip = "a mistyped digit, or another feature"
     if any(abs(value / 10.0**digits - place) < limit for digits in range(-3, 7)):
         slip = "a decimal point out of place"
@@ -223,7 +206,7 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
         other = repeat_outliers & ~outliers, s_paired, "its other repeats"
         for mask, scatter, beside in ((outliers, s, "the other parts"), other):
             rows = np.flatnonzero(mask[at]) if mask.any() else np.zeros(0, np.int64)
-            rows = rows[(np.abs(data.errors[rows]) <= POINT_ERROR_MM).all(axis=1)]
+            rows = rows[(np.abs(data.errors[rows]) <= limits.POINT_ERROR_MM).all(axis=1)]
             if len(rows):
                 size = 1e3 * np.abs(errors[at][rows])
                 rows = rows[np.argsort(-size, kind="stable")]
@@ -291,7 +274,7 @@ def columns_alike(data: ReadingsData | PointsData) -> Iterator[Odd]:
         columns |= {"pass": table.has_pass, "direction": table.direction != 0}
         columns |= {"cycle": table.cycle >= 0}
     for name, mask in columns.items():
-        column = None if mask.any() else meant_by(name, [*table.covariates], NEARLY)
+        column = None if mask.any() else meant_by(name, [*table.covariates], limits.NEARLY)
         if column:
             what = "a covariate is nearly called as a column that is not there"
             yield Odd(FIRST, {"what": what, "names": [repr(name)]}, column)
@@ -308,12 +291,14 @@ def beyond(data: Data) -> Iterator[Odd]:
         # Readings are in the frame of the machine, places in one of the part.
         middle = 0.0 if isinstance(data, ReadingsData) else np.median(values)
         distance = np.abs(values - middle)
-        odd, farthest = np.flatnonzero(distance > BEYOND * travel), float(distance.max())
-        size, least = (farthest, SPAN) if len(odd) else (float(np.ptp(values)), NARROW)
+        odd, farthest = np.flatnonzero(distance > limits.BEYOND * travel), float(distance.max())
+        size, least = float(np.ptp(values)), limits.NARROW
+        if len(odd):
+            size, least = farthest, limits.SPAN
         meant = [
             unit
-            for unit, to in POSITIONS.items()
-            if least * travel < size * to <= travel and farthest * to <= BEYOND * travel
+            for unit, to in limits.POSITIONS.items()
+            if least * travel < size * to <= travel and farthest * to <= limits.BEYOND * travel
         ]
         hint = f"; in {' or '.join(meant)} they would not be" if meant else ""
         facts = {"axis": axis, "travel": travel, "hint": hint}
@@ -322,7 +307,7 @@ def beyond(data: Data) -> Iterator[Odd]:
                 yield Odd(NONE, facts, column, f"{values[i]:g}", ("features", names[i], column))
         elif len(odd):
             yield Odd(rows[odd], facts, column, values=values[odd])
-        elif meant and 0 < size < NARROW * travel and isinstance(data, ReadingsData):
+        elif meant and 0 < size < limits.NARROW * travel and isinstance(data, ReadingsData):
             facts = {"names": names[:1], **facts}
             if data.table.has_pass[rows].all():
                 yield Odd(rows, facts, column, f"{size:g}", code="unit-of-positions")
@@ -361,7 +346,7 @@ def tolerances(data: DocumentData) -> Iterator[Odd]:
         if (zone := entry.position_um)
     ]
     for path, what, size in sizes:
-        if size < TOLERANCE_UM:
+        if size < limits.TOLERANCE_UM:
             yield Odd(NONE, {"what": what, "meant": "mm"}, path=path)
 
 
@@ -372,25 +357,22 @@ def machine_sizes(data: DocumentData) -> Iterator[Odd]:
     """
     machine = data.loaded.machine
     travels = {axis: abs(high - low) for axis, (low, high) in machine.travels.items()}
-    findings = [
-        (("axes", axis, "travel_mm"), f"a travel of {travel:g} mm", "metres")
-        for axis, travel in travels.items()
-        if travel < TRAVEL_MM
-    ]
-    limit = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
+    for axis, travel in travels.items():
+        if travel < limits.TRAVEL_MM:
+            facts = {"what": f"a travel of {travel:g} mm", "meant": "metres"}
+            yield Odd(NONE, facts, path=("axes", axis, "travel_mm"))
+    limit = limits.CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
     for name, constant in machine.constants.items():
-        value = float(getattr(constant, "value", constant))
-        if abs(value) > limit:
-            findings.append((("constants", name, ""), f"a constant of {value:g} mm", "um"))
-    for path, what, meant in findings:
-        yield Odd(NONE, {"what": what, "meant": meant}, path=tuple(filter(None, path)))
+        if abs(constant.value) > limit:
+            facts = {"what": f"a constant of {constant.value:g} mm", "meant": "um"}
+            yield Odd(NONE, facts, path=("constants", name))
     for name, component in machine.components.items():
         low, high = data.travels.get(component.of, (0.0, 0.0))
         position, unit = np.linspace(low, high, 9), UNITS[component.unit]
         errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))
         if component.is_table and component.coefficients:
             position, errors = np.array(component.at_mm), np.abs(component.coefficients)
-        if (errors * unit.to_internal > largest(unit.dimension, position)).any():
+        if (errors * unit.to_internal > limits.largest(unit.dimension, position)).any():
             what = f"errors of up to {errors.max():.3g} {component.unit}"
-            path = ("components", name, "coefficients")
-            yield Odd(NONE, {"what": what, "meant": "a smaller unit"}, path=path)
+            facts = {"what": what, "meant": "a smaller unit"}
+            yield Odd(NONE, facts, path=("components", name, "coefficients"))

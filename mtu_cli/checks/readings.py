@@ -8,35 +8,21 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, check, split
-from mtu_cli.checks.plausible import (
-    ALIKE,
-    ERRORS,
-    FEWEST_EQUAL,
-    LOUD,
-    MIRRORED,
-    OTHERS_MOVE_K,
-    SENSOR_STEP_K,
-    SENSORS_NEAR_K,
-    SHOP_DEGC,
-    STUCK_SHARE,
-    largest,
-    meant_units,
-)
+from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, check, limits, split
 from mtu_cli.files.covariates import SENSOR_DEGC, is_temperature
 from mtu_cli.stats.outliers import median_polish, outlying, spikes
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.units import LENGTH
-from mtu_cli.units import UNITS as DECLARED
+from mtu_cli.units import LENGTH, UNITS, Unit
 
 
-def stated_unit(data: ReadingsData, row: int) -> str:
+def stated_unit(data: ReadingsData, row: int) -> Unit:
     """The unit that a reading was read in: its row's, or the component's where none was read."""
     table = data.table
     if table.unit is not None:
-        return list(DECLARED)[int(table.unit[row])]
+        return [*UNITS.values()][table.unit[row]]
     plain = "um" if table.dimension[row] == LENGTH else "arcsec"
-    return getattr(data.components.get(table.components[table.code[row]]), "unit", plain)
+    component = data.components.get(table.components[table.code[row]])
+    return UNITS[getattr(component, "unit", plain)]
 
 
 def passes(data: ReadingsData, rows: Rows) -> list[Rows]:
@@ -75,7 +61,7 @@ def are_distances(data: ReadingsData, rows: Rows) -> bool:
     x = position - position.mean()
     slope = (x @ error) / (x @ x)
     rest = error - error.mean() - slope * x
-    return bool(abs(abs(slope) - 1) < ALIKE and np.abs(rest).max() < ALIKE * span)
+    return bool(abs(abs(slope) - 1) < limits.ALIKE and np.abs(rest).max() < limits.ALIKE * span)
 
 
 @check("unit-of-errors", of=("readings", "drift"))
@@ -98,17 +84,17 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
                 groups.append(group)
         if not groups:
             continue
-        (low, high), rows = ERRORS[dimension], np.sort(np.concatenate(groups))
+        (low, high), rows = limits.ERRORS[dimension], np.sort(np.concatenate(groups))
         sizes = np.abs(table.error[rows])
-        large = np.quantile(sizes / largest(dimension, table.position_mm[rows]), 0.75) > 1
+        large = np.quantile(sizes / limits.largest(dimension, table.position_mm[rows]), 0.75) > 1
         # The largest of each component: one of them may well have hardly any error.
         peak = np.median([np.abs(table.error[group]).max() for group in groups])
         size = float(np.quantile(sizes, 0.75) if large else min(peak, high))
         stated = stated_unit(data, int(rows[0]))
-        meant = meant_units(size, dimension, stated)
+        meant = limits.meant_units(size, dimension, stated.name)
         if size and meant and (large or size < low):
-            value = size / DECLARED[stated].to_internal
-            yield Odd(rows, {"size": value, "unit": stated, "meant": meant}, "error")
+            facts = {"size": size / stated.to_internal, "unit": stated.name, "meant": meant}
+            yield Odd(rows, facts, "error")
 
 
 @check("swapped-columns", of="readings")
@@ -119,7 +105,7 @@ def swapped(data: ReadingsData) -> Iterator[Odd]:
         runs = passes(data, rows)
         errors = {np.sort(table.error[run]).tobytes() for run in runs}
         places = {table.position_mm[run].tobytes() for run in runs}
-        several = len(np.unique(table.error[rows])) >= FEWEST_EQUAL
+        several = len(np.unique(table.error[rows])) >= limits.FEWEST_EQUAL
         if several and len(errors) == 1 < len(places) == len(runs):
             yield Odd(rows, {"component": name}, "error")
 
@@ -139,9 +125,9 @@ def unlike(data: ReadingsData) -> Iterator[Odd]:
         for i, rows in enumerate(group):
             ratios = sizes[:, i] / np.median(np.delete(sizes, i, axis=1), axis=1)
             turned, how = np.where(np.arange(len(group)) == i, -1.0, 1.0)[:, None], ""
-            if ratios.min() > LOUD or ratios.max() < 1 / LOUD:
+            if ratios.min() > limits.LOUD or ratios.max() < 1 / limits.LOUD:
                 how = f"varies {ratios[1]:.4g} times as much as the other passes: another unit?"
-            elif np.corrcoef(values * turned).min() > MIRRORED:
+            elif np.corrcoef(values * turned).min() > limits.MIRRORED:
                 how = "has the opposite sign of all other passes"
             if how:
                 number = int(data.table.pass_number[rows[0]])
@@ -156,11 +142,11 @@ def outlying_readings(data: ReadingsData) -> Iterator[Odd]:
         if mask.any():
             rows = sample[mask]
             distance = np.abs(error[rows] - np.median(error[sample])).max()
-            stated = stated_unit(data, int(rows[0]))
-            unit = DECLARED[stated].to_internal
-            facts = {"what": name, "beside": "the others", "unit": stated}
-            value = f"{error[rows[0]] / unit:.6g} {stated}"
-            yield Odd(rows, {**facts, "off": float(distance) / unit, "s": s / unit}, "error", value)
+            unit = stated_unit(data, int(rows[0]))
+            off, s = float(distance) / unit.to_internal, s / unit.to_internal
+            facts = {"what": name, "beside": "the others", "unit": unit.name, "off": off, "s": s}
+            value = f"{error[rows[0]] / unit.to_internal:.6g} {unit.name}"
+            yield Odd(rows, facts, "error", value)
 
 
 def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
@@ -192,8 +178,8 @@ def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
 
 def _rounding(data: ReadingsData, rows: Rows) -> float:
     """The variance of one of the readings by its last digit, in mm or rad, squared."""
-    unit = DECLARED[stated_unit(data, int(rows.flat[0]))].to_internal
-    return rounding_variance(data.table.error[rows].ravel(), unit)
+    unit = stated_unit(data, int(rows.flat[0]))
+    return rounding_variance(data.table.error[rows].ravel(), unit.to_internal)
 
 
 Data = ReadingsData | PointsData
@@ -214,7 +200,7 @@ def out_of_range(data: Data) -> Iterator[Odd]:
     together with them is in that unit.
     """
     low, high = SENSOR_DEGC
-    coldest, hottest = SHOP_DEGC
+    coldest, hottest = limits.SHOP_DEGC
     columns = sensors(data)
     middles = {name: float(np.nanmedian(values)) for name, values in columns.items()}
     for name, middle in middles.items():
@@ -223,7 +209,7 @@ def out_of_range(data: Data) -> Iterator[Odd]:
         rest = [item for other, item in middles.items() if other != name]
         reference = float(np.median(rest)) if rest else 20.0
         for unit, converted in (("degF", (middle - 32) / 1.8), ("K", middle - 273.15)):
-            odd = abs(converted - reference) < SENSORS_NEAR_K < abs(middle - reference) / 3
+            odd = abs(converted - reference) < limits.SENSORS_NEAR_K < abs(middle - reference) / 3
             if reference > hottest:
                 odd = middle > hottest
             if odd and coldest <= converted <= hottest:
@@ -246,7 +232,7 @@ def spike(data: Data) -> Iterator[Odd]:
             # Readings of several components at one moment hold one temperature.
             changes = np.flatnonzero(np.diff(values[rows], prepend=np.nan) != 0)
             sampled = values[rows[changes]]
-            mask, _ = spikes(sampled, SENSOR_STEP_K, rounding_variance(sampled))
+            mask, _ = spikes(sampled, limits.SENSOR_STEP_K, rounding_variance(sampled))
             odd[rows] = np.repeat(mask, np.diff(changes, append=len(rows)))
         if odd.any():
             yield Odd(np.flatnonzero(odd), {}, name, f"{values[odd][0]:g}")
@@ -261,11 +247,12 @@ def stuck(data: Data) -> Iterator[Odd]:
     columns = sensors(data)
     # The temperatures of points stand still while one part is measured, and one other sensor
     # beside points may well be in the air, and this one in the part.
-    share, fewest = (1.0, 2) if isinstance(data, PointsData) else (STUCK_SHARE, 1)
+    share, fewest = (1.0, 2) if isinstance(data, PointsData) else (limits.STUCK_SHARE, 1)
     for name, values in columns.items():
         different, count = np.unique(values[np.isfinite(values)], return_counts=True)
         rows = np.flatnonzero(values == different[np.argmax(count)])
         ranges = [np.ptp(column[rows]) for other, column in columns.items() if other != name]
         movement = float(np.median(ranges)) if len(ranges) >= fewest else 0.0
-        if len(values) >= 10 and len(rows) >= share * len(values) and movement >= OTHERS_MOVE_K:
+        still = len(values) >= 10 and len(rows) >= share * len(values)
+        if still and movement >= limits.OTHERS_MOVE_K:
             yield Odd(rows, {"others": movement}, name, f"{values[rows[0]]:g}")

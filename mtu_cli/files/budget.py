@@ -24,7 +24,7 @@ from mtu_cli.files.contract import (
     present,
     wrong,
 )
-from mtu_cli.files.study import MAX_COVERAGE
+from mtu_cli.files.study import MAX_COVERAGE, CoverageFactor
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, finding
 from mtu_cli.language import Node, check_known, names, parse
@@ -151,9 +151,7 @@ class Coverage(Contract):
     probability: Annotated[float, Field(gt=0, le=LARGEST_PROBABILITY)] | None = optional(
         "Coverage probability; k is then that of Student's t"
     )
-    k: Annotated[float, Field(gt=0, lt=MAX_COVERAGE)] | None = optional(
-        "Coverage factor of U = k u"
-    )
+    k: CoverageFactor | None = optional("Coverage factor of U = k u")
 
 
 class Budget(Contract):
@@ -197,12 +195,12 @@ class LoadedBudget(Loaded):
         return {**place, "path": ".".join(map(str, path))}
 
 
-def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget:
+def load_budget(file: Path | YamlDocument) -> LoadedBudget:
     """Checks a budget file, or one that was read already.
 
     Raises InputError with all problems of the file, each with its line.
     """
-    document = file if isinstance(file, YamlDocument) else read_yaml(file, role)
+    document = file if isinstance(file, YamlDocument) else read_yaml(file, "budget")
     trees: dict[str, Node] = {}
     units: dict[str, str] = {}
 

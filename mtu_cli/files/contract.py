@@ -89,17 +89,22 @@ def all_wrong(errors: Iterable[PydanticCustomError]) -> PydanticCustomError:
     return PydanticCustomError("findings", "{faults}", {"faults": faults})
 
 
-def sized(value: float) -> float:
-    """A number that products of some of them do not overflow with."""
-    if abs(value) > LARGEST:
-        raise wrong(f"at most {LARGEST:g} in size", "out-of-range")
-    return value
+def must(
+    hold: Callable[[Any], bool], expected: str, code: str = "wrong-value", **facts: Any
+) -> AfterValidator:
+    """That a condition holds of a value; a Finding of `code` where it does not."""
+
+    def check(value: T) -> T:
+        if not hold(value):
+            raise wrong(expected, code, **facts)
+        return value
+
+    return AfterValidator(check)
 
 
-def _named(text: str) -> str:
-    if not is_name(text):
-        raise wrong(A_NAME, "wrong-type", kind="a name")
-    return text
+def is_name(text: str) -> bool:
+    """Whether a table can show the text: not blank, and nothing in it that a terminal obeys."""
+    return bool(text.strip()) and re.search("[\x00-\x1f\x7f-\x9f\u2028\u2029]", text) is None
 
 
 def is_number(value: object) -> TypeGuard[float]:
@@ -132,8 +137,11 @@ def optional(description: str, default: Any = None) -> Any:
 
 NonNegative = Annotated[float, Field(ge=0)]
 Positive = Annotated[float, Field(gt=0)]
-Number = Annotated[float, AfterValidator(sized)]
-Name = Annotated[str, AfterValidator(_named), Field(json_schema_extra={"minLength": 1})]
+SIZED = must(lambda x: not abs(x) > LARGEST, f"at most {LARGEST:g} in size", "out-of-range")
+"""A number that products of some of them do not overflow with."""
+Number = Annotated[float, SIZED]
+NAMED = must(is_name, A_NAME, "wrong-type", kind="a name")
+Name = Annotated[str, NAMED, Field(json_schema_extra={"minLength": 1})]
 """A text on one line, as tables show it."""
 IdText = Annotated[Name, short(lambda value: type(value) is int, str, str | int)]
 """A name that may be written as a whole number: feature 3 is feature '3'."""
@@ -361,11 +369,6 @@ def _or_none(value: Any, validate: ValidatorFunctionWrapHandler) -> Any:
 def present(items: Iterable[T | None] | None) -> list[tuple[int, T]]:
     """The sound items of a list with their index."""
     return [(index, item) for index, item in enumerate(items or ()) if item is not None]
-
-
-def is_name(text: str) -> bool:
-    """Whether a table can show the text: not blank, and nothing in it that a terminal obeys."""
-    return bool(text.strip()) and re.search("[\x00-\x1f\x7f-\x9f\u2028\u2029]", text) is None
 
 
 def is_identifier(name: str) -> bool:

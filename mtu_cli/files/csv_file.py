@@ -161,24 +161,43 @@ def read_table(
         row_numbers = np.array(file.lines, np.int64)[rows - file.header_row - 1]
     table = Table(files=(file,), rows=row_numbers, file_index=np.zeros(len(rows), np.int64))
     numbers = {name: np.empty(len(rows)) for name in kinds}
-    cells: dict[str, list[Cells]] = {name: [] for name in kinds}
+    texts = {name: list[tuple[Ints, list[str]]]() for name in kinds}
+    text_columns = {name for name, column in kinds.items() if column.kind == "text"}
     first = 0
     for frame in _frames(file, kinds, records):
         part = slice(first, first := first + len(frame))
         for name, column in kinds.items():
             if column.numeric and frame[name].dtype.kind in "iuf":
                 numbers[name][part] = frame[name]
-            else:
-                cells[name].append((part, *_labelled(frame[name], column)))
+                continue
+            codes, labels = _labelled(frame[name], column)
+            if column.kind in ("text", "free"):
+                texts[name].append((codes, labels))
+            # Of a free column one cell that is no number makes texts of all.
+            if column.kind == "free" and any(number(x, file.decimal) is None for x in labels if x):
+                text_columns.add(name)
+            if column.kind != "free" or name not in text_columns:
+                numbers[name][part] = np.array([_value(file, column, x) for x in labels])[codes]
     lines = cache(lambda: file.content.decode().split("\n"))
+    described = cache(lambda label, name: _fault(name, kinds[name], file.decimal, label))
 
-    def cell(i: int, name: str) -> str:
-        """A cell as the file has it: its float may be another number."""
+    def fault(i: int, name: str) -> dict[str, Any]:
+        # A cell as the file has it: its float may be another number.
         row = records[i] if records else lines()[rows[i] - 1].split(file.separator)
-        return row[file.header.index(name)].strip()
+        return described(row[file.header.index(name)].strip(), name)
 
     for name, column in kinds.items():
-        _add_column(table, name, column, numbers.pop(name), cells.pop(name), cell, faults)
+        values, labelled = numbers.pop(name), texts.pop(name)
+        if name in text_columns:
+            table.texts[name] = stacked(labelled)
+        if name in text_columns and column.kind == "free":
+            continue
+        odd = _excluded(values, column)
+        if odd.any():
+            faults.cells(table, odd, name, partial(fault, name=name))
+            values = np.where(np.isinf(values), np.nan, values)
+        if name not in text_columns:
+            table.numbers[name] = values
     file.content = b""
     return table
 
@@ -209,7 +228,12 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
     body = content.find(b"\n", start) + 1 or len(content)
     line, row = content[start:body].decode(), content.count(b"\n", 0, start) + 1
     place = {"file": source.shown, "row": row}
+    decimal: Decimal = "."
     separator = _separator(line, place)
+    if separator == ";":  # numbers have the decimal sign of most of them
+        sample = content[body : body + SAMPLE_BYTES].decode(errors="ignore")
+        signs = re.findall(r"(?<![\d.,])[+-]?\d*([.,])\d", sample)
+        decimal = "," if 2 * signs.count(",") > len(signs) else "."
     try:
         header = next(csv.reader([line], delimiter=separator, strict=True))
     except csv.Error as fault:
@@ -221,7 +245,7 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
         header_row=row,
         body=body,
         separator=separator,
-        decimal=_decimal(content, body) if separator == ";" else ".",
+        decimal=decimal,
         lines=lines,
         headings=headings,
     )
@@ -248,18 +272,7 @@ def _separator(line: str, place: dict[str, Any]) -> str:
     return ";" if ";" in bare and bare.count(";") >= bare.count(",") else ","
 
 
-def _decimal(content: bytes, body: int) -> Decimal:
-    """The decimal sign of a file with semicolons: the one most of its numbers have."""
-    sample = content[body : body + SAMPLE_BYTES].decode(errors="ignore")
-    commas, points = (len(re.findall(rf"(?<![\d.,])[+-]?\d*{s}\d", sample)) for s in (",", r"\."))
-    return "," if commas > points else "."
-
-
 # Rows and columns.
-
-
-Cells = tuple[slice, Ints, list[str]]
-"""Cells of a part of a column, stripped: `labels[codes[i]]`, the last of them empty."""
 
 
 def _sound_rows(file: File) -> Ints | None:
@@ -299,9 +312,8 @@ def _one_by_one(file: File, faults: CellFaults) -> tuple[Ints, list[list[str]]]:
                 if len(cells) > width and cells[-1].strip() and file.separator == ",":
                     expected += "; decimal commas need semicolons between the columns"
                 facts = {"value": file.separator.join(cells), "expected": expected}
-                faults.add(
-                    finding("row-length", cells=counted(len(cells), "cell"), **facts, **place)
-                )
+                count = counted(len(cells), "cell")
+                faults.add(finding("row-length", cells=count, **facts, **place))
             place["row"] = file.header_row + 1 + reader.line_num
     except csv.Error as fault:
         place["expected"] = 'a closing "' if "unexpected end" in str(fault) else None
@@ -343,6 +355,7 @@ def _frames(
 
 
 def _labelled(values: pd.Series[Any], column: Column) -> tuple[Ints, list[str]]:
+    """Cells, stripped: `labels[codes[i]]`, the last of them empty."""
     import pandas as pd
 
     codes, labels = pd.factorize(values.astype(object))
@@ -353,53 +366,20 @@ def _labelled(values: pd.Series[Any], column: Column) -> tuple[Ints, list[str]]:
     return codes, [*cells, ""]
 
 
-def _add_column(
-    table: Table,
-    name: str,
-    column: Column,
-    numbers: Floats,
-    parts: list[Cells],
-    cell: Callable[[int, str], str],
-    faults: CellFaults,
-) -> None:
-    """A column of `numbers` (n,) but for some `parts`; one of the kind `free` holds numbers where
-    every cell is one, else texts.
-    """
-    (file,) = table.files
-    labels = (label for *_, labels in parts for label in labels if label)
-    is_text = column.kind == "free" and any(number(label, file.decimal) is None for label in labels)
-    if is_text or column.kind == "text":
-        table.texts[name] = stacked([(codes, labels) for _, codes, labels in parts])
-        if is_text:
-            return
-    for part, codes, texts in parts:
-        numbers[part] = np.array([_value(file, column, text) for text in texts])[codes]
-    odd = _excluded(numbers, column)
-    if odd.any():
-        fault = cache(partial(_fault, name, column, file.decimal))
-        faults.cells(table, odd, name, lambda i: fault(cell(i, name)))
-        numbers = np.where(np.isinf(numbers), np.nan, numbers)
-    if column.kind != "text":
-        table.numbers[name] = numbers
-
-
 def _value(file: File, column: Column, label: str) -> float:
     """What stands for a cell: 0 for a text; nan for an empty cell, infinity for what may not be."""
-    value: float | None = None
+    if not label:
+        return math.nan
+    value: float | None
     if column.kind == "text":
-        value = (
-            0.0 if (label in column.texts if column.texts is not None else is_name(label)) else None
-        )
+        value = 0.0 if (is_name(label) if column.texts is None else label in column.texts) else None
     elif column.kind == "sign":
         value = direction_sign(label)
     elif column.kind == "time":
-        if time := time_of(label):
-            value = time[0]
-            file.aware |= {time[1]}
+        value, *aware = time_of(label) or (None,)
+        file.aware |= {*aware}
     else:
         value = number(label, file.decimal)
-    if not label:
-        return math.nan
     return math.inf if value is None or math.isnan(value) else value
 
 
@@ -429,7 +409,7 @@ def _fault(name: str, column: Column, decimal: Decimal, label: str) -> dict[str,
 
 def _excluded(numbers: Floats, column: Column) -> Flags:
     """Where numbers (n,) are none that the column may hold; nan is an empty cell."""
-    largest = min(column.largest, sys.float_info.max) if column.numeric else sys.float_info.max
+    largest = min(column.largest, sys.float_info.max)
     # Extremes cost less than flags: nan makes both nan.
     in_range = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
     odd = np.zeros(len(numbers), bool) if in_range else ~(np.abs(numbers) <= largest)

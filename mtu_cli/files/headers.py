@@ -105,7 +105,7 @@ class TableSpec:
 EXCLUSIVE = ("time", "time_min")
 """Columns of which a table has one at most."""
 TIMES = {
-    "time": Column("time"),
+    "time": Column("time", largest=math.inf),
     # Minutes since 1970 are within a century, seconds are not.
     "time_min": Column(largest=5.3e7, says="minutes, at most a century (5.3e+07) from the start"),
 }
@@ -115,11 +115,11 @@ READINGS = TableSpec(
     option="--lbb, --laser or --drift",
     columns={
         "component": Column("text", required=True, says="the name of a component of the machine"),
-        "error": Column(required=True),
-        "unit": Column("text", required=True, texts=UNITS, says=f"one of: {', '.join(UNITS)}"),
         "position_mm": Column(may_be_empty=True),
         "pass": PASS,
         "direction": Column("sign", may_be_empty=True),
+        "error": Column(required=True),
+        "unit": Column("text", required=True, texts=UNITS, says=f"one of: {', '.join(UNITS)}"),
         "cycle": Column(
             "text", says="the name of a warm-up or cool-down in every row, or no column 'cycle'"
         ),

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from mtu_cli.files.contract import (
     MAX_DEGREE,
+    SIZED,
     Contract,
     Faults,
     Loaded,
@@ -23,11 +24,11 @@ from mtu_cli.files.contract import (
     Positive,
     check_contract,
     is_number,
+    must,
     one_or_more,
     optional,
     present,
     short,
-    sized,
     wrong,
 )
 from mtu_cli.files.covariates import (
@@ -59,23 +60,15 @@ def _unit_of(units: Collection[str]) -> AfterValidator:
     return AfterValidator(check)
 
 
-def _rising(ends: list[float]) -> list[float]:
-    if ends[0] > ends[1]:
-        raise wrong("the lower end first")
-    return ends
-
-
-def _climbing(values: list[float]) -> list[float]:
-    if any(after <= before for before, after in pairwise(values)):
-        raise wrong("the lowest first: positions that rise")
-    return values
-
-
-Size = Annotated[NonNegative, AfterValidator(sized)]
+RISING = must(
+    lambda values: all(before < after for before, after in pairwise(values)),
+    "the lowest first: positions that rise",
+)
+Size = Annotated[NonNegative, SIZED]
 Numbers = Annotated[list[Number], Field(min_length=1)]
 Matrix = list[list[Number]]
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
-Range = Annotated[Pair, AfterValidator(_rising)]
+Range = Annotated[Pair, must(lambda ends: ends[0] <= ends[1], "the lower end first")]
 UnitName = Annotated[str, _unit_of(UNITS), Field(json_schema_extra={"enum": list(UNITS)})]
 ParameterUnitName = Annotated[
     str, _unit_of(PARAMETER_UNITS), Field(json_schema_extra={"enum": list(PARAMETER_UNITS)})
@@ -100,9 +93,7 @@ Gradients = Annotated[list[Gradient], Field(min_length=1), one_or_more(float)]
 class Axis(Contract):
     """A linear axis of the machine."""
 
-    travel_mm: Annotated[Pair, AfterValidator(_climbing)] = Field(
-        description="Lowest and highest position, mm"
-    )
+    travel_mm: Annotated[Pair, RISING] = Field(description="Lowest and highest position, mm")
 
 
 class Constant(Contract):
@@ -176,9 +167,9 @@ class Component(Contract):
         "without `of`",
         1,
     )
-    at_mm: (
-        Annotated[list[Number], Field(min_length=LEAST_OF_TABLE), AfterValidator(_climbing)] | None
-    ) = optional("Positions of a table whose values are known")
+    at_mm: Annotated[list[Number], Field(min_length=LEAST_OF_TABLE), RISING] | None = optional(
+        "Positions of a table whose values are known"
+    )
     roughness_um2_per_mm3: Size | None = optional(
         "Of a table: variance of the integrated Wiener process between its positions"
     )
@@ -304,12 +295,12 @@ class LoadedMachine(Loaded):
         return {name for group in groups for form in group.values() for name in form.coefficients}
 
 
-def load_machine(path: Path, role: str = "machine") -> LoadedMachine:
+def load_machine(path: Path) -> LoadedMachine:
     """Reads and checks a machine file.
 
     Raises InputError with all faults of the file, each with its line.
     """
-    return machine_from(read_yaml(path, role))
+    return machine_from(read_yaml(path, "machine"))
 
 
 def machine_from(document: YamlDocument) -> LoadedMachine:
@@ -336,7 +327,17 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
             units |= {name: UNITS[item.unit] for name, item in effect.components.items()}
             path = ("effects", index, "equations")
             effect_forms.append(_linear_forms(machine, effect.equations, units, path, faults))
-            _check_effect(effect, index, faults)
+            for name, component in effect.components.items():
+                place = ("effects", index, "components", name)
+                _check_component(component, place, faults)
+                if component.coefficients is None:
+                    what, other = "a component of an effect", "`coefficients`"
+                    faults.add(place, "incomplete", what=what, other=other)
+                if name in effect.parameters:
+                    faults.add(place, "name-taken", value=name, taken="a parameter")
+            if effect.covariance is not None:
+                path = ("effects", index, "covariance")
+                check_covariance(effect.covariance, len(effect.parameters), path, faults)
 
     machine = check_contract(document, Machine, "machine", check)
     loaded = LoadedMachine(
@@ -491,21 +492,6 @@ def _check_thermal(item: Component, path: YamlPath, faults: Faults) -> None:
         for sensor in getattr(thermal, key):
             if sensor not in thermal.gradients:
                 faults.unknown((*path, key, sensor), sensor, thermal.gradients.keys(), "sensor")
-
-
-def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
-    """What an effect is of, its components and covariance."""
-    path: YamlPath = ("effects", index)
-    for name, item in effect.components.items():
-        place = (*path, "components", name)
-        _check_component(item, place, faults)
-        if item.coefficients is None:
-            faults.add(place, "incomplete", what="a component of an effect", other="`coefficients`")
-        if name in effect.parameters:
-            faults.add(place, "name-taken", value=name, taken="a parameter")
-    if effect.covariance is not None:
-        size = len(effect.parameters)
-        check_covariance(effect.covariance, size, (*path, "covariance"), faults)
 
 
 def _linear_forms(

@@ -49,12 +49,10 @@ class Tolerance:
 
 def _tolerance(value: Any) -> Tolerance:
     """20 for plus-minus 20, or [-5, 25]."""
-    expected = "a number above 0, or [low, high]"
     ends: Any = [-value, value] if is_number(value) else value
-    if not (isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends))):
-        raise wrong(expected)
-    if not (all(map(isfinite, ends)) and ends[0] < ends[1]):
-        raise wrong(expected)
+    pair = isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends))
+    if not (pair and all(map(isfinite, ends)) and ends[0] < ends[1]):
+        raise wrong("a number above 0, or [low, high]")
     return Tolerance(*map(float, ends))
 
 
@@ -76,11 +74,7 @@ class Feature(Contract):
     position_um: Positive | None = optional("True position: diameter of its tolerance zone")
 
 
-class _Identified(Contract):
-    id: IdText
-
-
-class Length(_Identified):
+class Length(Contract):
     """A length between two features."""
 
     id: IdText = optional("Default: from-to", "")
@@ -98,9 +92,10 @@ class Length(_Identified):
         return data
 
 
-class Orthogonality(_Identified):
+class Orthogonality(Contract):
     """The angle between a row and a column of features."""
 
+    id: IdText
     row: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along x")
     column: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along y")
     tolerance: Tolerated | None = Field(
@@ -127,20 +122,17 @@ Calibration = Annotated[
 ]
 
 
-class _Round(_Identified):
-    features: list[IdText]
+class Circle(Contract):
+    """Features on a circle: a ring gauge, a milled circle."""
+
+    id: IdText
+    features: Annotated[list[IdText], Field(min_length=3)]
     calibrated_mm: Calibration | None = optional("Calibrated diameter, mm, or {degC: mm}")
     U_um: NonNegative | None = optional("Its expanded uncertainty (k = 2)")
     temperature: str | None = optional("The covariate that holds the temperature")
 
 
-class Circle(_Round):
-    """Features on a circle: a ring gauge, a milled circle."""
-
-    features: Annotated[list[IdText], Field(min_length=3)]
-
-
-class Sphere(_Round):
+class Sphere(Circle):
     """Features on a sphere."""
 
     features: Annotated[list[IdText], Field(min_length=4)]
@@ -175,12 +167,12 @@ class LoadedPart(Loaded):
     part: Part
 
 
-def load_part(path: Path, role: str = "part") -> LoadedPart:
+def load_part(path: Path) -> LoadedPart:
     """Reads and checks a part file.
 
     Raises InputError with all faults of the file, each with its line.
     """
-    document = read_yaml(path, role)
+    document = read_yaml(path, "part")
     return LoadedPart(document=document, part=check_contract(document, Part, "part", _check))
 
 

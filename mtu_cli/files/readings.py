@@ -414,9 +414,8 @@ def read_traces(
     ways = _filled(table, "direction", "--direction", direction)
     feeds = _filled(table, "feed_mm_min", "--feed", feed).astype(float)
     if (bad := np.flatnonzero(feeds <= 0)).size:
-        place = {**table.place(int(bad[0])), "column": "feed_mm_min"}
-        value = f"{feeds[bad[0]]:g}"
-        raise error("out-of-range", value=value, expected="mm/min above 0, or empty", **place)
+        place = table.place(int(bad[0]), "feed_mm_min") | {"value": f"{feeds[bad[0]]:g}"}
+        raise error("out-of-range", expected="mm/min above 0, or empty", **place)
     radii = _filled(table, "radius_mm", "--radius", radius)
     planes = _filled(table, "plane", "--plane", plane)
     if not all(x and x > 0 for x in radii):
@@ -425,7 +424,7 @@ def read_traces(
     for name, column in (("radius_mm", radii), ("plane", planes)):
         if (conflicts := np.flatnonzero(column != column[0])).size:
             value = ", ".join(f"{column[i]}" for i in (0, conflicts[0]))
-            place = {**table.place(int(conflicts[0])), "column": name, "value": value}
+            place = table.place(int(conflicts[0]), name) | {"value": value}
             raise error("contradicts", other="another trace", expected="one in all traces", **place)
     traces, number = [], table.whole("pass")
     # Rows of one file, pass, direction and feed are a trace.
@@ -476,6 +475,6 @@ def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDAr
     has_cell = [x is not None and x == x for x in cells]
     rows = np.flatnonzero(has_cell & (options != None) & (options != cells))  # noqa: E711  # (n,)
     if rows.size:
-        place = {**table.place(int(rows[0])), "column": name, "value": f"{cells[rows[0]]}"}
+        place = table.place(int(rows[0]), name) | {"value": f"{cells[rows[0]]}"}
         raise error("contradicts", other=f"{option} {options[rows[0]]}", **place)
     return np.where(table.has(name), cells, options)

@@ -13,9 +13,17 @@ from math import isnan, nan
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from mtu_cli.files.contract import NonNegative, Number, all_wrong, check_contract, sized, wrong
+from mtu_cli.files.contract import (
+    SIZED,
+    NonNegative,
+    Number,
+    all_wrong,
+    check_contract,
+    must,
+    wrong,
+)
 from mtu_cli.files.machine import (
     AxisName,
     Gradient,
@@ -32,17 +40,11 @@ from mtu_cli.findings import Finding, InputError, error, finding
 MAX_BYTES = 1 << 30
 
 
-def _not_negative(value: float) -> float:
-    if value < 0:
-        raise wrong("a number of at least 0")
-    return value
-
-
 _OR_NULL = BeforeValidator(lambda value: nan if value is None else value)
 _STRICT = Field(strict=True, allow_inf_nan=True)
-Figure = Annotated[float, _STRICT, _OR_NULL, AfterValidator(sized)]
+Figure = Annotated[float, _STRICT, _OR_NULL, SIZED]
 """A number; nan where the report says null, because the readings do not determine it."""
-Deviation = Annotated[Figure, AfterValidator(_not_negative)]
+Deviation = Annotated[Figure, must(lambda x: not x < 0, "a number of at least 0")]
 Matrix = list[list[Figure]]
 Known = list[list[Number]]
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.findings import Finding, InputError, closest, error, finding, printable
+from mtu_cli.findings import Finding, InputError, error, finding, nearest, printable
 
 DRIFT = "drift"
 """The role of readings that follow temperatures in time: their runs are cycles, no passes."""
@@ -128,10 +128,9 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
 def near_name(path: Path) -> tuple[str, ...]:
     """The file in the folder that is nearly called so, if there is one."""
     try:
-        name = closest(path.name, [entry.name for entry in path.parent.iterdir()])
+        return nearest(path.name, [entry.name for entry in path.parent.iterdir()])
     except (OSError, ValueError):
         return ()
-    return () if name is None else (name,)
 
 
 def check_text(content: bytes, file: str) -> None:

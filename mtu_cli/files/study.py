@@ -37,6 +37,7 @@ MAX_DIGITS = 4
 Datum = Literal["none", "offset", "offset,rotation", "offset,diameter"]
 """Best-fit alignment that may be removed from each part; of a ring its centre and diameter."""
 Share = Annotated[float, Field(gt=0, lt=1)]
+CoverageFactor = Annotated[float, Field(gt=0, lt=MAX_COVERAGE)]
 FileName = Annotated[str, Field(min_length=1)]
 FileNames = Annotated[list[FileName], one_or_more(str)]
 
@@ -60,9 +61,7 @@ InstrumentFiles = Annotated[list[FileName | Instrument], one_or_more(str | Instr
 class Settings(Contract):
     """Settings of the commands; options on the command line override them."""
 
-    coverage_factor: Annotated[float, Field(gt=0, lt=MAX_COVERAGE)] | None = optional(
-        "k of U = k u"
-    )
+    coverage_factor: CoverageFactor | None = optional("k of U = k u")
     seed: Annotated[int, Field(ge=0)] | None = optional("Seed of Monte Carlo")
     correlation: Literal["shared", "independent"] | None = optional(
         "Points of a part share components, or stand alone as in the papers"
@@ -132,11 +131,8 @@ class LoadedStudy(Loaded):
 
 def find_study(start: Path) -> Path | None:
     """The ``mtu.yaml`` of the folder `start` or of the nearest folder above it."""
-    for folder in (start, *resolved(start).parents):
-        candidate = folder / STUDY_NAME
-        if candidate.is_file():
-            return candidate
-    return None
+    places = (folder / STUDY_NAME for folder in (start, *resolved(start).parents))
+    return next(filter(Path.is_file, places), None)
 
 
 def load_study(

@@ -115,26 +115,83 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice, merge
     keys, decimal commas in a list, more than one document, or too many levels or values.
     """
-    root, document = composed(text, source), YamlDocument(source=source, data=None)
-    faults: list[Finding] = []
-    data = _value(root, (), root.start_mark.line + 1, document, faults, frozenset())
+    file, root = source.shown, composed(text, source)
+    lines, faults = dict[YamlPath, int](), list[Finding]()
+
+    def fault(code: str, at: int, **facts: Any) -> None:
+        faults.append(finding(code, file=file, line=at, **facts))
+
+    def value(node: yaml.Node, path: YamlPath, line: int, ancestors: frozenset[int]) -> Any:
+        """The value of a node whose `ancestors` are the nodes that contain it."""
+        if len(lines) > MAX_NODES:
+            # Aliases stand for lines far above: the entry that holds them is at fault.
+            at = lines.get(path[:1], line)
+            raise error("too-large", most=MAX_NODES, what="values", file=file, line=at)
+        if len(path) > MAX_DEPTH:
+            raise error("too-large", most=MAX_DEPTH, what="levels", file=file, line=line)
+        if node.tag:
+            tag = node.tag.replace("tag:yaml.org,2002:", "!!")
+            fault("yaml-feature", line, what=f"the tag {tag!r}")
+        if id(node) in ancestors:
+            fault("yaml-feature", line, what="an alias inside its own anchor")
+            return None
+        lines[path] = line
+        if isinstance(node, yaml.ScalarNode):
+            return node.value if node.style else plain_scalar(node.value)
+        ancestors, first = ancestors | {id(node)}, dict[str, int]()
+        if isinstance(node, yaml.SequenceNode):
+            items = [
+                value(item, (*path, i), item.start_mark.line + 1, ancestors)
+                for i, item in enumerate(node.value)
+            ]
+            # [50,21, 50,24] is four numbers to YAML and two to some of its users: a list of
+            # numbers has blanks behind all of its commas, or behind none.
+            marks = [(a.end_mark, b.start_mark) for a, b in itertools.pairwise(node.value)]
+            gaps = {b.index - a.index > 1 for a, b in marks if a.line == b.line}
+            if node.flow_style and len(gaps) > 1 and all(type(x) in (int, float) for x in items):
+                expected = "decimal points, and a blank behind each comma between two numbers"
+                place = {"path": path_text(path), "expected": expected}
+                fault("yaml-feature", line, what="a comma within a number", **place)
+            return items
+        result = {}
+        for key, item in node.value:
+            at, name = key.start_mark.line + 1, str(key.value)
+            if not isinstance(key, yaml.ScalarNode) or key.tag or (name == "<<" and not key.style):
+                what = "a merge key (<<)" if name == "<<" else "a list, mapping or tag as a key"
+                fault("yaml-feature", at, what=what, expected="plain keys")
+                continue
+            if first.setdefault(name, at) != at or name in result:
+                where, expected = f"the key {name!r}", f"it once: it is in line {first[name]} too"
+                fault("appears-twice", at, what=where, expected=expected)
+            result[name] = value(item, (*path, name), at, ancestors)
+        return result
+
+    data = value(root, (), root.start_mark.line + 1, frozenset())
     if faults:
         raise InputError(faults)
-    return replace(document, data=data)
+    return YamlDocument(source=source, data=data, lines=lines)
 
 
 def composed(text: str, source: Source) -> yaml.Node:
     """The nodes of a YAML text, whose marks count its characters."""
+    place: dict[str, Any] = {"file": source.shown}
     try:
         root = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as fault:
-        raise _not_yaml(fault, source.shown) from None
+        problem, mark = fault.problem or "unknown fault", fault.problem_mark or fault.context_mark
+        # A text whose end is missing is at fault where it begins.
+        if problem.startswith(("found unexpected end", "could not find")) and fault.context_mark:
+            mark = fault.context_mark
+        place["line"] = None if mark is None else mark.line + 1
+        if "nesting depth" in str(fault):
+            raise error("too-large", most=MAX_DEPTH, what="levels", **place) from None
+        raise error("not-readable", reason=f"no YAML: {problem}", **place) from None
     except (yaml.YAMLError, RecursionError) as fault:
         line = text.encode()[: getattr(fault, "position", 0)].count(b"\n") + 1
         why = f"no YAML: {(str(fault).splitlines() or ['nested too deeply'])[0]}"
-        raise error("not-readable", reason=why, file=source.shown, line=line) from None
+        raise error("not-readable", reason=why, line=line, **place) from None
     if root is None:
-        raise error("empty-file", what="values", file=source.shown, expected=a_file(source.role))
+        raise error("empty-file", what="values", expected=a_file(source.role), **place)
     return root
 
 
@@ -143,74 +200,3 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
 
     def resolve(self, kind: Any, value: str, implicit: Any) -> str:
         return ""
-
-
-def _not_yaml(fault: yaml.MarkedYAMLError, file: str) -> InputError:
-    problem, mark = fault.problem or "unknown fault", fault.problem_mark or fault.context_mark
-    # A text whose end is missing is at fault where it begins.
-    if problem.startswith(("found unexpected end", "could not find")) and fault.context_mark:
-        mark = fault.context_mark
-    line = None if mark is None else mark.line + 1
-    if "nesting depth" in str(fault):
-        return error("too-large", most=MAX_DEPTH, what="levels", file=file, line=line)
-    return error("not-readable", reason=f"no YAML: {problem}", file=file, line=line)
-
-
-def _value(
-    node: yaml.Node,
-    path: YamlPath,
-    line: int,
-    document: YamlDocument,
-    faults: list[Finding],
-    ancestors: frozenset[int],
-) -> Any:
-    """The value of a node at a `path` and `line`; lines go to the `document`, `faults` are those of
-    the whole file, and `ancestors` are the nodes that contain it.
-    """
-    file, lines = document.source.shown, document.lines
-
-    def fault(code: str, at: int, **facts: Any) -> None:
-        faults.append(finding(code, file=file, line=at, **facts))
-
-    if len(lines) > MAX_NODES:
-        # Aliases stand for lines far above: the entry that holds them is at fault.
-        at = lines.get(path[:1], line)
-        raise error("too-large", most=MAX_NODES, what="values", file=file, line=at)
-    if len(path) > MAX_DEPTH:
-        raise error("too-large", most=MAX_DEPTH, what="levels", file=file, line=line)
-    if node.tag:
-        tag = node.tag.replace("tag:yaml.org,2002:", "!!")
-        fault("yaml-feature", line, what=f"the tag {tag!r}")
-    if id(node) in ancestors:
-        fault("yaml-feature", line, what="an alias inside its own anchor")
-        return None
-    lines[path] = line
-    if isinstance(node, yaml.ScalarNode):
-        return node.value if node.style else plain_scalar(node.value)
-    ancestors, first = ancestors | {id(node)}, dict[str, int]()
-    if isinstance(node, yaml.SequenceNode):
-        items = [
-            _value(item, (*path, i), item.start_mark.line + 1, document, faults, ancestors)
-            for i, item in enumerate(node.value)
-        ]
-        # [50,21, 50,24] is four numbers to YAML and two to some of its users: a list of numbers
-        # has blanks behind all of its commas, or behind none.
-        marks = [(a.end_mark, b.start_mark) for a, b in itertools.pairwise(node.value)]
-        gaps = {b.index - a.index > 1 for a, b in marks if a.line == b.line}
-        if node.flow_style and len(gaps) > 1 and all(type(x) in (int, float) for x in items):
-            expected = "decimal points, and a blank behind each comma between two numbers"
-            place = {"path": path_text(path), "expected": expected}
-            fault("yaml-feature", line, what="a comma within a number", **place)
-        return items
-    result = {}
-    for key, item in node.value:
-        at, name = key.start_mark.line + 1, str(key.value)
-        if not isinstance(key, yaml.ScalarNode) or key.tag or (name == "<<" and not key.style):
-            what = "a merge key (<<)" if name == "<<" else "a list, mapping or tag as a key"
-            fault("yaml-feature", at, what=what, expected="plain keys")
-            continue
-        if first.setdefault(name, at) != at or name in result:
-            where, expected = f"the key {name!r}", f"it once: it is in line {first[name]} too"
-            fault("appears-twice", at, what=where, expected=expected)
-        result[name] = _value(item, (*path, name), at, document, faults, ancestors)
-    return result

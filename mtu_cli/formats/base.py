@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from mtu_cli.files.csv_file import GZIP, Converted, inflated
-from mtu_cli.files.headers import Decimal, number
+from mtu_cli.files.headers import CellFaults, Decimal, number
 from mtu_cli.files.source import MARKS, Source, read_source
 from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 from mtu_cli.units import UNITS, plain_unit
@@ -23,8 +23,6 @@ CODE_PAGES = ("utf-8-sig", "cp1252", "gbk")
 """In this order: the first that fits; each later one accepts more."""
 MOJIBAKE = {"\u00c2\u00b0": "\u00b0", "\u00c2\u00b5": "\u00b5", "\u00ce\u00bc": "\u00b5"}
 """UTF-8 that was once read as cp1252 and saved again."""
-FIRST = ("component", "position_mm", "pass", "direction", "error", "unit")
-"""How columns of readings are ordered."""
 MAX_BYTES = 200_000_000
 
 
@@ -143,8 +141,7 @@ class Imported:
 
     def csv(self, order: Sequence[str] = ()) -> str:
         """The contract's CSV; numbers to the last digit."""
-        sequence = dict.fromkeys((*FIRST, *order, *self.columns))
-        names = [name for name in sequence if name in self.columns]
+        names = [x for x in dict.fromkeys((*order, *self.columns)) if x in self.columns]
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")  # floats in full, None as nothing
         writer.writerow(names)
@@ -156,6 +153,68 @@ class Imported:
         return self.csv(order).encode(), self.rows, self.headings
 
 
+@dataclass(kw_only=True)
+class Import(Imported):
+    """A file while it is read, what the caller says of it, and its faults: all of them are reported
+    before anything is made of what is sound.
+    """
+
+    file: RawFile
+    ask: Ask
+    faults: CellFaults = field(default_factory=CellFaults)
+
+    def fault(self, code: str, **facts: Any) -> None:
+        """One more fault of the file."""
+        self.faults.add(self.file.finding(code, **facts))
+
+    def bad_cell(self, row: int, column: str, value: str, expected: str = "a number") -> None:
+        """A cell that is not what stands in its column."""
+        place = {"row": row, "column": column, "expected": expected}
+        if value:
+            self.fault("wrong-type", kind=expected, value=value, **place)
+        else:
+            self.fault("empty-cell", **place)
+
+    def unit_of(self, stated: str | None, component: str | None = None) -> str:
+        """The unit of the readings of a component: as the file has it, or as the caller says where
+        it has none, or the machine.
+        """
+        ask, name = self.ask, component or self.ask.component
+        unit = stated or ask.unit or ask.machine_units.get(name or "", "")
+        if stated:
+            self.says.append(f"readings in {stated}, as the file says")
+        elif unit:
+            whose = "the unit given" if ask.unit else "the component's unit"
+            self.says.append(f"readings without a unit taken in {unit}, {whose}")
+        elif ask.machine_units and name:
+            facts = suggestion(name, ask.machine_units)
+            raise self.file.error("unknown-name", value=name, what="component", **facts)
+        elif ask.kind != "inspect":
+            expected = "`unit: um` in the study, import --unit um, or a machine with the component"
+            raise self.file.error("missing-input", what="the unit of the readings",
+                                  expected=expected)  # fmt: skip
+        return unit
+
+    def add_readings(
+        self, unit: str, readings: Iterable[tuple[int, float, int, str | None, float]]
+    ) -> None:
+        """Adds readings of one component: line, target, pass, direction and error of each.
+
+        Raises InputError where the caller does not name the component, and where there are none.
+        """
+        component = self.ask.component
+        if not component and self.ask.kind != "inspect":
+            expected = "NAME=FILE, as --laser dx_x=FILE; with import --component NAME"
+            raise self.file.error("missing-input", what="the component that the file reads",
+                                  expected=expected)  # fmt: skip
+        for line, target, run, way, value in readings:
+            self.add(line, component=component or "?", position_mm=target, **{"pass": run},
+                     direction=way, error=value, unit=unit)  # fmt: skip
+        if not self.rows:
+            expected = f"a whole {self.format}"
+            raise self.file.error("empty-file", what="readings", expected=expected)
+
+
 class Format(NamedTuple):
     """One entry of the registry: what recognises a file, and reads it; it `gives` readings, points,
     drift, or features that are shown and not imported.
@@ -165,7 +224,7 @@ class Format(NamedTuple):
     title: str
     gives: str
     sniff: Callable[[RawFile], bool]
-    read: Callable[[RawFile, Ask], Imported]
+    read: Callable[[Import], None]
 
 
 def raw_file(path: Path, role: str) -> RawFile:
@@ -204,46 +263,6 @@ def unit_in(text: str) -> str | None:
     units = {name.casefold(): name for name in UNITS} | {"micron": "um", "'": "", '"': "arcsec"}
     result = [units.get(name.casefold(), "") for name in names]
     return next((name for name in reversed(result) if name), None)
-
-
-def unit_of(
-    file: RawFile, ask: Ask, result: Imported, stated: str | None, component: str | None = None
-) -> str:
-    """The unit of the readings of a component: as the file has it, or as the caller says where it
-    has none, or the machine.
-    """
-    unit = stated or ask.unit or ask.machine_units.get(component or ask.component or "", "")
-    if stated:
-        result.says.append(f"readings in {stated}, as the file says")
-    elif unit:
-        whose = "the unit given" if ask.unit else "the component's unit"
-        result.says.append(f"readings without a unit taken in {unit}, {whose}")
-    elif ask.machine_units and (name := component or ask.component):
-        facts = suggestion(name, ask.machine_units)
-        raise file.error("unknown-name", value=name, what="component", **facts)
-    elif ask.kind != "inspect":
-        expected = "`unit: um` in the study, import --unit um, or a machine with the component"
-        raise file.error("missing-input", what="the unit of the readings", expected=expected)
-    return unit
-
-
-def add_readings(
-    file: RawFile, ask: Ask, result: Imported, unit: str,
-    readings: Iterable[tuple[int, float, int, str, float]],
-) -> None:  # fmt: skip
-    """Adds readings of one component: line, target, pass, direction and error of each.
-
-    Raises InputError where the caller does not name the component, and where there are none.
-    """
-    if not ask.component and ask.kind != "inspect":
-        expected = "NAME=FILE, as --laser dx_x=FILE; with import --component NAME"
-        raise file.error("missing-input", what="the component that the file reads",
-                         expected=expected)  # fmt: skip
-    for line, target, run, way, value in readings:
-        result.add(line, component=ask.component or "?", position_mm=target, **{"pass": run},
-                  direction=way, error=value, unit=unit)  # fmt: skip
-    if not result.rows:
-        raise file.error("empty-file", what="readings", expected=f"a whole {result.format}")
 
 
 def local(element: ElementTree.Element) -> str:

@@ -9,8 +9,8 @@ from datetime import datetime
 from typing import Any
 
 from mtu_cli.findings import listed
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile, unit_in, unit_of
-from mtu_cli.formats.grid import Columns, Faults, Grid, grid_of, summary
+from mtu_cli.formats.base import Format, Import, RawFile, unit_in
+from mtu_cli.formats.grid import Columns, Grid, grid_of, summary
 from mtu_cli.units import UNITS, plain_unit
 
 TIME = re.compile(r"\s*(time|zeit|date|datum|timestamp|date.?time|elapsed)\b", re.I)
@@ -37,28 +37,24 @@ def sniff(file: RawFile) -> bool:
     return result is not None and len(result[0].rows) > result[1] + 1
 
 
-def read(file: RawFile, ask: Ask) -> Imported:
+def read(result: Import) -> None:
     """Temperatures as covariates, each channel of a length or angle as drift readings."""
-    header = _header(file)
-    if header is None:
-        raise file.error("missing-input", what="a header that begins with time")
+    header = _header(result.file)
+    assert header is not None
     grid, at = header
     names, rows = grid.rows[at].cells, grid.rows[at + 1 :]
-    result, faults = Imported(format="logger", kind="drift"), Faults(file)
     units = [_unit(name) for name in names]
     if rows and not rows[0].cells[0].strip("-[]() ").replace("s", ""):
         row_units = [_unit(f"x [{cell.strip('[]()')}]") for cell in rows.pop(0).cells]
         units = [row_unit or unit for row_unit, unit in zip(row_units, units, strict=False)]
         result.says.append("one row of units")
     result.drop("lines above the header", at)
-    columns = Columns(faults, names, rows, ask.decimal, grid.separator)
+    columns = Columns(result, names, rows, grid.separator)
     times = _times(columns)
     values = [columns.numbers(i) for i in range(1, len(names))]
-    faults.raise_if_any()
-    lines = [row.line for row in rows]
-    _assemble(file, ask, result, names[1:], units[1:], times, values, lines)
+    result.faults.raise_if_any()
+    _assemble(result, names[1:], units[1:], times, values, [row.line for row in rows])
     result.says[:0] = [summary(grid, columns.signs)]
-    return result
 
 
 def _unit(name: str) -> str | None:
@@ -68,12 +64,12 @@ def _unit(name: str) -> str | None:
 
 
 def _assemble(
-    file: RawFile, ask: Ask, result: Imported, names: Sequence[str], units: Sequence[str | None],
+    result: Import, names: Sequence[str], units: Sequence[str | None],
     times: tuple[str, Sequence[Any]], values: Sequence[Sequence[float | None]],
     lines: Sequence[int],
 ) -> None:  # fmt: skip
     """Rows of drift readings; channels that are neither temperature nor reading are counted."""
-    sensors = dict[int, str]()
+    file, ask, sensors = result.file, result.ask, dict[int, str]()
     for i in (i for i, unit in enumerate(units) if unit == "degC"):
         plain = re.sub(r"[\[(].*|_?degC$", "", plain_unit(names[i]))
         plain = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"^T[ _-]+", "", plain)).strip("_")
@@ -100,7 +96,7 @@ def _assemble(
     for i in probes:
         # Without a stated component the channel's name, less its unit.
         plain = re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", names[i])).strip("_")
-        unit, component = unit_of(file, ask, result, units[i]), ask.component or plain
+        unit, component = result.unit_of(units[i]), ask.component or plain
         for n, line in enumerate(lines):
             result.add(line, component=component, error=values[i][n], unit=unit, cycle=cycle,
                       **{times[0]: times[1][n]},
@@ -110,21 +106,21 @@ def _assemble(
 
 def _times(columns: Columns) -> tuple[str, list[Any]]:
     """The column's name in the contract, and its cells: minutes, or ISO 8601 times."""
-    name, faults = columns.header[0], columns.faults
+    name, result = columns.header[0], columns.result
     matches = [_DATE.fullmatch(text) for text in columns.texts[0]]
     dates = [match for match in matches if match]
     if not dates:
         unit = re.search(r"[\[(_ ](s|sec|min|h)\b", name)
         if unit is None:
             facts = {"what": f"the unit of {name!r}", "expected": "time [s], [min] or [h]"}
-            raise faults.file.error("undecided", **facts)
+            raise result.file.error("undecided", **facts)
         return "time_min", [x and x * PER_MINUTE[unit[1]] for x in columns.numbers(0)]
     slashed = [match for match in dates if match[2] == "/" and len(match[1]) < 3]
     day_first = any(int(match[1]) > 12 for match in slashed)
     if slashed and not day_first and not any(int(match[3]) > 12 for match in slashed):
         what, expected = "day or month first in the times", "a day after the 12th, or ISO 8601"
-        raise faults.file.error("undecided", what=what, expected=expected)
-    result = list[Any]()
+        raise result.file.error("undecided", what=what, expected=expected)
+    times = list[str]()
     for row, match in zip(columns.rows, matches, strict=True):
         try:
             if match is None:
@@ -137,14 +133,15 @@ def _times(columns: Columns) -> tuple[str, list[Any]]:
             )
             micro = int((match[8] or "0")[:6].ljust(6, "0"))
             clock = int(match[5]), int(match[6]), int(match[7] or 0), micro
-            result.append(datetime(year, month, day, *clock).isoformat() + (match[9] or ""))
+            times.append(datetime(year, month, day, *clock).isoformat() + (match[9] or ""))
         except ValueError:
-            faults.cell(row.line, name, row.cells[0], "a date and time")
-    return "time", result
+            result.bad_cell(row.line, name, row.cells[0], "a date and time")
+    return "time", times
 
 
-def read_tdms(file: RawFile, ask: Ask) -> Imported:
+def read_tdms(result: Import) -> None:
     """Channels of the first group, as long as the shortest; needs nptdms."""
+    file = result.file
     try:
         from nptdms import TdmsFile
     except ImportError:
@@ -155,7 +152,6 @@ def read_tdms(file: RawFile, ask: Ask) -> Imported:
         raise file.error("not-readable", reason=f"damaged TDMS ({type(fault).__name__})") from None
     channels = [item for group in groups[:1] for item in group.channels() if len(item)]
     count = min(map(len, channels), default=0)
-    result = Imported(format="tdms", kind="drift")
     result.drop("groups beyond the first", max(0, len(groups) - 1))
     result.drop("samples beyond the shortest channel", sum(len(item) - count for item in channels))
     step = channels[0].properties.get("wf_increment") if channels else None
@@ -166,8 +162,7 @@ def read_tdms(file: RawFile, ask: Ask) -> Imported:
              for item in channels]  # fmt: skip
     values = [[float(x) for x in item[:count]] for item in channels]
     times = [n * float(step) / 60.0 for n in range(count)]
-    _assemble(file, ask, result, names, units, ("time_min", times), values, [1] * count)
-    return result
+    _assemble(result, names, units, ("time_min", times), values, [1] * count)
 
 
 FORMATS = (

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile
-from mtu_cli.formats.grid import Faults
+from mtu_cli.formats.base import Format, Import
 from mtu_cli.formats.points import OF_AXIS, Coordinate, collect
 
 INVALID = ("255", "256")
@@ -13,12 +13,12 @@ INVALID = ("255", "256")
 _FIELD = re.compile(r"(K\d{4})(?:/(\d+))?[ \t]+(.*)")
 
 
-def read(file: RawFile, ask: Ask) -> Imported:
+def read(result: Import) -> None:
     """Values of characteristics named ``feature.X``: the n-th value of each is the n-th part."""
-    result, faults = Imported(format="dfq", kind="points"), Faults(file)
     # Of each characteristic; 0: of all, and of the part.
     fields: dict[int, dict[str, str]] = {0: {}}
-    values, last, width = list[list[str]](), dict[int, int](), 0
+    # Of each value: line, characteristic, text and attribute.
+    values, last, width = list[list[Any]](), dict[int, int](), 0
 
     def count() -> int:
         return len(fields) - 1
@@ -26,8 +26,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
     def of(index: int, key: str) -> str:
         return fields.get(index, {}).get(key) or fields[0].get(key, "")
 
-    lines = list[tuple[int, int]]()
-    for line, text in enumerate(file.lines, 1):
+    for line, text in enumerate(result.file.lines, 1):
         match = _FIELD.fullmatch(text.strip(" \t"))
         if match is None:
             # Compact: characteristics between 0x0F, fields between 0x14.
@@ -36,35 +35,33 @@ def read(file: RawFile, ask: Ask) -> Imported:
             width = width or min(3, max(map(len, cells), default=0))
             if cells and (min(map(len, cells)) < width or len(cells) != (count() or len(cells))):
                 expected = f"{count()} characteristics of {width} fields or more"
-                faults.cell(line, "values", text, expected)
+                result.bad_cell(line, "values", text, expected)
                 continue
             for i, cell in enumerate(cells, 1):
-                lines.append((line, i))
-                values.append([part.strip() for part in (*cell, "")[:2]])
+                values.append([line, i, cell[0].strip(), (*cell, "")[1].strip()])
             continue
         key, index, value = match[1], int(match[2] or 0), match[3].strip()
         if key == "K0001":
             last[index or 1] = len(values)
-            lines.append((line, index or 1))
-            values.append([value, "0"])
+            values.append([line, index or 1, value, "0"])
         elif key in ("K0002", "K0004") and (index or 1) not in last:
-            faults.cell(line, key, value, f"a K0001/{index or 1} before it")
+            result.bad_cell(line, key, value, f"a K0001/{index or 1} before it")
         elif key == "K0002":
-            values[last[index or 1]][1] = value
+            values[last[index or 1]][3] = value
         elif key != "K0004":
             fields.setdefault(0 if key.startswith("K1") else index, {})[key] = value
     if (stated := of(0, "K0100")) != str(count()):
-        facts = {"found": f"{count()} characteristics", "expected": f"{stated}, as K0100 says"}
-        faults.add(file.finding("wrong-count", **facts))
-    faults.raise_if_any()
+        number, expected = f"{count()} characteristics", f"{stated}, as K0100 says"
+        result.fault("wrong-count", found=number, expected=expected)
+    result.faults.raise_if_any()
     coordinates, counts = list[Coordinate](), dict[int, int]()
-    for (line, index), (text, attribute) in zip(lines, values, strict=True):
+    for line, index, text, attribute in values:
         match = OF_AXIS.fullmatch(of(index, "K2002") or of(index, "K2001"))
         feature = match[1].rstrip(" ._-:") if match else ""
         counts[index] = counts.get(index, 0) + 1
         is_other = of(index, "K2004") == "1" or of(index, "K2142").lower() not in ("", "mm")
         if index not in fields:
-            faults.cell(line, "characteristic", str(index), f"one of {count()}")
+            result.bad_cell(line, "characteristic", str(index), f"one of {count()}")
         elif attribute in INVALID:
             result.drop("values with attribute 255 or 256, that is invalid")
         elif is_other or match is None or not feature:
@@ -72,10 +69,9 @@ def read(file: RawFile, ask: Ask) -> Imported:
         else:
             coordinate = (match[2].lower(), text, of(index, "K2101"))
             coordinates.append(Coordinate(line, str(counts[index]), feature, *coordinate))
-    collect(file, ask, result, coordinates, faults)
+    collect(result, coordinates)
     result.facts = {"characteristics": [of(i, "K2002") for i in sorted(fields) if i]}
     result.says = ["the n-th value of a characteristic is of the n-th part, in mm"]
-    return result
 
 
 FORMATS = (

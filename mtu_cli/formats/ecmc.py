@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import re
 
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings
-from mtu_cli.formats.grid import Faults, number, split
+from mtu_cli.formats.base import Format, Import, RawFile
+from mtu_cli.formats.grid import number, split
 
 _ENTRY = re.compile(r"(TGT_DATA|REF_DATA_FWD|REF_DATA_BWD)\[(\d+)(?:,(\d+))?\]\s*=\s*(.*)")
 _HEADING = re.compile(r"#+\s*Data (forward|backward) direction", re.I)
@@ -25,10 +25,10 @@ def sniff(file: RawFile) -> bool:
     )
 
 
-def read(file: RawFile, ask: Ask) -> Imported:
+def read(result: Import) -> None:
     """Reference position minus target, as errors in the file's unit, each cycle a pass."""
-    faults, as_data = Faults(file), "REF_DATA_FWD[" in file.text
-    targets, rows = (_data if as_data else _report)(file, faults)
+    file, as_data = result.file, "REF_DATA_FWD[" in result.file.text
+    targets, rows = (_data if as_data else _report)(result)
     unit, cycles, places = (
         next((text.strip() for text in match.groups() if text), "") if match else default
         for match, default in (
@@ -38,22 +38,20 @@ def read(file: RawFile, ask: Ask) -> Imported:
         )
     )
     if unit not in ("mm", "deg"):
-        facts = {"what": "unit", "value": unit, "expected": "mm or deg"}
-        faults.add(file.finding("unknown-name", **facts))
+        result.fault("unknown-name", what="unit", value=unit, expected="mm or deg")
     for line, _, index, *_ in rows:
         if index not in targets:
-            faults.cell(line, "TGT_DATA", str(index), "the index of a target")
+            result.bad_cell(line, "TGT_DATA", str(index), "the index of a target")
     runs = len({row[3] for row in rows})
     if cycles and len(rows) != (size := 2 * int(places) * int(cycles)):
         # A file that is cut off lacks its last readings: reverse ones.
         counts = f"{len(rows)} readings of {len(targets)} positions in {runs} cycles"
         expected = f"{size}: {places} positions, {cycles} cycles, both directions, as the file says"
-        faults.add(file.finding("wrong-count", found=counts, expected=expected))
-    faults.raise_if_any()
-    result = Imported(format="ecmc-iso230")
+        result.fault("wrong-count", found=counts, expected=expected)
+    result.faults.raise_if_any()
     errors = [(line, targets[index], cycle, way, value - targets[index])
               for line, way, index, cycle, value in rows]  # fmt: skip
-    add_readings(file, ask, result, unit, errors)
+    result.add_readings(unit, errors)
     result.says = [f"errors in {unit}: reference minus target", "directions as labelled"]
     if not as_data:
         result.doubts.append(
@@ -61,21 +59,20 @@ def read(file: RawFile, ask: Ask) -> Imported:
             ".dat where there is one"
         )
     result.facts = {"targets": sorted(targets.values()), "runs": runs, "unit": unit}
-    return result
 
 
-def _data(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
+def _data(result: Import) -> tuple[dict[int, float], Rows]:
     targets, rows = dict[int, float](), Rows()
-    for line, text in enumerate(map(str.strip, file.lines), 1):
+    for line, text in enumerate(map(str.strip, result.file.lines), 1):
         match = _ENTRY.match(text)
         if match is None:
             if text.startswith(("TGT_DATA", "REF_DATA")):
-                faults.cell(line, "data", text, "NAME[index]=number")
+                result.bad_cell(line, "data", text, "NAME[index]=number")
             continue
         name, index, cycle, cell = match.groups()
         value = number(cell, ".")
         if value is None or (cycle is None) != (name == "TGT_DATA"):
-            faults.cell(line, name, cell)
+            result.bad_cell(line, name, cell)
         elif cycle is None:
             targets[int(index)] = value
         else:
@@ -84,22 +81,19 @@ def _data(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
     return targets, rows
 
 
-def _report(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
+def _report(result: Import) -> tuple[dict[int, float], Rows]:
     targets, rows = dict[int, float](), Rows()
     way, header = "", 0
-    for line, text in enumerate(file.lines, 1):
+    for line, text in enumerate(result.file.lines, 1):
         if text.startswith("#"):
-            heading = _HEADING.match(text)
-            way, header = (
-                {"f": "forward", "b": "reverse"}[heading[1][0].lower()] if heading else "",
-                0,
-            )
+            heading, header = _HEADING.match(text), 0
+            way = {"f": "forward", "b": "reverse"}[heading[1][0].lower()] if heading else ""
         elif way and "tgt_pos" in text and "|" in text:
             header = len(split(text, "|"))
         elif header and re.match(r"\s*\|?\s*\d+\s*\|", text):
             values = [number(cell, ".") for cell in split(text, "|")]
             if len(values) != header or None in values:
-                faults.cell(line, "i | tgt_pos(i) | ref_pos(i,j)", text, f"{header} numbers")
+                result.bad_cell(line, "i | tgt_pos(i) | ref_pos(i,j)", text, f"{header} numbers")
                 continue
             index, target, *positions = (value or 0.0 for value in values)
             targets[int(index)] = target

@@ -8,9 +8,9 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
-from mtu_cli.files.headers import CellFaults, Decimal
+from mtu_cli.files.headers import Decimal
 from mtu_cli.files.headers import number as plain_number
-from mtu_cli.formats.base import RawFile
+from mtu_cli.formats.base import Import
 
 SEPARATORS = (";", "\t", "|", ",", " ")
 NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
@@ -105,20 +105,21 @@ def evidence(cell: str) -> str:
 
 
 def decimals(
-    file: RawFile, columns: Iterable[Iterable[str]], decimal: Decimal | None, separator: str = ""
+    result: Import, columns: Iterable[Iterable[str]], separator: str = ""
 ) -> list[Decimal]:
-    """The decimal sign of each column: decided by all its cells, else by all other columns.
+    """The decimal sign of each column: as asked for, or decided by all its cells, else by all other
+    columns.
 
     Raises InputError where cells of a column contradict each other, or nothing decides.
     """
     counts = [Counter(map(evidence, column)) for column in columns]
-    if decimal:
-        return [decimal] * len(counts)
+    if result.ask.decimal:
+        return [result.ask.decimal] * len(counts)
     signs = [{sign for sign in (".", ",") if count[sign]} for count in counts]
-    all_signs: set[str] = set().union(*signs) if signs else set()
+    all_signs: set[str] = set().union(*signs)
     if separator == "," and not all_signs:
         all_signs = {"."}
-    result: list[Decimal] = []
+    decided: list[Decimal] = []
     for number, (marks, count) in enumerate(zip(signs, counts, strict=True), 1):
         if len(marks) > 1 or (count[OPEN] and not marks and len(all_signs) != 1):
             kind = (
@@ -126,10 +127,9 @@ def decimals(
             )
             expected = "--decimal . or --decimal , (a map profile has `decimal`)"
             what = f"the decimal sign of column {number}: {kind}"
-            raise file.error("undecided", what=what, expected=expected)
-        sign = next(iter(marks), None) or (next(iter(all_signs)) if len(all_signs) == 1 else ".")
-        result.append("," if sign == "," else ".")
-    return result
+            raise result.file.error("undecided", what=what, expected=expected)
+        decided.append("," if "," in marks or (not marks and all_signs == {","}) else ".")
+    return decided
 
 
 def number(cell: str, decimal: Decimal) -> float | None:
@@ -148,28 +148,15 @@ def summary(grid: Grid, signs: Iterable[Decimal]) -> str:
     return f"{NAMES[grid.separator]} between columns, {result or 'whole numbers'}"
 
 
-class Faults(CellFaults):
-    """Bad cells of a file, all of them, before anything is raised."""
-
-    def __init__(self, file: RawFile) -> None:
-        super().__init__()
-        self.file = file
-
-    def cell(self, row: int, column: str, value: str, expected: str = "a number") -> None:
-        """A cell that is not what stands in its column."""
-        code, facts = ("wrong-type", {"kind": expected, "value": value})
-        if not value:
-            code, facts = "empty-cell", {}
-        place = {"row": row, "column": column, "expected": expected}
-        self.add(self.file.finding(code, **place, **facts))
-
-    def widths(self, rows: Iterable[Row], width: int, fewest: int | None = None) -> None:
-        """Raises InputError with every row that has not as many cells as the header."""
-        for row in rows:
-            if len(row.cells) < fewest if fewest else len(row.cells) != width:
-                facts = {"cells": f"{len(row.cells)} cells", "expected": f"{width} cells"}
-                self.add(self.file.finding("row-length", row=row.line, **facts))
-        self.raise_if_any()
+def check_widths(
+    result: Import, rows: Iterable[Row], width: int, fewest: int | None = None
+) -> None:
+    """Raises InputError with every row that has not as many cells as the header."""
+    for row in rows:
+        if len(row.cells) < fewest if fewest else len(row.cells) != width:
+            cells, expected = f"{len(row.cells)} cells", f"{width} cells"
+            result.fault("row-length", row=row.line, cells=cells, expected=expected)
+    result.faults.raise_if_any()
 
 
 class Columns:
@@ -179,18 +166,17 @@ class Columns:
     """
 
     def __init__(
-        self, faults: Faults, header: Sequence[str], rows: Sequence[Row], decimal: Decimal | None,
-        separator: str,
-    ) -> None:  # fmt: skip
-        faults.widths(rows, len(header))
-        self.faults, self.header, self.rows = faults, header, rows
+        self, result: Import, header: Sequence[str], rows: Sequence[Row], separator: str
+    ) -> None:
+        check_widths(result, rows, len(header))
+        self.result, self.header, self.rows = result, header, rows
         self.texts = [[row.cells[i] for row in rows] for i in range(len(header))]
-        self.signs = decimals(faults.file, self.texts, decimal, separator)
+        self.signs = decimals(result, self.texts, separator)
 
     def numbers(self, i: int, *, may_be_empty: bool = False) -> list[Any]:
         """The numbers of a column; what is none is a fault; None of an empty cell that may be."""
         values = [number(cell, self.signs[i]) for cell in self.texts[i]]
         for row, cell, value in zip(self.rows, self.texts[i], values, strict=True):
             if value is None and (cell or not may_be_empty):
-                self.faults.cell(row.line, self.header[i], cell)
+                self.result.bad_cell(row.line, self.header[i], cell)
         return values

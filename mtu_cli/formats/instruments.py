@@ -14,7 +14,7 @@ from mtu_cli.files.csv_file import GZIP, Convert, Converted
 from mtu_cli.files.headers import POINTS, READINGS
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, listed, nearest, shorten
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile, of_content
+from mtu_cli.formats.base import Ask, Format, Import, Imported, RawFile, of_content
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
 MODULES = ("renishaw", "ecmc", "dfq", "points", "channels", "wide")
@@ -60,19 +60,24 @@ def read(file: RawFile, ask: Ask) -> Imported:
     if ask.profile is not None:
         from mtu_cli.formats.table_map import read_with
 
-        return read_with(file, ask, SPECS)
+        kind = str(ask.kind if ask.kind in SPECS else "readings")
+        result = Import(format="table", kind=kind, file=file, ask=ask)
+        read_with(result, SPECS[kind])
+        return result
     entry = identify(file)
     if entry is None:
         raise unknown(file)
     if ask.kind in SPECS and ask.kind != entry.gives:
         kind = f"{entry.title} ({entry.name}), which gives {entry.gives}"
         raise file.error("other-table", kind=kind, expected=str(ask.kind))
+    result = Import(format=entry.name, kind=entry.gives, file=file, ask=ask)
     try:
-        return entry.read(file, ask)
+        entry.read(result)
     except (ValueError, IndexError, KeyError, OverflowError, RecursionError) as fault:
         # A reader checks what its format documents; this is the rest of what bytes can be.
         reason = f"damaged {entry.name} ({shorten(str(fault))})"
         raise file.error("not-readable", reason=reason, expected=entry.title) from None
+    return result
 
 
 def unknown(file: RawFile) -> InputError:
@@ -104,10 +109,10 @@ def converter(
 
     def convert(source: Source, content: bytes) -> Converted | None:
         ask, names = ask_of(source.path, source.role), header_of(content)
-        foreign = ask.profile is not None or not is_contract(content)
+        contract = ask.profile is None and is_contract(content)
         if content.startswith(GZIP):
             return None
-        if is_contract(content) and not ask.profile:
+        if contract:
             nameless = "error" in names and "component" not in names and ask.kind != "points"
             if not (nameless and ask.component):
                 return None
@@ -115,10 +120,10 @@ def converter(
             columns = {name: name for name in names}
             ask = replace(ask, profile={"schema": "mtu/import/1", "columns": columns})
         file = of_content(source, content)
-        if not ask.profile and identify(file) is None:
+        if ask.profile is None and identify(file) is None:
             return None
         result = read(file, ask)
-        if foreign and result.kind != "points":
+        if not contract and result.kind != "points":
             result.count_on(last)
         report(file, result)
         return result.converted(list(SPECS[result.kind].columns))

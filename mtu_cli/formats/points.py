@@ -12,8 +12,8 @@ from typing import NamedTuple
 from xml.etree.ElementTree import Element
 
 from mtu_cli.files.headers import Decimal
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile, local
-from mtu_cli.formats.grid import Faults, decimals, grid_of, number, summary
+from mtu_cli.formats.base import Format, Import, RawFile, local
+from mtu_cli.formats.grid import check_widths, decimals, grid_of, number, summary
 
 FEATURE = ("feature", "feature id", "merkmal", "element", "hole", "bohrung", "characteristic")
 AXIS = ("axis", "achse", "ax", "coordinate")
@@ -36,15 +36,14 @@ class Coordinate(NamedTuple):
 
 
 def collect(
-    file: RawFile, ask: Ask, result: Imported, rows: Sequence[Coordinate], faults: Faults,
-    separator: str = "", scale: float = 1.0,
-) -> list[Decimal]:  # fmt: skip
+    result: Import, rows: Sequence[Coordinate], separator: str = "", scale: float = 1.0
+) -> list[Decimal]:
     """Adds the points of features with X and Y, part by part; the others are counted.
 
     Raises InputError with all bad cells, and for two values of one coordinate.
     """
     columns = ([row.actual for row in rows], [row.nominal for row in rows])
-    signs = decimals(file, columns, ask.decimal, separator)
+    signs = decimals(result, columns, separator)
     points: dict[str, dict[str, tuple[int, dict[str, float]]]] = {}
     for row in rows:
         place = points.setdefault(row.part, {}).setdefault(row.feature, (row.line, {}))[1]
@@ -54,20 +53,20 @@ def collect(
         for name, (text, sign) in texts.items():
             value = number(text, sign)
             if value is None:
-                faults.cell(row.line, name, text)
+                result.bad_cell(row.line, name, text)
             elif place.setdefault(name, value * scale) != value * scale:
                 other = f"another {name} of {row.feature}, {row.part}"
-                faults.add(file.finding("copied-rows", row=row.line, other=other))
-    faults.raise_if_any()
+                result.fault("copied-rows", row=row.line, other=other)
+    result.faults.raise_if_any()
     for part, features in points.items():
         for feature, (line, place) in features.items():
             if {"x_mm", "y_mm"} <= place.keys():
                 result.add(line, part=part, feature=feature, **place)
             else:
                 result.drop("features without X or Y")
-    if not result.rows and ask.kind != "inspect":
+    if not result.rows and result.ask.kind != "inspect":
         expected = "features with X and Y in mm"
-        raise file.error("empty-file", what=f"points of {result.format}", expected=expected)
+        raise result.file.error("empty-file", what=f"points of {result.format}", expected=expected)
     return signs
 
 
@@ -75,14 +74,13 @@ def _plain(cells: Sequence[str]) -> list[str]:
     return [cell.strip().casefold() for cell in cells]
 
 
-def read_calypso(file: RawFile, ask: Ask) -> Imported:
+def read_calypso(result: Import) -> None:
     """Actual and nominal of the characteristics X, Y, Z of each feature, by heading."""
-    grid = grid_of(file.lines, separator="\t")
+    file, grid = result.file, grid_of(result.file.lines, separator="\t")
     header, (*rows, last) = _plain(grid.rows[0].cells), grid.rows
-    result, faults = Imported(format="calypso", kind="points"), Faults(file)
     if last.cells[0].upper() != "END":
         raise file.error("missing-input", what="the last line END", expected="a whole file")
-    faults.widths(rows, len(header), fewest=max(map(header.index, CALYPSO)) + 1)
+    check_widths(result, rows, len(header), fewest=max(map(header.index, sorted(CALYPSO))) + 1)
     coordinates = []
     for row in rows[1:]:
         cells = dict(zip(header, row.cells, strict=False))
@@ -94,9 +92,8 @@ def read_calypso(file: RawFile, ask: Ask) -> Imported:
         part = cells.get("partnb") or file.source.path.stem
         coordinate = (cells["featureid"], axis, cells["actual"], cells["nominal"])
         coordinates.append(Coordinate(row.line, part, *coordinate))
-    signs = collect(file, ask, result, coordinates, faults, "\t")
+    signs = collect(result, coordinates, "\t")
     result.says = [summary(grid, signs), "actual X, Y, Z in mm by the headings"]
-    return result
 
 
 def _header(file: RawFile) -> list[int] | None:
@@ -108,41 +105,39 @@ def _header(file: RawFile) -> list[int] | None:
     return None if -1 in result or len(header) < 4 else result
 
 
-def read_wide_points(file: RawFile, ask: Ask) -> Imported:
+def read_wide_points(result: Import) -> None:
     """Columns feature, axis, nominal, then measured coordinates in mm, one column a part."""
-    place = _header(file) or [0, 1, 2]
-    grid, faults = grid_of(file.lines), Faults(file)
+    place, grid = _header(result.file) or [0, 1, 2], grid_of(result.file.lines)
     header, rows = grid.rows[0].cells, grid.rows[1:]
-    faults.widths(rows, len(header))
-    result, coordinates = Imported(format="wide-points", kind="points"), list[Coordinate]()
+    check_widths(result, rows, len(header))
+    coordinates = list[Coordinate]()
     parts = {i: name for i, name in enumerate(header) if i not in place}
     for i, part in parts.items():
         for row in rows:
             feature, axis, nominal = (row.cells[at] for at in place)
             if axis.casefold() not in ("x", "y", "z"):
-                faults.cell(row.line, header[place[1]], axis, "x, y or z")
+                result.bad_cell(row.line, header[place[1]], axis, "x, y or z")
             elif not nominal:
-                faults.cell(row.line, header[place[2]], nominal)
+                result.bad_cell(row.line, header[place[2]], nominal)
             elif not row.cells[i]:
                 result.drop("empty cells")
             else:
                 coordinate = (feature, axis.casefold(), row.cells[i], nominal)
                 coordinates.append(Coordinate(row.line, part, *coordinate))
-    signs = collect(file, ask, result, coordinates, faults, grid.separator)
+    signs = collect(result, coordinates, grid.separator)
     pairs = [(a, b) for axis in "xyz" for a, b in zip(
         *(result.columns.get(f"{name}{axis}_mm", []) for name in ("", "nominal_")), strict=True)
         if None not in (a, b)]  # fmt: skip
     if sum(abs(a - b) for a, b in pairs) > 0.5 * sum(abs(b) for _, b in pairs) > 0:
         kind = "deviations, no coordinates (they do not follow the nominal places)"
-        raise file.error("other-table", kind=kind, expected="measured coordinates in mm")
+        raise result.file.error("other-table", kind=kind, expected="measured coordinates in mm")
     result.says = [summary(grid, signs), f"{len(parts)} parts, coordinates in mm"]
     result.facts = {"parts": list(parts.values())}
-    return result
 
 
-def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
+def read_pcdmis(result: Import) -> None:
     """Measured X, Y, Z of each feature, by the heading line of its block."""
-    result, faults = Imported(format="pcdmis-text", kind="points"), Faults(file)
+    file = result.file
     units = re.search(r"UNITS\s*=\s*(MM|IN)", file.text, re.I)
     if units and units[1].upper() == "IN":
         raise file.error("wrong-type", kind="millimetres", value="IN", expected="UNITS=MM")
@@ -156,25 +151,22 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
         elif cells[:1] == ["AX"]:
             heading = cells
             if "MEAS" not in cells:
-                faults.add(
-                    file.finding("missing-column", row=line, column="MEAS", expected="AX ... MEAS")
-                )
+                result.fault("missing-column", row=line, column="MEAS", expected="AX ... MEAS")
                 heading = []
         elif not (feature and heading and cells):
             continue
         elif cells[0] not in ("X", "Y", "Z"):
             result.drop("rows of other characteristics")
         elif len(cells) < len(heading):
-            facts = {"cells": f"{len(cells)} cells", "expected": " ".join(heading)}
-            faults.add(file.finding("row-length", row=line, **facts))
+            count, expected = f"{len(cells)} cells", " ".join(heading)
+            result.fault("row-length", row=line, cells=count, expected=expected)
         else:
             fields = dict(zip(heading, cells, strict=False))
             values = (fields["AX"].lower(), fields["MEAS"], fields.get("NOMINAL", ""))
             coordinates.append(Coordinate(line, part, feature, *values))
-    faults.raise_if_any()
-    collect(file, ask, result, coordinates, faults)
+    result.faults.raise_if_any()
+    collect(result, coordinates)
     result.says = ["actual X, Y, Z in mm, by the heading of each block"]
-    return result
 
 
 def _under(element: Element, ending: str) -> Iterator[Element]:
@@ -186,9 +178,9 @@ def _text(element: Element, name: str) -> str:
     return next(((x.text or "").strip() for x in _under(element, name) if x is not element), "")
 
 
-def read_qif(file: RawFile, ask: Ask) -> Imported:
+def read_qif(result: Import) -> None:
     """Locations of measured features in mm, joined by id to their items; others are counted."""
-    root, result = file.xml, Imported(format="qif", kind="points")
+    root = result.file.xml
     assert root is not None
     factor = 1.0
     for unit in [*_under(root, "LinearUnit")][:1]:
@@ -198,7 +190,7 @@ def read_qif(file: RawFile, ask: Ask) -> Imported:
     names = {x.get("id", ""): _text(x, "FeatureName") for x in _under(root, "FeatureItem")}
     coordinates = list[Coordinate]()
     for i, results in enumerate(_under(root, "MeasurementResults"), 1):
-        part = _text(results, "SerialNumber") or f"{file.source.path.stem}-{i}"
+        part = _text(results, "SerialNumber") or f"{result.file.source.path.stem}-{i}"
         for n, actual in enumerate(_under(results, "FeatureActual"), 1):
             cells, item = _text(actual, "Location").split(), _text(actual, "FeatureItemId")
             if len(cells) != 3:
@@ -208,9 +200,9 @@ def read_qif(file: RawFile, ask: Ask) -> Imported:
             coordinates += [Coordinate(1, part, feature, *coordinate)
                             for coordinate in zip("xyz", cells, strict=True)]  # fmt: skip
     result.drop("characteristics", len([*_under(root, "CharacteristicActual")]))
-    collect(file, replace(ask, decimal="."), result, coordinates, Faults(file), scale=factor)
+    result.ask = replace(result.ask, decimal=".")
+    collect(result, coordinates, scale=factor)
     result.says = [f"locations times {factor:g} in mm", "nominal places from the part file"]
-    return result
 
 
 FORMATS = (

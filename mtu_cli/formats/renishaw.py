@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings, local
-from mtu_cli.formats.grid import Faults, number
+from mtu_cli.formats.base import Format, Import, Imported, RawFile, local
+from mtu_cli.formats.grid import number
 
 UNITS = {"rtl": "um", "rta": "mrad"}
 NO_SENSOR = -10.0
@@ -47,44 +47,43 @@ def _entries(lines: Lines) -> dict[str, tuple[int, str]]:
     }
 
 
-def _deviations(lines: Lines, targets: int, faults: Faults) -> dict[tuple[int, int], Any]:
+def _deviations(result: Import, lines: Lines, targets: int) -> dict[tuple[int, int], Any]:
     """Line and deviation by run and index of the target, in the order of the file."""
-    result: dict[tuple[int, int], tuple[int, float]] = {}
+    values: dict[tuple[int, int], tuple[int, float]] = {}
     for row, line in lines:
         cells = line.split()
         value = number(cells[-1], ".") if len(cells) == 3 else None
         if value is None or not (cells[0].isdecimal() and cells[1].isdecimal()):
             # "Run Target Data:" is the heading.
             if not line.strip().rstrip(":").strip().replace(" ", "").isalpha():
-                faults.cell(row, "Run Target Data", line.strip(), "run, target and deviation")
+                result.bad_cell(row, "Run Target Data", line.strip(), "run, target and deviation")
             continue
         place = int(cells[0]), int(cells[1])
         if not 1 <= place[1] <= targets or place[0] < 1:
-            faults.cell(row, "Target", cells[1], f"an index from 1 to {targets}")
-        elif place in result:
-            other = f"row {result[place][0]}: run {place[0]}, target {place[1]}"
-            faults.add(faults.file.finding("copied-rows", row=row, other=other))
+            result.bad_cell(row, "Target", cells[1], f"an index from 1 to {targets}")
+        elif place in values:
+            other = f"row {values[place][0]}: run {place[0]}, target {place[1]}"
+            result.fault("copied-rows", row=row, other=other)
         else:
-            result[place] = (row, value)
-    return result
+            values[place] = (row, value)
+    return values
 
 
-def read(file: RawFile, ask: Ask) -> Imported:
+def read(result: Import) -> None:
     """Deviations as readings. Run numbers count each way: of a bidirectional file the odd ones go
     forward. The index of the target counts, never the order of the rows.
     """
-    kind, sections, faults = _kind(file) or "rtl", dict[str, Lines](), Faults(file)
-    current = Lines()
-    for row, line in enumerate(file.lines, 1):
+    unit, sections, current = UNITS[result.format], dict[str, Lines](), Lines()
+    for row, line in enumerate(result.file.lines, 1):
         if match := _SECTION.match(line):
             current = sections.setdefault(match[1], [])
         elif line.strip():
             current.append((row, line))
     for name in ("TARGET DATA", "DEVIATIONS", "EOF"):
         if name not in sections:
-            facts = {"what": f"the section {name}::", "expected": "a whole file: it may be cut off"}
-            faults.add(file.finding("missing-input", **facts))
-    faults.raise_if_any()
+            expected = "a whole file: it may be cut off"
+            result.fault("missing-input", what=f"the section {name}::", expected=expected)
+    result.faults.raise_if_any()
     head = _entries(sections["TARGET DATA"] + sections.get("RUNS", []))
     # All numbers from ``Targets :`` to the next key, however they are wrapped and signed.
     targets, inside = list[float](), False
@@ -93,32 +92,31 @@ def read(file: RawFile, ask: Ask) -> Imported:
         inside = heading[1].lower().startswith("targets") if heading else inside
         for cell in (heading[2] if heading else line).split() if inside else ():
             if (value := number(cell, ".")) is None:
-                faults.cell(row, "Targets", cell)
+                result.bad_cell(row, "Targets", cell)
             else:
                 targets.append(value)
-    values = _deviations(sections["DEVIATIONS"], len(targets), faults)
+    values = _deviations(result, sections["DEVIATIONS"], len(targets))
     runs = len({run for run, _ in values})
     for key, count, what in (("Target count", len(targets), "targets"),
                              ("Run count", runs, "runs with deviations")):  # fmt: skip
         row, stated = head.get(key, (0, str(count)))
         if stated != str(count):
-            facts = {"found": f"{count} {what}", "expected": f"{stated}, as {key} says"}
-            faults.add(file.finding("wrong-count", row=row, **facts))
-    faults.raise_if_any()
-    result = Imported(format=kind)
+            expected = f"{stated}, as {key} says"
+            result.fault("wrong-count", row=row, found=f"{count} {what}", expected=expected)
+    result.faults.raise_if_any()
     one_way = head.get("Flags", (0, ""))[1].split()[1:2] == ["1"]
     even = [value for (run, _), (_, value) in values.items() if run % 2 == 0]
     padded = one_way and bool(even) and not any(even) and any(v for _, v in values.values())
     if padded:
         result.drop("zeros that fill reverse runs of a file flagged as one-way", len(even))
         result.doubts.append("reverse runs of zeros in a file that is flagged as one-way")
-    add_readings(file, ask, result, UNITS[kind], (
+    result.add_readings(unit, (
         (row, targets[index - 1], (run + 1) // 2 if padded or not one_way else run,
          "forward" if one_way or run % 2 else "reverse", value)
         for (run, index), (row, value) in values.items() if run % 2 or not padded
     ))  # fmt: skip
-    place = "mm" if kind == "rtl" else "degrees or mm"
-    result.says = [f"targets in {place}, deviations in {UNITS[kind]}",
+    place = "mm" if result.format == "rtl" else "degrees or mm"
+    result.says = [f"targets in {place}, deviations in {unit}",
                   "one-way runs" if one_way else "odd runs forward, even runs reverse"]  # fmt: skip
     entries = _entries([line for name in SHOWN for line in sections.get(name, [])])
     for name, (_, text) in entries.items():
@@ -132,13 +130,13 @@ def read(file: RawFile, ask: Ask) -> Imported:
             "um/(m K): deviations are normally at 20 degC already (confirm; not corrected here)"
         )
     result.facts |= {"targets": targets, "runs": runs, "one_way": one_way}
-    return result
 
 
-def read_rtx(file: RawFile, ask: Ask) -> Imported:
+def read_rtx(result: Import) -> None:
     """Header and extent of the samples, to be shown; raises InputError where bytes are missing."""
     import numpy as np
 
+    file = result.file
     match = _SAMPLES.search(file.content)
     head = file.content[: match.start() if match else 0].decode("cp1252", "replace")
     header = _entries([*enumerate(head.splitlines(), 1)])
@@ -149,13 +147,12 @@ def read_rtx(file: RawFile, ask: Ask) -> Imported:
     if len(body) < 8 * count or not body[8 * count :].strip(b"\r\n").startswith(b"EOF"):
         facts = {"found": f"{len(body)} bytes of samples", "expected": f"{8 * count} and EOF::"}
         raise file.error("wrong-count", **facts)
-    result = Imported(format="rtx", kind="features", rows=[1] * count)
+    result.rows = [1] * count
     result.facts = {name: value for name, (_, value) in header.items() if 0 < len(value) < 80}
     if count:
         samples = np.frombuffer(body, "<f8", count)
         result.facts |= {"least": float(samples.min()), "largest": float(samples.max())}
     result.says = ["the order of day and month in Date is not known"]
-    return result
 
 
 def features_of(file: RawFile) -> dict[str, Any]:
@@ -183,14 +180,14 @@ def features_of(file: RawFile) -> dict[str, Any]:
     return {**result, "features": features}
 
 
-def read_b5r(file: RawFile, ask: Ask) -> Imported:
+def read_b5r(result: Import) -> None:
     """The features, to be shown: the elements of the raw samples are not documented."""
-    facts = features_of(file)
-    features = facts.pop("features")
-    texts = {name: f"{item['value']:g} {item['unit']}".strip() for name, item in features.items()}
-    says = ["A and B are first and second axis of the plane; raw samples are not read"]
-    return Imported(format="b5r", kind="features", rows=[1] * len(features), facts=facts | texts,
-                    says=says)  # fmt: skip
+    result.facts = features_of(result.file)
+    features = result.facts.pop("features")
+    for name, item in features.items():
+        result.facts[name] = f"{item['value']:g} {item['unit']}".strip()
+    result.rows = [1] * len(features)
+    result.says = ["A and B are first and second axis of the plane; raw samples are not read"]
 
 
 def run_file(data: Imported) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -13,10 +14,9 @@ from mtu_cli.files.contract import Contract, Faults, check_contract, optional
 from mtu_cli.files.headers import Column, TableSpec
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import suggestion
-from mtu_cli.formats.base import Ask, Imported, RawFile, unit_of
+from mtu_cli.formats.base import Import
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
-from mtu_cli.formats.grid import Faults as Cells
-from mtu_cli.formats.wide import runs_of, way_of
+from mtu_cli.formats.wide import directed
 from mtu_cli.units import UNITS, Unit, plain_unit
 
 if TYPE_CHECKING:
@@ -106,24 +106,24 @@ def read_profile(source: Path | Mapping[str, Any]) -> Profile:
     return check_contract(read_yaml(source, "map"), Profile, "import", check)
 
 
-def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Imported:
-    """The table of a file as the profile of `ask` says; every bad cell at once."""
+def read_with(result: Import, spec: TableSpec) -> None:
+    """The table of a file as the profile asked for says; every bad cell at once."""
     import numpy as np
     import pandas as pd
 
+    file, ask = result.file, result.ask
     assert ask.profile is not None
     profile = read_profile(ask.profile)
-    kind = str(ask.kind if ask.kind in specs else "readings")
     skip, sign = profile.skip_rows, WORDS.get(profile.separator or "", profile.separator)
     grid = grid_of(file.lines[skip:], skip + 1, sign)
     if len(grid.rows) < 2:
         raise file.error("empty-file", what="rows", expected="a header and rows below it")
     header, rows = grid.rows[0].cells, grid.rows[1:]
-    result, faults = Imported(format="table", kind=kind), Cells(file)
-    place = _places(file, grid.rows[0], profile, faults)
-    cells = Columns(faults, header, rows, ask.decimal or profile.decimal, grid.separator)
+    place = _places(result, grid.rows[0], profile)
+    result.ask = replace(ask, decimal=ask.decimal or profile.decimal)
+    cells = Columns(result, header, rows, grid.separator)
     table = pd.DataFrame(profile.constants, index=[row.line for row in rows])
-    columns = {name: specs[kind].column(name) for name in profile.made}
+    columns = {name: spec.column(name) for name in profile.made}
     columns |= dict.fromkeys(profile.calculated, Column())
     for name in dict.fromkeys([*profile.columns, *profile.operands]):
         index, column = place[name], columns[name]
@@ -144,18 +144,18 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
         runs = {
             x: np.array(cells.numbers(place[x], may_be_empty=True), float) for x in unpivot.columns
         }
-        faults.raise_if_any()
+        result.faults.raise_if_any()
         line = grid.rows[0].line
-        rows_of = _row_labels(profile, ask, cells, line, place, columns[unpivot.names])
+        rows_of = _row_labels(profile, cells, line, place, columns[unpivot.names])
         parts = [table.assign(**{unpivot.into: runs[labels.pop("")]}, **labels)
                  for labels in rows_of]  # fmt: skip
-        faults.raise_if_any()
+        result.faults.raise_if_any()
         stack = pd.concat(parts).sort_index(kind="stable")
         table = stack.dropna(subset=[unpivot.into])
         result.drop("empty cells", len(stack) - len(table))
-    faults.raise_if_any()
-    table = _calculated(file, ask, profile, table, result)
-    if kind != "points" and len(table):
+    result.faults.raise_if_any()
+    table = _calculated(result, profile, table)
+    if result.kind != "points" and len(table):
         if ask.component:
             table["component"] = ask.component
         elif "component" not in table:
@@ -163,7 +163,7 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
             raise file.error("missing-input", what="the component", expected=expected)
         if "unit" not in table:
             names = dict.fromkeys(table["component"])
-            units = {name: unit_of(file, ask, result, None, name) for name in names}
+            units = {name: result.unit_of(None, name) for name in names}
             table["unit"] = table["component"].map(units)
     cell_values = table.astype(object).where(table.notna(), None)
     result.columns = {str(name): cell_values[name].tolist() for name in table}
@@ -175,12 +175,9 @@ def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Import
     less = [f"{name} less {reference}" for name, reference in profile.subtract.items()]
     times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
     result.says[:0] = [summary(grid, cells.signs), *less, *times]
-    return result
 
 
-def _calculated(
-    file: RawFile, ask: Ask, profile: Profile, table: DataFrame, result: Imported
-) -> DataFrame:
+def _calculated(result: Import, profile: Profile, table: DataFrame) -> DataFrame:
     """The table scaled, converted and less what is subtracted, without the operands.
 
     Raises InputError for a column that is calculated with and holds no numbers.
@@ -196,59 +193,55 @@ def _calculated(
     for name in profile.calculated:
         if table[name].dtype.kind not in "if":
             expected = "numbers, as the profile calculates with it"
-            raise file.error("wrong-type", column=name, kind="numbers", expected=expected)
+            raise result.file.error("wrong-type", column=name, kind="numbers", expected=expected)
     for name, by in factors.items():
         table[name] = table[name] * by
     for name, reference in profile.subtract.items():
         operand, unit = table[reference], profile.unit_of(reference)
         if name == "error" and unit is not None:
             if "unit" not in table:
-                table["unit"] = ask.unit or unit.name
-                result.says.append(f"errors in {ask.unit or unit.name}")
-            factors = {text: _ratio(file, unit, text, reference) for text in {*table["unit"]}}
-            operand = operand * table["unit"].map(factors)
+                table["unit"] = result.ask.unit or unit.name
+                result.says.append(f"errors in {result.ask.unit or unit.name}")
+            ratios = {}
+            for text in {*table["unit"]}:
+                # One that is not known is none of the contract's.
+                other = UNITS.get(plain_unit(str(text)), unit)
+                if other.dimension != unit.dimension:
+                    reason = f"{reference} is in {unit.name}, and what it is subtracted from in "
+                    raise result.file.error("not-applicable", reason=f"{reason}{text}")
+                ratios[text] = unit.to_internal / other.to_internal
+            operand = operand * table["unit"].map(ratios)
         table[name] = table[name] - operand
     return table.drop(columns=profile.operands)
 
 
-def _ratio(file: RawFile, unit: Unit, text: Any, column: str) -> float:
-    """By what a column in a unit is multiplied, to be subtracted from readings in the unit `text`;
-    one that is not known is none of the contract's.
-    """
-    other = UNITS.get(plain_unit(str(text)), unit)
-    if other.dimension != unit.dimension:
-        reason = f"{column} is in {unit.name}, and what it is subtracted from in {text}"
-        raise file.error("not-applicable", reason=reason)
-    return unit.to_internal / other.to_internal
-
-
-def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict[str, int]:
+def _places(result: Import, header: Row, profile: Profile) -> dict[str, int]:
     """The index of each column that the profile names; headings are compared without case."""
 
     def plain(text: object) -> str:
         return re.sub(r"\s+", " ", str(text)).casefold()
 
-    names, result = [plain(cell) for cell in header.cells], dict[str, int]()
+    names, places = [plain(cell) for cell in header.cells], dict[str, int]()
     operands = [*profile.operands, *([profile.cycles.from_] if profile.cycles else [])]
     operands += profile.unpivot.columns if profile.unpivot else []
     headings = {name: name for name in operands} | profile.columns
     for name, heading in headings.items():
         if isinstance(heading, int) and 1 <= heading <= len(names):
-            result[name] = heading - 1
+            places[name] = heading - 1
         elif names.count(plain(heading)) == 1:
-            result[name] = names.index(plain(heading))
+            places[name] = names.index(plain(heading))
         else:
             twice = plain(heading) in names
             code = "appears-twice" if twice else "missing-column"
             facts = {"what": f"the column {heading!r}"} if twice else {}
             facts |= {"expected": f"one of: {', '.join(header.cells[:12])}"}
-            faults.add(file.finding(code, row=header.line, column=str(heading), **facts))
-    faults.raise_if_any()
-    return result
+            result.fault(code, row=header.line, column=str(heading), **facts)
+    result.faults.raise_if_any()
+    return places
 
 
 def _row_labels(
-    profile: Profile, ask: Ask, cells: Columns, line: int, place: Mapping[str, int], column: Column
+    profile: Profile, cells: Columns, line: int, place: Mapping[str, int], column: Column
 ) -> Iterator[dict[str, Any]]:
     """What the rows of each column have (its name under ""): its heading as the `column` that takes
     it has it, or the number of its pass, counted in each direction; a direction.
@@ -257,17 +250,11 @@ def _row_labels(
     """
     unpivot = profile.unpivot
     assert unpivot is not None
-    how, target = ask.directions or unpivot.directions, unpivot.names
+    how, target = cells.result.ask.directions or unpivot.directions, unpivot.names
     if how and "direction" in {*profile.columns, *profile.constants}:
         names = "directions of the unpivoted columns and a column 'direction'"
-        raise cells.faults.file.error("exclusive", names=names, expected="one of them")
-    ways: list[str | None] = [how] * len(unpivot.columns)
-    if how == "headings":
-        ways = [way_of(name) for name in unpivot.columns]
-    elif how == "alternate":
-        ways = [("forward", "reverse")[n % 2] for n in range(len(ways))]
-    # What alternates is counted as it comes.
-    passes = runs_of(unpivot.columns if how == "headings" else [""] * len(ways), ways)
+        raise cells.result.file.error("exclusive", names=names, expected="one of them")
+    ways, passes = directed(unpivot.columns, how)
     for name, way, number_of in zip(unpivot.columns, ways, passes, strict=True):
         heading = cells.header[place[name]]
         value = number(heading, cells.signs[place[name]])
@@ -275,5 +262,5 @@ def _row_labels(
         if target == "pass":
             label = number_of
         elif value is None and column.numeric:
-            cells.faults.cell(line, heading, heading)
+            cells.result.bad_cell(line, heading, heading)
         yield {"": name, target: label} | ({"direction": way} if way else {})

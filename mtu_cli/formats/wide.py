@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from mtu_cli.formats.base import Ask, Format, Imported, RawFile, add_readings, unit_in, unit_of
-from mtu_cli.formats.grid import Columns, Faults, Grid, evidence, grid_of, number, summary
+from mtu_cli.formats.base import Format, Import, RawFile, unit_in
+from mtu_cli.formats.grid import Columns, Grid, evidence, grid_of, number, summary
 
 _FORWARD = "+ f fw fwd forward forwards fwrd pos hin vor vorw vorwaerts vorw\u00e4rts \u2191"
 _REVERSE = "- \u2212 b r bw bwd rev reverse back backward backwards neg rueck r\u00fcck her \u2193"
@@ -67,6 +67,19 @@ def runs_of(headings: Sequence[str], ways: Sequence[str | None]) -> list[int]:
     return [list(ways[:n]).count(way) + 1 for n, way in enumerate(ways)]
 
 
+def directed(headings: Sequence[str], how: str | None) -> tuple[list[str | None], list[int]]:
+    """The direction of each run and its number: both as the `headings` have them, or of this
+    direction or ``alternate``, counted as they come.
+    """
+    ways: list[str | None] = [how] * len(headings)
+    if how == "headings":
+        ways = [way_of(heading) for heading in headings]
+        return ways, runs_of(headings, ways)
+    if how == "alternate":
+        ways = [("forward", "reverse")[n % 2] for n in range(len(headings))]
+    return ways, runs_of([""] * len(headings), ways)
+
+
 def sniff(file: RawFile) -> bool:
     """Whether most of it is a numeric table with different targets in its first column."""
     if not file.text or file.text.lstrip().startswith(("<", "{")):
@@ -81,28 +94,27 @@ def sniff(file: RawFile) -> bool:
     return len(set(targets)) == len(targets) >= 2
 
 
-def read(file: RawFile, ask: Ask) -> Imported:
-    """Each cell below a run as a reading; an empty one is counted and left out."""
-    return _read(file, ask, file.lines, Imported(format="wide"))
-
-
-def read_laser(file: RawFile, ask: Ask) -> Imported:
+def read_laser(result: Import) -> None:
     """The table below ``Raw Data:``, one column a run; the other blocks are counted."""
-    start = next(i for i, line in enumerate(file.lines) if line.startswith("Raw Data:"))
-    end = next((i for i in range(start + 1, len(file.lines))
-                if re.match(r"[A-Z][\w ]+:\s*$", file.lines[i])), len(file.lines))  # fmt: skip
-    result = Imported(format="laser-text")
-    count = sum(map(bool, map(str.strip, file.lines[:start] + file.lines[end:])))
+    lines = result.file.lines
+    start = next(i for i, line in enumerate(lines) if line.startswith("Raw Data:"))
+    end = next((i for i in range(start + 1, len(lines))
+                if re.match(r"[A-Z][\w ]+:\s*$", lines[i])), len(lines))  # fmt: skip
+    count = sum(map(bool, map(str.strip, lines[:start] + lines[end:])))
     result.drop("lines of the other blocks (comments, environment, statistics)", count)
     # Blank lines keep the numbers of the lines of the file.
-    return _read(file, ask, [""] * (start + 1) + file.lines[start + 1 : end], result)
+    read(result, [""] * (start + 1) + lines[start + 1 : end])
 
 
-def _read(file: RawFile, ask: Ask, lines: list[str], result: Imported) -> Imported:
-    """Raises InputError, too, where values follow their targets with a slope near 1 (or 1000)."""
+def read(result: Import, lines: list[str] | None = None) -> None:
+    """Each cell below a run as a reading, in the `lines` of the file (None: all of them); an empty
+    one is counted and left out.
+
+    Raises InputError, too, where values follow their targets with a slope near 1 (or 1000).
+    """
     import numpy as np
 
-    grid, faults = grid_of(lines), Faults(file)
+    file, grid = result.file, grid_of(lines or result.file.lines)
     place = numeric_rows(grid)
     if place is None:
         raise file.error("empty-file", what="table of numbers", expected="targets and runs")
@@ -115,22 +127,22 @@ def _read(file: RawFile, ask: Ask, lines: list[str], result: Imported) -> Import
     result.drop("calculated columns", width - 1 - len(runs))
     result.drop("lines above the table", max(0, len(header_rows) - 1))
     result.drop("lines below the table", len(grid.rows) - place.stop)
-    columns = Columns(faults, names, rows, ask.decimal, grid.separator)
+    columns = Columns(result, names, rows, grid.separator)
     if not runs:
         raise file.error("missing-input", what="a column of a run", expected="one column a run")
     of_runs = [[cells[i] for i in runs] for cells in headings]
-    ways, passes, how = _ways(of_runs, len(runs), ask, result)
+    ways, passes, how = _ways(result, of_runs, len(runs))
     stated = {unit for i in runs if (unit := unit_in(names[i]))}
     units = {unit for row in header_rows for cell in row.cells if (unit := unit_in(cell))} - {"mm"}
     stated = stated or (units if len(units) == 1 else set())
     if len(stated) > 1:
         raise file.error("undecided", what=f"the unit: {', '.join(sorted(stated))}")
-    unit = unit_of(file, ask, result, next(iter(stated), None))
+    unit = result.unit_of(next(iter(stated), None))
     targets = columns.numbers(0)
     values = [columns.numbers(i, may_be_empty=True) for i in runs]
-    faults.raise_if_any()
+    result.faults.raise_if_any()
     result.drop("empty cells", sum(column.count(None) for column in values))
-    add_readings(file, ask, result, unit, (
+    result.add_readings(unit, (
         (row.line, target, run, way, value)
         for row, target, *cells in zip(rows, targets, *values, strict=True)
         for run, way, value in zip(passes, ways, cells, strict=True) if value is not None
@@ -144,26 +156,24 @@ def _read(file: RawFile, ask: Ask, lines: list[str], result: Imported) -> Import
             raise file.error("other-table", row=rows[0].line, kind=kind, expected=expected)
     result.says[:0] = [summary(grid, columns.signs), how, f"{len(rows)} targets x {len(runs)} runs"]
     result.facts = {"targets": sorted(set(targets)), "runs": len(runs), "unit": unit}
-    return result
 
 
 def _ways(
-    headings: Sequence[Sequence[str]], runs: int, ask: Ask, result: Imported
-) -> tuple[list[str], list[int], str]:
+    result: Import, headings: Sequence[Sequence[str]], runs: int
+) -> tuple[list[str | None], list[int], str]:
     """The direction of each run, its number, and where the direction was read."""
-    if ask.directions in ("forward", "reverse"):
-        how = f"all runs {ask.directions}, as given"
-        return [ask.directions] * runs, list(range(1, runs + 1)), how
-    for cells in headings:
-        ways = [way_of(cell) or "" for cell in cells]
-        if all(ways):
-            return ways, runs_of(cells, ways), "directions from the headings"
-    alternating = [("forward", "reverse")[n % 2] for n in range(runs)]
-    passes = [1 + n // 2 for n in range(runs)]
-    if ask.directions:
-        return alternating, passes, "directions alternating, as given"
-    result.doubts.append("directions are not stated: taken as alternating")
-    return alternating, passes, "directions not stated, taken as alternating"
+    given = result.ask.directions
+    stated = next((cells for cells in headings if all(map(way_of, cells))), None)
+    if given in ("forward", "reverse"):
+        how, says = given, f"all runs {given}, as given"
+    elif stated:
+        how, says = "headings", "directions from the headings"
+    elif given:
+        how, says = "alternate", "directions alternating, as given"
+    else:
+        how, says = "alternate", "directions not stated, taken as alternating"
+        result.doubts.append("directions are not stated: taken as alternating")
+    return *directed(stated or [""] * runs, how), says
 
 
 FORMATS = (

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from functools import cache
 from typing import NamedTuple
 
 from mtu_cli.findings import InputError, error, suggestion
@@ -43,24 +42,19 @@ def parse(
     """
     if len(text) > MAX_CHARACTERS:
         raise _too_large("characters", MAX_CHARACTERS, MAX_CHARACTERS)
-    return _Parser(_tokens(text, _token(name)), functions).whole()
-
-
-@cache
-def _token(name: str) -> re.Pattern[str]:
-    return re.compile(
-        r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
-        rf"|(?P<name>{name})"
-        r"|(?P<operator>\*\*|[-+*/(),]))"
-    )
+    return _Parser(_tokens(text, name), functions).whole()
 
 
 def _too_large(what: str, most: int, column: int) -> InputError:
     return error("too-large", most=most, what=f"{what} of an equation", column=column)
 
 
-def _tokens(text: str, pattern: re.Pattern[str]) -> list[_Token]:
+def _tokens(text: str, name: str) -> list[_Token]:
     """The words of an equation, and last its end."""
+    pattern = re.compile(
+        r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+        rf"|(?P<name>{name})|(?P<operator>\*\*|[-+*/(),]))"
+    )
     tokens: list[_Token] = []
     position, end = 0, len(text.rstrip())
     while position < end:

@@ -170,7 +170,7 @@ def times(powers: Powers, target: Powers, what: str) -> str:
 
 def check_dimension(
     node: Node,
-    target: Powers | None,
+    target: Powers,
     units: Mapping[str, Powers],
     *,
     parameters: Mapping[str, Unit] | None = None,
@@ -192,7 +192,7 @@ def check_dimension(
         table = units if symbol is None else all_units
         algebra = Algebra(units=table, factor=NO_LENGTH)
         powers = algebra.of(term)
-        if target is not None and not (powers.agrees(target) or algebra.faults):
+        if not (powers.agrees(target) or algebra.faults):
             expected = _expected(powers, target, None if symbol is None else stated[symbol], symbol)
             if expected is not None:
                 column, text = first_column(term), short_text(term)
@@ -212,7 +212,11 @@ def _expected(
         if meant := parameter_units_of(unit.powers * target / powers, unit.name):
             return f"{parameter} in {' or '.join(meant)}"
         ratio = (powers / target).exponents
-        if unit.per is None and ratio[0] == 0 and any(power > 1 for power in ratio):
+        if (
+            not any(unit.powers.exponents[1:-1])
+            and ratio[0] == 0
+            and any(power > 1 for power in ratio)
+        ):
             return None
     if powers.exponents[0] < target.exponents[0]:
         return "its lever arm as a factor (a position or a named constant)"

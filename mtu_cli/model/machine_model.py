@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mtu_cli.files.machine import Effect, LoadedMachine
-from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
+from mtu_cli.findings import Finding, InputError, error, finding, listed, nearest
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call, Number
 from mtu_cli.model.effect_parameters import (
@@ -290,8 +290,7 @@ def missing_covariates(
             continue
         expected = ask.format(name) + of_sensor * (name in drifts)
         if columns is not None:
-            near = closest(name, columns)
-            there = f" (there is {near!r})" if near else ""
+            there = "".join(f" (there is {near!r})" for near in nearest(name, columns))
             expected = f"a column of this name{there}, or {expected}"
         drift = f"the drift of {listed(drifts.get(name, ()))}"
         owner = drift if name in drifts else f"the machine {model.name!r}"
