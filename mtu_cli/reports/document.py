@@ -22,14 +22,10 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, plain, record
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import MISSING, chance
-from mtu_cli.reports.tables import Sheet, plain_text
+from mtu_cli.reports.tables import Sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-    from rich.text import Text
-
-    from mtu_cli.reports.tables import Sheet
-
 
 DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
@@ -73,8 +69,6 @@ class Table:
 
     def sheet(self, digits: int, *, detail: bool) -> Sheet:
         """The cells as people read them, without columns that have nothing in them."""
-        from mtu_cli.reports.tables import Sheet
-
         columns, cells = list[Field](), list[list[str]]()
         for field in (f for f in leaves(self.fields) if f.head and (detail or not f.detail)):
             column = [field.cell(item, digits) for item in self.printed]
@@ -122,8 +116,6 @@ class Document:
 
     def blocks(self, *, detail: bool = False) -> Iterator[Text | Sheet]:
         """The verdict and the tables, for terminals and HTML; with `detail` all of them."""
-        from rich.text import Text
-
         if self.verdict:
             yield Text(self.verdict)
         tables = [each for each in self.tables if each.printed]
@@ -228,13 +220,13 @@ def help_text(command: str) -> str:
 def report_bytes(
     suffix: str,
     figure: Figure | None,
-    tables: Iterable[object],
+    blocks: Iterable[Any],
     warnings: Iterable[Finding],
     settings: Mapping[str, Any],
     **context: Any,
 ) -> bytes:
-    """The file; the same bytes for the same page. `tables` are the renderables of a terminal,
-    `context` its title, subject (names of machine and study), inputs and date.
+    """The file; the same bytes for the same page. `blocks` are those of a document, `context` its
+    title, subject (names of machine and study), inputs and date.
 
     Raises InputError for a PDF without the package that writes it.
     """
@@ -248,14 +240,8 @@ def report_bytes(
         # The picture without the head of an SVG file; nothing in it leaves the page.
         svg = figure_bytes(figure, ".svg").decode()
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    blocks: list[Sheet | str] = []
-    for item in tables:
-        if isinstance(item, Sheet):
-            blocks.append(item)
-        elif text := (item.plain if isinstance(item, Text) else plain_text([item])).strip():
-            blocks.append(text)
     page = environment.from_string(source).render(
-        blocks=blocks,
+        blocks=[each.plain if isinstance(each, Text) else each for each in blocks],
         figure=Markup(svg),
         warnings=list({each.message: each for each in warnings}.values()),
         # Numbers to six significant digits.

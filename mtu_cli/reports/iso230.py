@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from functools import partial
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,13 +21,11 @@ from mtu_cli.analyses.iso230 import (
     reversal_and_repeatability,
 )
 from mtu_cli.findings import listed
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED, blank, legend, panels_of, styled
+from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED
 from mtu_cli.reports.numbers import with_u
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Page
 
 MAIN = ("A", "E", "R", "M", "B", "B_mean")
 SHOWN_AXES = 2
@@ -200,8 +197,8 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     if any(x.before for _, x in rows):
         differ = listed(f"{x.name} of {axis.name}" for axis, x in rows if x.differs)
         texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
-    figure, verdict = partial(diagram, result), " ".join(texts)
-    return Document("Positioning", (RESULTS, result), tables, figure, verdict, digits)
+    figure_, verdict = partial(figure, result), " ".join(texts)
+    return Document("Positioning", (RESULTS, result), tables, figure_, verdict, digits)
 
 
 def _figure_text(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
@@ -210,10 +207,10 @@ def _figure_text(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
     if standard != "vdi3441" and math.isnan(axis.figures["E"].value):
         way = "forward" if axis.of_runs[0][0].any() else "reverse"
         names = [f"{name}_{way}" for name in "AER"]
-    figures = [axis.figures[name] for name in names]
+    values = [axis.figures[name] for name in names]
     return ", ".join(
         f"{x.name} {with_u(x.value / x.size, _scale(x) / x.size, digits)[0]}"
-        for x in figures
+        for x in values
         if not math.isnan(x.value)
     )
 
@@ -232,16 +229,16 @@ def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
     return Document("Target positions", (RESULTS, result), [table], None, verdict, digits)
 
 
-@styled
-def diagram(result: Iso230Result) -> Page:
+@figures.styled
+def figure(result: Iso230Result) -> figures.Figure:
     """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
     limits as long as the range that their figure may have.
     """
     axes = list(result.axes.values())
     columns = 1 if len(axes) == 1 else 2
     lines = math.ceil(len(axes) / columns)
-    page = blank(8.0 if columns == 1 else 11.0, 4.4 if lines == 1 else 3.4 * lines + 0.6)
-    for panel, axis in zip(panels_of(page, len(axes), columns), axes, strict=False):
+    page = figures.blank(8.0 if columns == 1 else 11.0, 4.4 if lines == 1 else 3.4 * lines + 0.6)
+    for panel, axis in zip(figures.panels_of(page, len(axes), columns), axes, strict=False):
         count, means, s = axis.of_runs
         means, s = means / axis.size, s / axis.size
         panel.axhline(0.0, color=GREY, linewidth=0.8)
@@ -266,8 +263,8 @@ def diagram(result: Iso230Result) -> Page:
                 place, middle, limit / 2, color=RED, capsize=4, elinewidth=2.0, label="limit"
             )
             panel.annotate(name, (place, middle), (4, 0), textcoords="offset points", color=RED)
-        panel.set_title(f"{axis.name}: {_figure_text(axis, 2)} {axis.unit}")
-        panel.set_xlabel(f"target, {'deg' if axis.rotary else 'mm'}")
-        panel.set_ylabel(f"deviation, {axis.unit}")
-    legend(page)
+        title = f"{axis.name}: {_figure_text(axis, 2)} {axis.unit}"
+        xlabel = f"target, {'deg' if axis.rotary else 'mm'}"
+        panel.set(title=title, xlabel=xlabel, ylabel=f"deviation, {axis.unit}")
+    figures.legend(page)
     return page

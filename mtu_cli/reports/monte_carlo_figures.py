@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,29 +32,21 @@ LINES = 14
 """Lines of a sweep that are named."""
 
 
-class Trials(NamedTuple):
-    """Trials with the `ends` of their interval, and value, u and degrees of freedom of the first
-    order (u 0: none); title and label of the axis.
+def histogram(
+    panel: figures.Axes, title: str, label: str, samples: FloatArray, ends: Sequence[float],
+    first: tuple[float, float, float], probability: float = PROBABILITY,
+) -> None:  # fmt: skip
+    """The density of the trials with the `ends` of their interval, and the curve of the `first`
+    order by value, u and degrees of freedom (u 0: none).
     """
-
-    samples: FloatArray
-    ends: Sequence[float]
-    first: tuple[float, float, float]
-    title: str
-    label: str
-    probability: float = PROBABILITY
-
-
-def histogram(panel: figures.Axes, item: Trials) -> None:
-    """The density of the trials and the curve of first order."""
-    (value, u, dof), percent = item.first, f"{100 * item.probability:.4g} %"
-    half = coverage_factor(item.probability, dof) * u if u > 0.0 else 0.0
+    (value, u, dof), percent = first, f"{100 * probability:.4g} %"
+    half = coverage_factor(probability, dof) * u if u > 0.0 else 0.0
     first_ends = [value - half, value + half] if u > 0.0 else []
-    ends = [*item.ends, *first_ends]
-    room = max(MARGIN * (max(ends) - min(ends)), 1e-6 * max(map(abs, ends)), 1e-300)
-    limits = min(ends) - room, max(ends) + room
+    low, high = min([*ends, *first_ends]), max([*ends, *first_ends])
+    room = max(MARGIN * (high - low), 1e-6 * max(abs(low), abs(high)), 1e-300)
+    limits = low - room, high + room
     panel.hist(
-        item.samples, BINS, range=limits, density=True, histtype="stepfilled",
+        samples, BINS, range=limits, density=True, histtype="stepfilled",
         color=figures.PALE, label="Monte Carlo trials",
     )  # fmt: skip
     if u > 0.0:
@@ -65,19 +57,17 @@ def histogram(panel: figures.Axes, item: Trials) -> None:
         panel.plot(grid, curve, color=figures.INK, label="first order")
         for end in first_ends:
             panel.axvline(end, color=figures.INK, lw=1, ls="--", label=f"{percent}, first order")
-    low, high = item.ends
-    panel.axvspan(low, high, ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
-    panel.set(xlim=limits, yticks=[], xlabel=item.label)
-    panel.set_title(item.title)
+    panel.axvspan(ends[0], ends[1], ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
+    panel.set(xlim=limits, yticks=[], xlabel=label, title=title)
     panel.locator_params(axis="x", nbins=5)
 
 
-def histograms(text: str, trials: Sequence[Trials]) -> figures.Figure:
-    """A page of histograms."""
+def histograms(text: str, trials: Sequence[tuple[Any, ...]]) -> figures.Figure:
+    """A page of histograms, each of its arguments."""
     count, columns = max(1, len(trials)), max(1, min(len(trials), 3))
     page = figures.blank(max(6.5, 3.7 * columns), 1.2 + 2.6 * math.ceil(count / columns))
     for panel, item in zip(figures.panels_of(page, count, columns), trials, strict=False):
-        histogram(panel, item)
+        histogram(panel, *item)
     figures.legend(page, 2)
     figures.title(page, text)
     return page
@@ -102,7 +92,7 @@ def budget(result: BudgetResult) -> figures.Figure:
         text += f", by Monte Carlo {significant(item.of_run('u'))}{unit}"
         ends, curve = (item.of_run("low"), item.of_run("high")), (item.value, item.u, item.dof)
         label = name + unit.replace(" ", ", ", 1)
-        histogram(hist, Trials(samples, ends, curve, text, label, run.probability))
+        histogram(hist, text, label, samples, ends, curve, run.probability)
     figures.legend(page)
     return page
 
@@ -120,7 +110,7 @@ def simulation(result: GraphSimulation) -> figures.Figure:
         samples = (item.samples - item.nominal) * factor
         text = f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}"
         of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
-        trials.append(Trials(samples, ends, (0.0, u, math.inf), text, of))
+        trials.append((text, of, samples, ends, (0.0, u, math.inf)))
     few = f" ({len(selection)} of {len(variables)})" if len(selection) < len(variables) else ""
     return histograms(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{few}", trials)
 

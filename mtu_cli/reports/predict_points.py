@@ -21,7 +21,7 @@ from mtu_cli.reports.document import (
     least_conforming,
 )
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, rows_of
-from mtu_cli.reports.figures import Intervals, Maps, Sheet, Side
+from mtu_cli.reports.figures import Intervals, Maps, Side
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import UM
 
@@ -146,11 +146,10 @@ def figure(result: PointsResult) -> figures.Figure:
         errors[:, at] = result.prediction.mean.reshape(n, a) / UM
         covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
         side = Side("", figures.BLUE, errors, covariance)
-        maps = Maps(ids, result.points, axes, (("", (side,)),), k)
+        maps = Maps(ids, result.points, axes, [("", [side])], k)
         share = 100 * (1 - math.exp(-(k**2) / 2))
-        sheet = Sheet(maps)
-        page = figures.blank(sheet.width, sheet.height)
-        sheet.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")
+        page = figures.blank(maps.width, maps.height)
+        maps.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")
         return page
     U = k * np.sqrt(result.variance) / UM
     intervals = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
