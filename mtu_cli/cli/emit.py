@@ -274,10 +274,10 @@ def _page(result: Result) -> bytes:
     with suppress(InputError):
         figure = result.outcome.figure and result.outcome.figure()
     # A command that has no such option does not use it.
-    names = [name for option, name in USED.items() if option in options.values]
-    settings = {name.replace("_", " "): getattr(result.settings, name) for name in names}
+    used = [name for option, name in USED.items() if option in options.values]
+    settings = {name.replace("_", " "): getattr(result.settings, name) for name in used}
     settings |= {"trials": "adaptive"} if settings.get("trials", 0) is None else {}
-    subject, *rest = inputs.names
+    names = inputs.names
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
     return report_bytes(
@@ -286,8 +286,8 @@ def _page(result: Result) -> bytes:
         result.outcome.tables(bool(options.detail)),
         result.warnings,
         settings | {f"{name} =": value for name, value in inputs.at.items()},
-        title=f"{command}: {subject}",
-        subject=[*rest, *synthetic],
+        title=": ".join([command, *names[:1]]),
+        subject=[*names[1:], *synthetic],
         inputs=inputs.sources,
         date=options.date,
     )

@@ -15,7 +15,6 @@ from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.model.graph.net import MeasurementGraph
-    from mtu_cli.reports.graph_drawing import Net
 
 EXAMPLE = "--vary axis_um=0.5:2.5:5 (from 0.5 to 2.5 in 5 steps) or --vary repeats=1,2,4"
 DIGITS = 12
@@ -48,20 +47,18 @@ def _graph(inputs: Inputs) -> MeasurementGraph:
 def graph_check(inputs: Inputs, settings: Settings) -> Outcome:
     """Whether the graph is sound, and its firing order."""
     from mtu_cli.reports import graph as report
-    from mtu_cli.reports.graph_drawing import drawing
 
-    graph = _graph(inputs)
-    return Outcome.of(report.check(graph, lambda: drawing(net_for(graph))))
+    return Outcome.of(report.check(_graph(inputs)))
 
 
 def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
     """The file at --to, and nothing else."""
+    from mtu_cli.analyses.graph import shares_by_place
     from mtu_cli.reports import graph_drawing
     from mtu_cli.reports.figures import figure_bytes
-    from mtu_cli.reports.graph_drawing import drawing
 
-    graph, target = _graph(inputs), inputs.options.to
-    net = net_for(graph, inputs.options.of)
+    graph, of, target = _graph(inputs), inputs.options.of, inputs.options.to
+    net = graph_drawing.net_of(graph, of, None if of is None else shares_by_place(graph, of))
 
     def content() -> bytes:
         match suffix := target.suffix.lower():
@@ -70,19 +67,10 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
             case ".mmd":
                 return graph_drawing.mermaid(net).encode()
             case ".pl":
-                return graph_drawing.assertions(net, graph.graph, graph.nominal).encode()
-        return figure_bytes(drawing(net), suffix)
+                return graph_drawing.assertions(net, graph).encode()
+        return figure_bytes(graph_drawing.drawing(net), suffix)
 
     return Outcome(files=lambda: {target: content()})
-
-
-def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
-    """The net to draw, with the shares of the variance of the place `of` if given."""
-    from mtu_cli.analyses.graph import shares_by_place
-    from mtu_cli.reports.graph_drawing import net_of
-
-    shares = None if of is None else shares_by_place(graph, of)
-    return net_of(graph.graph, graph.reported, of, shares)
 
 
 def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:

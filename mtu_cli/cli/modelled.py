@@ -14,6 +14,7 @@ from mtu_cli.findings import Finding, finding, nearest
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import (
+    MachineFit,
     estimates_from_fit,
     estimates_from_report,
     fit_machine,
@@ -23,12 +24,11 @@ from mtu_cli.model.fit import (
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 
 if TYPE_CHECKING:
+    from mtu_cli.analyses.fit_components import FitResult
     from mtu_cli.analyses.thermal_fit import ThermalFit
     from mtu_cli.files.machine import LoadedMachine
-    from mtu_cli.files.readings import Readings
     from mtu_cli.files.reports_read import ComponentsReport, ThermalReport
     from mtu_cli.model.estimates import ThermalEstimate
-    from mtu_cli.model.fit import MachineFit
 
 REFERENCE_WITHOUT_MACHINE = 20.0
 """ISO 1."""
@@ -58,9 +58,9 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> Modelled:
         estimates = estimates_from_report(machine, report)
         warnings += effect_warnings(machine, estimates.effects, report.source.shown)
         warnings += _not_read(inputs, ("lbb", "laser"), report)
-    elif (readings := inputs.readings) is not None:
-        fit = fit_machine(machine, readings)
-        estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
+    elif inputs.readings is not None:
+        result = fitted(inputs, machine)
+        fit, estimates = result.fit, _as_reported(machine, result)
     else:
         estimates = estimates_from_fit(machine, None)
     thermal, drift_warnings = drift_estimates(inputs)
@@ -85,15 +85,26 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> Modelled:
     return Modelled(model, estimates, tuple(warnings))
 
 
-def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:
-    """The estimates as a report holds them: readings and their report then give the same bits."""
+def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
+    """The components of a machine, by the readings of the call where it has any."""
     from mtu_cli.analyses.fit_components import fit_result
+
+    fit, k = MachineFit(components={}, joint=()), inputs.settings.coverage_factor
+    if inputs.readings is not None:
+        fit = fit_machine(machine, inputs.readings)
+    says = {name: item.says for name, item in machine.machine.components.items() if item.says}
+    estimates = estimates_from_fit(machine, fit)
+    return fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
+
+
+def _as_reported(machine: LoadedMachine, fit: FitResult) -> Estimates:
+    """The estimates as a report holds them: readings and their report then give the same bits."""
     from mtu_cli.files.reports_read import report_from
     from mtu_cli.files.source import report_bytes
     from mtu_cli.reports.fit_components import document
 
-    results = document(fit_result(machine.machine.name, fit, estimates)).record()
-    content = report_bytes({"schema": "mtu/fit-components/1", "results": results})
+    results = {"schema": "mtu/fit-components/1", "results": document(fit).record()}
+    content = report_bytes(results)
     return estimates_from_report(machine, report_from(machine.source, json.loads(content)))
 
 
@@ -109,17 +120,17 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
         doubts += _not_read(inputs, ("drift",), report)
         return thermal_from_report(machine, report), doubts
     if inputs.files("drift"):
-        fit = fitted_drift(inputs, inputs.drift, "auto")
+        fit = fitted_drift(inputs, "auto")
         return estimates | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
     return estimates, []
 
 
-def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
-    """The thermal models of drift readings."""
+def fitted_drift(inputs: Inputs, method: str) -> ThermalFit:
+    """The thermal models of the drift readings."""
     from mtu_cli.analyses.thermal_fit import thermal_fit
     from mtu_cli.stats.threads import one_blas_thread
 
-    components, reference = None, REFERENCE_WITHOUT_MACHINE
+    components, reference, readings = None, REFERENCE_WITHOUT_MACHINE, inputs.drift
     if inputs.files("machine"):
         machine = inputs.machine.machine
         components = {name: (item.of, item.unit) for name, item in machine.components.items()}

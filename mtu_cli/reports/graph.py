@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,7 @@ from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import COMMON, Field, Fields, declare, record
-from mtu_cli.reports.graph_drawing import shares_text, small_unit
+from mtu_cli.reports.graph_drawing import drawing, net_of, shares_text, small_unit
 from mtu_cli.reports.monte_carlo_figures import simulation, sweep_curves
 from mtu_cli.reports.numbers import fixed, significant
 
@@ -64,7 +64,7 @@ CHECK = declare(
 )
 
 
-def check(result: MeasurementGraph, figure: Callable[[], Any]) -> Document:
+def check(result: MeasurementGraph) -> Document:
     """One row a transition, in the order in which they fire."""
     items = [item for group in _rounds(result) for item in group]
     title, footer = f"Graph: {result.graph.name}", f"reported: {listed(result.reported, MOST)}"
@@ -74,6 +74,7 @@ def check(result: MeasurementGraph, figure: Callable[[], Any]) -> Document:
     places = f"{len(result.graph.places)} places ({kinds})"
     steps = f"{counts['transitions']} transitions, {counts['probings']} probings"
     verdict = f"The graph is sound: {places}, {steps}."
+    figure = partial(drawing, net_of(result))
     return Document(result.graph.name, (CHECK, result), [order], figure, verdict)
 
 
@@ -162,19 +163,15 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
     places, figure = Table(title, fields, result.coordinates, footer), partial(simulation, result)
-    verdict = _simulation_text(result)
+    valid = {x.output: x.validation.passed for x in result.coordinates if x.validation}
+    verdict = "First order is valid (JCGM 101, clause 8)." if valid else ""
+    if failures := listed(output for output, passed in valid.items() if passed is False):
+        verdict = (
+            f"First order is not valid (JCGM 101, clause 8) for {failures}: see the intervals."
+        )
+    elif None in valid.values():
+        verdict = "Too few trials to validate first order."
     return Document(name, (SIMULATION, result), [places], figure, verdict, digits)
-
-
-def _simulation_text(result: GraphSimulation) -> str:
-    """Whether first order is valid by clause 8."""
-    verdicts = {x.output: x.validation.passed for x in result.coordinates if x.validation}
-    failures = listed(output for output, valid in verdicts.items() if valid is False)
-    if failures:
-        return f"First order is not valid (JCGM 101, clause 8) for {failures}: see the intervals."
-    if None in verdicts.values():
-        return "Too few trials to validate first order."
-    return "First order is valid (JCGM 101, clause 8)." if verdicts else ""
 
 
 GRID_POINT = """
@@ -247,20 +244,16 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
     """One row a point of the grid; `base` is the output as the file has it."""
     fields, formula = grid_point(result.varied, result), result.formula
     title, footer = f"u of {result.output}", ""
+    verdict = f"No formula: {result.no_formula}."
     if formula is not None:
         pairs = formula.coefficients.items()
         values = ", ".join(f"{name} = {significant(value, 4)}" for name, value in pairs)
         footer = f"{formula.form}; {values}"
+        most = fixed(formula.max_error_percent, 1)
+        verdict = f"Formula and Monte Carlo differ by {most} % at most."
+        if len(result.grid) == len(formula.coefficients):
+            verdict = "The formula has as many terms as the grid has points: nothing checks it."
     table = Table(title, fields, result.grid, footer)
     extra: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
     figure = partial(sweep_curves, result)
-    return Document(title, (PLACES, base), [table], figure, _formula_text(result), digits, extra)
-
-
-def _formula_text(result: Sweep) -> str:
-    formula = result.formula
-    if formula is None:
-        return f"No formula: {result.no_formula}."
-    if len(result.grid) == len(formula.coefficients):
-        return "The formula has as many terms as the grid has points: nothing checks it."
-    return f"Formula and Monte Carlo differ by {fixed(formula.max_error_percent, 1)} % at most."
+    return Document(title, (PLACES, base), [table], figure, verdict, digits, extra)
