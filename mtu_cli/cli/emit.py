@@ -19,16 +19,18 @@ from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.headers import is_made, measured_in, number
-from mtu_cli.files.source import files_written, given_path, same, target_faults
+from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports.document import Document, envelope, page_bytes
+from mtu_cli.reports.fields import csv_text
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.tables import console, plain_text
 from mtu_cli.stats.monte_carlo import Progress
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
-
-    from mtu_cli.reports.document import Document
 
 STANDARD_OUTPUT = Path("-")
 MOST_ALIKE = 20
@@ -109,8 +111,6 @@ class Result:
 
     def report(self) -> dict[str, Any]:
         """The whole report, as `-o` writes it."""
-        from mtu_cli.reports.document import envelope
-
         return envelope(
             self.command,
             inputs=self.inputs.sources,
@@ -180,8 +180,6 @@ def to_standard_output(report: bytes) -> None:
 
 def show(tables: Iterable[object]) -> None:
     """Tables and lines on standard output: with colour on a terminal, plain text in a pipe."""
-    from mtu_cli.reports.tables import console, plain_text
-
     terminal = console() if sys.stdout.isatty() else None
     for table in tables:
         if isinstance(table, str):
@@ -247,16 +245,10 @@ def _files(result: Result) -> dict[Path, bytes]:
     options, outcome = result.inputs.options, result.outcome
     files = dict(outcome.files())
     if options.out is not None:
-        from mtu_cli.files.source import report_bytes
-
         files[options.out] = report_bytes(result.report())
     if options.csv is not None:
-        from mtu_cli.reports.fields import csv_text
-
         files[options.csv] = csv_text(*outcome.rows()).encode()
     if options.plot is not None:
-        from mtu_cli.reports.figures import figure_bytes
-
         if outcome.figure is None:
             raise error("not-applicable", reason="this result is not drawn", path="--plot")
         files[options.plot] = figure_bytes(outcome.figure(), options.plot.suffix)
@@ -267,8 +259,6 @@ def _files(result: Result) -> dict[Path, bytes]:
 
 def _page(result: Result) -> bytes:
     """The report to hand on; without a picture where the result cannot be drawn."""
-    from mtu_cli.reports.document import report_bytes
-
     inputs, options = result.inputs, result.inputs.options
     figure = None
     with suppress(InputError):
@@ -280,7 +270,7 @@ def _page(result: Result) -> bytes:
     names = inputs.names
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
-    return report_bytes(
+    return page_bytes(
         options.report.suffix.lower(),
         figure,
         result.outcome.tables(bool(options.detail)),

@@ -9,10 +9,12 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from mtu_cli.cli.load import Inputs, check_cell
-from mtu_cli.files.source import read_source, shown_path
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_from
+from mtu_cli.files.source import read_source, report_bytes, shown_path
 from mtu_cli.findings import Finding, finding, nearest
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
-from mtu_cli.model.estimates import Estimates
+from mtu_cli.model.estimates import Estimates, ThermalEstimate
 from mtu_cli.model.fit import (
     MachineFit,
     estimates_from_fit,
@@ -20,15 +22,14 @@ from mtu_cli.model.fit import (
     fit_machine,
     fit_warnings,
     machine_warnings,
+    thermal_from_machine_file,
+    thermal_from_report,
 )
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.fit_components import FitResult
     from mtu_cli.analyses.thermal_fit import ThermalFit
-    from mtu_cli.files.machine import LoadedMachine
-    from mtu_cli.files.reports_read import ComponentsReport, ThermalReport
-    from mtu_cli.model.estimates import ThermalEstimate
 
 REFERENCE_WITHOUT_MACHINE = 20.0
 """ISO 1."""
@@ -99,8 +100,6 @@ def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
 
 def _as_reported(machine: LoadedMachine, fit: FitResult) -> Estimates:
     """The estimates as a report holds them: readings and their report then give the same bits."""
-    from mtu_cli.files.reports_read import report_from
-    from mtu_cli.files.source import report_bytes
     from mtu_cli.reports.fit_components import document
 
     results = {"schema": "mtu/fit-components/1", "results": document(fit).record()}
@@ -110,8 +109,6 @@ def _as_reported(machine: LoadedMachine, fit: FitResult) -> Estimates:
 
 def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
     """A thermal-fit report wins over drift readings, those over the machine file."""
-    from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
-
     machine = inputs.machine
     estimates = thermal_from_machine_file(machine)
     report = inputs.reports.thermal

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import above_zero, assignments, known_name
+from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports.document import envelope
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.iso230 import Iso230Result
@@ -118,9 +120,6 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
     result: CircularResult = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None)
 
     def components() -> dict[Path, bytes]:
-        from mtu_cli.files.source import report_bytes
-        from mtu_cli.reports.document import envelope
-
         if target is None:
             return {}
         record = envelope("fit-components", inputs=traces.sources, settings=settings,

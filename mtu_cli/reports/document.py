@@ -217,7 +217,7 @@ def help_text(command: str) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def report_bytes(
+def page_bytes(
     suffix: str,
     figure: Figure | None,
     blocks: Iterable[Any],
