@@ -53,7 +53,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     control = CONTROLLERS.get(options.for_)
     defaults = DEFAULTS if control is None else control.parameters
     overrides = assignments(
-        "--set", options.set, "=", "NAME=VALUE", "axis=X", lambda _, x: x, defaults, "parameter"
+        "--set", options.set, "NAME=VALUE", "axis=X", lambda _, x: x, defaults, "parameter"
     )
     parameters = {**defaults, **overrides}
     if control is None:

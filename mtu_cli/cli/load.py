@@ -315,7 +315,7 @@ class Inputs:
             return result
 
         example = "--at T_02_degC=23.5"
-        return assignments("--at", self.options.at, "=", "NAME=VALUE", example, value)
+        return assignments("--at", self.options.at, "NAME=VALUE", example, value)
 
     def with_paths(self, findings: Iterable[Finding]) -> list[Finding]:
         """Findings with the whole paths of files that lie outside the working folder.

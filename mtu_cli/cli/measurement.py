@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -87,7 +86,8 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses.graph import PARAMETERS, simulate_graph, sweep_graph
     from mtu_cli.reports import graph as report
 
-    grid = variations(inputs.options.vary, PARAMETERS)
+    vary = inputs.options.vary
+    grid = assignments("--vary", vary, "NAME=VALUES", EXAMPLE, variation, PARAMETERS)
     graph, of = _graph(inputs), inputs.options.of
     result = sweep_graph(graph, settings, of, grid)
     # What follows the grid leaves its bar full.
@@ -95,19 +95,12 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome.of(report.sweep(base, result, settings.digits), warnings=result.warnings)
 
 
-def variations(texts: Sequence[str], parameters: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """The values of every --vary, by name, in the order given.
+def variation(name: str, text: str) -> tuple[float, ...]:
+    """Numbers from ``low:high:count``, downwards too, or ``a,b,c``; each once.
 
-    Raises InputError for all that cannot be read, at once.
-
-    >>> variations(["repeats=1,2", "axis_um=1:2:3"], ["axis_um", "repeats"])
-    {'repeats': (1.0, 2.0), 'axis_um': (1.0, 1.5, 2.0)}
+    >>> variation("repeats", "1,2"), variation("axis_um", "1:2:3")
+    ((1.0, 2.0), (1.0, 1.5, 2.0))
     """
-    return assignments("--vary", texts, "=", "NAME=VALUES", EXAMPLE, _grid, parameters)
-
-
-def _grid(name: str, text: str) -> tuple[float, ...]:
-    """Numbers from ``low:high:count``, downwards too, or ``a,b,c``; each once."""
     option = f"--vary {name}"
     if ":" not in text:
         values = [number_of(option, item) for item in text.split(",")]

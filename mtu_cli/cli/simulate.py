@@ -150,7 +150,7 @@ def _positions(inputs: Inputs, model: MachineModel, axes: set[str]) -> dict[str,
     result: dict[str, FloatArray] = {}
     if text is not None and "=" in text:
         form = f"AXIS={SPAN}"
-        result = assignments(option, text.split(","), "=", form, example, grid, AXES, "axis")
+        result = assignments(option, text.split(","), form, example, grid, AXES, "axis")
     elif text is not None:
         result = dict.fromkeys(axes, grid("", text))
     for axis in sorted(axes & result.keys() & travels.keys()):
@@ -227,7 +227,7 @@ def _equations(
             raise InputError(each.at(**place) for each in fault.findings) from None
 
     form, example = "NAME: EQUATION", "'Ex: 0.004*dir_x'"
-    equations = assignments(option, texts, ":", form, example, node_of, names, "equation")
+    equations = assignments(option, texts, form, example, node_of, names, "equation")
     return tuple((name[names is not None :], node) for name, node in equations.items())
 
 
@@ -272,7 +272,7 @@ def _drift_test(
 
     form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
     # Second sensors at the places of others.
-    twins = assignments("--twin", options.twin, ":", form, example, sensor_of)
+    twins = assignments("--twin", options.twin, form, example, sensor_of)
     plan = DriftPlan(
         reference=machine.reference_temperature_degC,
         sensor_noise=options.sensor_noise_degc,
@@ -321,6 +321,4 @@ def _by_component(
         return np.array([number_of(f"{option} {name}", item) for item in items])
 
     names, what = [drift.component for drift in drifts], "component with a thermal model"
-    return assignments(
-        option, texts, ":", "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, names, what
-    )
+    return assignments(option, texts, "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, names, what)

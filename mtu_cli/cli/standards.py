@@ -49,7 +49,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
         readings,
         budget=_budget(inputs),
         before=inputs.before,
-        limits=assignments("--limit", options.limit, "=", "NAME=VALUE", f"{figures[0]}=10", limit,
+        limits=assignments("--limit", options.limit, "NAME=VALUE", f"{figures[0]}=10", limit,
                            [*figures, *names], "figure"),
         k=settings.coverage_factor,
         seed=settings.seed,

@@ -1,6 +1,6 @@
-"""What all figures share: the style, the bytes of a file, intervals, bars, legends; and errors at
-the features as arrows on maps by operation and height (Gilsinn & Ling 2004, Fig. 6), with
-ellipses of k standard uncertainties about the tips.
+"""What all figures share: the style, the bytes of a file, intervals, bars, histograms, legends; and
+errors at the features as arrows on maps by operation and height (Gilsinn & Ling 2004, Fig. 6),
+with ellipses of k standard uncertainties about the tips.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.visits import IntArray
 from mtu_cli.reports.numbers import cut, significant, spread
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -234,6 +235,51 @@ def key(target: Figure | SubFigure | Axes, panels: Sequence[Axes], **place: Any)
 def title(page: Figure | SubFigure, text: str) -> None:
     """The title of a page, above its panels at the left."""
     page.suptitle(text, x=0.012, ha="left", fontsize=10.5, fontweight="bold")
+
+
+BINS, MARGIN = 50, 0.25
+"""Of a histogram; beyond both intervals it shows this part of them."""
+
+
+def histogram(
+    panel: Axes, title: str, label: str, samples: FloatArray, ends: Sequence[float],
+    first: tuple[float, float, float], probability: float = PROBABILITY,
+) -> None:  # fmt: skip
+    """The density of the trials with the `ends` of their interval, and the curve of the `first`
+    order by value, u and degrees of freedom (u 0: none).
+    """
+    (value, u, dof), percent = first, f"{100 * probability:.4g} %"
+    half = coverage_factor(probability, dof) * u if u > 0.0 else 0.0
+    first_ends = [value - half, value + half] if u > 0.0 else []
+    low, high = min([*ends, *first_ends]), max([*ends, *first_ends])
+    room = max(MARGIN * (high - low), 1e-6 * max(abs(low), abs(high)), 1e-300)
+    limits = low - room, high + room
+    panel.hist(
+        samples, BINS, range=limits, density=True, histtype="stepfilled",
+        color=PALE, label="Monte Carlo trials",
+    )  # fmt: skip
+    if u > 0.0:
+        from scipy.stats import t
+
+        grid = np.linspace(*limits, 400)
+        curve = t.pdf(grid, dof, loc=value, scale=u)
+        panel.plot(grid, curve, color=INK, label="first order")
+        for end in first_ends:
+            panel.axvline(end, color=INK, lw=1, ls="--", label=f"{percent}, first order")
+    panel.axvspan(ends[0], ends[1], ymax=0.03, color=BLUE, label=f"{percent}, Monte Carlo")
+    panel.set(xlim=limits, yticks=[], xlabel=label, title=title)
+    panel.locator_params(axis="x", nbins=5)
+
+
+def histograms(text: str, trials: Sequence[tuple[Any, ...]]) -> Figure:
+    """A page of histograms, each of its arguments."""
+    count, columns = max(1, len(trials)), max(1, min(len(trials), 3))
+    page = blank(max(6.5, 3.7 * columns), 1.2 + 2.6 * math.ceil(count / columns))
+    for panel, item in zip(panels_of(page, count, columns), trials, strict=False):
+        histogram(panel, *item)
+    legend(page, 2)
+    title(page, text)
+    return page
 
 
 MOST, FEW = 9, 4

@@ -2,25 +2,57 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from mtu_cli.analyses.graph import GraphSimulation, SimulatedCoordinate, Sweep
+import numpy as np
+
+from mtu_cli.analyses.graph import GraphSimulation, GridPoint, SimulatedCoordinate, Sweep
 from mtu_cli.findings import listed
 from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import COMMON, Field, Fields, declare, record
-from mtu_cli.reports.graph_drawing import drawing, net_of, shares_text, small_unit
-from mtu_cli.reports.monte_carlo_figures import simulation, sweep_curves
-from mtu_cli.reports.numbers import fixed, significant
+from mtu_cli.reports.graph_drawing import LEAST_SHARE, drawing, net_of, share_percent
+from mtu_cli.reports.numbers import cut, fixed, significant, spread
+from mtu_cli.units import UM
 
 MOST = 12
 """Places named in one cell."""
+SHOWN_SHARES = 3
+"""Sources of variance that are named."""
+SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendicularity"}
+"""Sources for people; others are places."""
+COORDINATES, LINES = 9, 14
+"""Coordinates drawn on one sheet; lines of a sweep that are named."""
+SEEN = 1e-3
+"""Coordinates drawn have at least this part of the largest u of their unit."""
+NAME, TITLE = 24, 50
+"""Characters of a name, and of one line of a title."""
 DIGITS = 6
 """Of a nominal."""
+
+
+def small_unit(unit: str) -> tuple[float, str]:
+    """The unit in which deviations of an output are shown, and how many of it make one."""
+    return {"mm": (1.0 / UM, "um"), "rad": (1e6, "urad"), "1": (1e6, "1e-6")}.get(unit, (1.0, unit))
+
+
+def shares_text(shares: Mapping[str, float]) -> str:
+    """ "probe 50, axis 49": percents of the sources of variance, the largest first."""
+    pairs = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
+    pairs.sort(key=lambda pair: -abs(pair[1]))
+    texts = [
+        f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
+        for name, share in pairs[:SHOWN_SHARES]
+        if math.isfinite(share)
+    ]
+    return ", ".join(texts) or "-"
+
 
 STEP = declare(
     """
@@ -162,7 +194,8 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     name = result.graph.graph.name
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
-    places, figure = Table(title, fields, result.coordinates, footer), partial(simulation, result)
+    places = Table(title, fields, result.coordinates, footer)
+    figure = partial(simulation_figure, result)
     valid = {x.output: x.validation.passed for x in result.coordinates if x.validation}
     verdict = "First order is valid (JCGM 101, clause 8)." if valid else ""
     if failures := listed(output for output, passed in valid.items() if passed is False):
@@ -255,5 +288,55 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
             verdict = "The formula has as many terms as the grid has points: nothing checks it."
     table = Table(title, fields, result.grid, footer)
     extra: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
-    figure = partial(sweep_curves, result)
+    figure = partial(sweep_figure, result)
     return Document(title, (PLACES, base), [table], figure, verdict, digits, extra)
+
+
+@figures.styled
+def simulation_figure(result: GraphSimulation) -> figures.Figure:
+    """Histogram of the trials of every coordinate about its nominal, interval, first order."""
+    variables = [item for item in result.coordinates if not item.fixed]
+    maxima = [max(y.u for y in variables if y.output.unit == x.output.unit) for x in variables]
+    selection = [x for x, u in zip(variables, maxima, strict=True) if x.u >= SEEN * u][:COORDINATES]
+    trials = []
+    for item in selection:
+        factor, unit = small_unit(item.output.unit)
+        ends, u = [end * factor for end in item.deviations], item.first_order_u * factor
+        samples = (item.samples - item.nominal) * factor
+        text = f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}"
+        of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
+        trials.append((text, of, samples, ends, (0.0, u, math.inf)))
+    title = f"{cut(result.graph.graph.name, TITLE)}: scatter of the results"
+    title += f" ({len(selection)} of {len(variables)})" * (len(selection) < len(variables))
+    return figures.histograms(title, trials)
+
+
+@figures.styled
+def sweep_figure(result: Sweep) -> figures.Figure:
+    """u by Monte Carlo with two standard errors over the first varied parameter, a line for each
+    value of the others.
+    """
+    names = [name for name, values in result.varied.items() if len(values) > 1]
+    first, *rest = names or list(result.varied)
+    lines: dict[str, list[GridPoint]] = {}
+    for item in result.grid:
+        lines.setdefault(", ".join(f"{n} {item.at[n]:g}" for n in rest), []).append(item)
+    page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
+    panel, short = page.subplots(), cut(str(result.output), NAME)
+    factor, unit = small_unit(result.output.unit)
+    indices = spread(len(lines), LINES)
+    for i, ((label, points), colour) in enumerate(
+        zip(lines.items(), figures.shades(len(lines)), strict=True)
+    ):
+        y, se = np.nan_to_num([(point.u, point.se_u) for point in points]).T * factor
+        panel.errorbar(
+            [item.at[first] for item in points], y, 2 * se, fmt="o-", ms=4, color=colour,
+            label=label if i in indices else None,
+        )  # fmt: skip
+    panel.set(xlabel=first, ylabel=f"u of {short}, {unit}", ylim=(0, None))
+    if result.formula is not None:
+        panel.set_title(result.formula.form, fontweight="normal")
+    figures.title(page, f"Uncertainty of {short} over {first}")
+    if rest:
+        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), reverse=True)
+    return page

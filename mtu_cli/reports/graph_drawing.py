@@ -6,7 +6,6 @@ Layered drawing (Sugiyama, Tagawa & Toda, IEEE Trans. SMC 11 (1981) 109).
 
 from __future__ import annotations
 
-import math
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -20,7 +19,6 @@ from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.reports import figures
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UM
 
 Arcs = Sequence[tuple[int, int]]
 
@@ -47,10 +45,8 @@ LEVEL, FINE = 0.02, 100
 """Inches that an arc is level at its ends, and points of it that are drawn."""
 NOISE = 1e-9
 """Percent by which rounding may move a share."""
-SHOWN_SHARES, LEAST_SHARE = 3, 0.005
-"""Sources of variance that are named, each with at least this share."""
-SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendicularity"}
-"""Sources for people; others are places."""
+LEAST_SHARE = 0.005
+"""Of sources of variance that are named."""
 
 
 class Node(NamedTuple):
@@ -87,23 +83,6 @@ def share_percent(share: float, decimals: int = 1) -> str:
     """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
     text = f"{100 * share + NOISE:.{decimals}f}"
     return text.removeprefix("-") if not text.strip("-0.") else text
-
-
-def small_unit(unit: str) -> tuple[float, str]:
-    """The unit in which deviations of an output are shown, and how many of it make one."""
-    return {"mm": (1.0 / UM, "um"), "rad": (1e6, "urad"), "1": (1e6, "1e-6")}.get(unit, (1.0, unit))
-
-
-def shares_text(shares: Mapping[str, float]) -> str:
-    """ "probe 50, axis 49": percents of the sources of variance, the largest first."""
-    pairs = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
-    pairs.sort(key=lambda pair: -abs(pair[1]))
-    texts = [
-        f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
-        for name, share in pairs[:SHOWN_SHARES]
-        if math.isfinite(share)
-    ]
-    return ", ".join(texts) or "-"
 
 
 def net_of(

@@ -9,7 +9,6 @@ from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table, least_conforming
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.monte_carlo_figures import histograms
 from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.units import ARCSEC
 
@@ -82,4 +81,4 @@ def figure(result: OrthogonalityResult) -> figures.Figure:
         text = f"{item.id}: mean {mean}, u {significant(run.u[0] / ARCSEC)} arcsec"
         label = "angle minus 90 degrees, arcsec"
         trials.append((text, label, run.samples[0] / ARCSEC, ends, first))
-    return histograms("Angles between rows and columns", trials)
+    return figures.histograms("Angles between rows and columns", trials)
