@@ -94,20 +94,17 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         except InputError as fault:
             raise InputError([each.at(file=file) for each in fault.findings]) from None
 
-    def files() -> dict[Path, bytes]:
-        contents, table = dict[Path, bytes](), options.to_file
-        if table:
-            contents[table] = result.text.encode()
-        if table and not control.comment:
-            companion = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
-            values = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
-            notes = (control.says, frame.says, f"This table: {values}.")
-            contents[companion] = "".join(f"{note}\n" for note in notes).encode()
-        if options.to_nc:
-            program = moves_program(plan, feed, DWELL_S, axis.upper(), frame)
-            contents[options.to_nc] = program.encode()
-        return contents
-
+    files, table = dict[Path, bytes](), options.to_file
+    if table:
+        files[table] = result.text.encode()
+    if table and not control.comment:
+        companion = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
+        values = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
+        notes = (control.says, frame.says, f"This table: {values}.")
+        files[companion] = "".join(f"{note}\n" for note in notes).encode()
+    if options.to_nc:
+        program = moves_program(plan, feed, DWELL_S, axis.upper(), frame)
+        files[options.to_nc] = program.encode()
     return Outcome.reported(inputs, result, files=files)
 
 
@@ -261,4 +258,4 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
     if abs(readback - angle) > quantum / 2:
         raise error("not-writable", reason=f"read back it is {readback:.9g} rad, not {angle:.9g}")
     files = {options.to_file: text.encode()} if options.to_file else {}
-    return Outcome.of(skew_document(name, readback, quantum), files=lambda: files)
+    return Outcome.of(skew_document(name, readback, quantum), files=files)

@@ -61,7 +61,7 @@ class Outcome:
     warnings: Sequence[Finding] = ()
     gates: Mapping[str, Gate] = field(default_factory=dict)
     settings: Settings | None = None
-    files: Callable[[], Mapping[Path, bytes]] = dict
+    files: Mapping[Path, bytes] = field(default_factory=dict)
 
     @classmethod
     def of(cls, document: Document, **more: Any) -> Outcome:
@@ -156,8 +156,11 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     # Files get their names last: none is written where the output fails.
     with files_written(files):
         try:
-            if report is not None:
-                to_standard_output(report)
+            if report is not None and hasattr(sys.stdout, "buffer"):
+                sys.stdout.buffer.write(report)
+            elif report is not None:
+                # A notebook's, or `io.StringIO`, takes text.
+                sys.stdout.write(report.decode())
             elif not options.quiet:
                 show(result.outcome.tables(bool(options.detail)))
             sys.stdout.flush()
@@ -168,14 +171,6 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
             print(*lines, sep="\n", end="\n" if lines else "", file=sys.stderr, flush=True)
     if reasons:
         sys.exit(EXIT_GATE)
-
-
-def to_standard_output(report: bytes) -> None:
-    """To the letter, but where it is a notebook's or `io.StringIO`, which take text."""
-    if hasattr(sys.stdout, "buffer"):
-        sys.stdout.buffer.write(report)
-    else:
-        sys.stdout.write(report.decode())
 
 
 def show(tables: Iterable[object]) -> None:
@@ -243,7 +238,7 @@ def _gate_reasons(limits: Mapping[str, float], result: Result) -> dict[str, str]
 def _files(result: Result) -> dict[Path, bytes]:
     """All files of a run, by path."""
     options, outcome = result.inputs.options, result.outcome
-    files = dict(outcome.files())
+    files = dict(outcome.files)
     if options.out is not None:
         files[options.out] = report_bytes(result.report())
     if options.csv is not None:

@@ -37,27 +37,18 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
     file = raw_file(inputs.options.file, "file")
     inputs.sources.append(file.source)
     decimal = known_name("--decimal", "value", inputs.options.decimal, (".", ","))
-    results = _content(file, Ask(kind="inspect", decimal=decimal))
-    return Outcome(
-        results=lambda: results,
-        tables=lambda detail: _lines(results),
-        warnings=[file.finding("instrument-doubt", doubt=text) for text in results["doubts"]],
-    )
-
-
-def _content(file: RawFile, ask: Ask) -> dict[str, Any]:
     result, title, faults, gives = Imported(format="xml"), "XML", list[Finding](), list[str]()
     if is_contract(file.content):
         result, title = contract_rows(file), "columns of the contract"
     elif entry := identify(file):
         title, gives, result = entry.title, [entry.gives], Imported(format=entry.name)
         try:
-            result = read(file, ask)
+            result = read(file, Ask(kind="inspect", decimal=decimal))
         except InputError as fault:
             faults = list(fault.findings)
     elif file.xml is None:
         raise unknown(file)
-    return {
+    results = {
         "format": result.format,
         "title": title,
         "importable_as": gives,
@@ -70,6 +61,11 @@ def _content(file: RawFile, ask: Ask) -> dict[str, Any]:
         "faults": [each.message for each in faults],
         "elements": dict(Counter(_paths(file))),
     }
+    return Outcome(
+        results=lambda: results,
+        tables=lambda detail: _lines(results),
+        warnings=[file.finding("instrument-doubt", doubt=text) for text in result.doubts],
+    )
 
 
 def _paths(file: RawFile) -> Iterator[str]:
@@ -142,7 +138,7 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome(
         tables=lambda detail: [each.message for each in notes] if target else [text.rstrip("\n")],
         warnings=[each for each in findings if not (target and each in notes)],
-        files=lambda: {target: text.encode()} if target else {},
+        files={target: text.encode()} if target else {},
     )
 
 

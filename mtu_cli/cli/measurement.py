@@ -59,17 +59,16 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
     graph, of, target = _graph(inputs), inputs.options.of, inputs.options.to
     net = graph_drawing.net_of(graph, of, None if of is None else shares_by_place(graph, of))
 
-    def content() -> bytes:
-        match suffix := target.suffix.lower():
-            case ".dot":
-                return graph_drawing.dot(net).encode()
-            case ".mmd":
-                return graph_drawing.mermaid(net).encode()
-            case ".pl":
-                return graph_drawing.assertions(net, graph).encode()
-        return figure_bytes(graph_drawing.drawing(net), suffix)
-
-    return Outcome(files=lambda: {target: content()})
+    match suffix := target.suffix.lower():
+        case ".dot":
+            content = graph_drawing.dot(net).encode()
+        case ".mmd":
+            content = graph_drawing.mermaid(net).encode()
+        case ".pl":
+            content = graph_drawing.assertions(net, graph).encode()
+        case _:
+            content = figure_bytes(graph_drawing.drawing(net), suffix)
+    return Outcome(files={target: content})
 
 
 def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:

@@ -103,15 +103,15 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
     if len(pitches) > 2:
         count = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
-    files = options.file if isinstance(options.file, list | tuple) else [options.file]
-    xml = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in files]
+    paths = options.file
+    xml = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in paths]
     if any(xml):
         if not all(xml):
             names = "traces and a ballbar's stated features"
             raise error("exclusive", names=names, expected="a call for each")
-        return _ballbar(inputs, settings, files, planes)
+        return _ballbar(inputs, settings, paths, planes)
     radius = [] if options.radius is None else [options.radius]
-    traces = read_traces(files, direction=ways, feed=feeds, radius=radius, plane=planes)
+    traces = read_traces(paths, direction=ways, feed=feeds, radius=radius, plane=planes)
     inputs.sources.extend(traces.sources)
     target = options.write_components
     if target is not None and not traces.plane:
@@ -119,14 +119,12 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         raise error("missing-input", what="the plane", expected=expected)
     result: CircularResult = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None)
 
-    def components() -> dict[Path, bytes]:
-        if target is None:
-            return {}
+    files = {}
+    if target is not None:
         record = envelope("fit-components", inputs=traces.sources, settings=settings,
                           results=report.components(result), warnings=result.warnings)  # fmt: skip
-        return {target: report_bytes(record)}
-
-    return Outcome.reported(inputs, result, files=components)
+        files[target] = report_bytes(record)
+    return Outcome.reported(inputs, result, files=files)
 
 
 def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import partial
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -74,12 +73,12 @@ RESULTS = declare(
 def stated_document(contents: Mapping[str, Mapping[str, Any]], digits: int = 2) -> Document:
     """The features that ballbars state, of the `contents` by file."""
     rows = [
-        SimpleNamespace(file=file, feature=name, **each)
+        {"file": file, "feature": name, **each}
         for file, content in contents.items()
         for name, each in content["features"].items()
     ]
     planes = [*dict.fromkeys(content.get("test_plane") for content in contents.values())]
-    item = SimpleNamespace(rows=rows, plane=planes[0] if len(planes) == 1 else None)
+    plane = planes[0] if len(planes) == 1 else None
     fields = declare(
         """
         plane | | plane that all files state, first axis to second; null: none, or several
@@ -88,9 +87,10 @@ def stated_document(contents: Mapping[str, Mapping[str, Any]], digits: int = 2) 
         stated=STATED,
     )
     footer = "a, b: first and second axis of the plane; signs as the instrument has them"
-    verdict = f"{len(rows)} features stated by the instrument ({item.plane or 'plane not stated'})."
+    verdict = f"{len(rows)} features stated by the instrument ({plane or 'plane not stated'})."
+    source = fields, {"rows": rows, "plane": plane}
     tables = [Table("Stated by the instrument", STATED, rows, footer)]
-    return Document("Circular test", (fields, item), tables, None, verdict, digits)
+    return Document("Circular test", source, tables, None, verdict, digits)
 
 
 def document(result: CircularResult, digits: int = 2) -> Document:

@@ -46,7 +46,7 @@ WIDTH = 34
 FEW_ROWS, MOST_ROWS = 24, 80
 """More rows of intervals than the first stand closer together; of more than the second some."""
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -93,8 +93,7 @@ def house_style() -> Iterator[None]:
 
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        for name, value in _STYLE.items():
-            matplotlib.rcParams[name] = value  # type: ignore[index]  # any name of a setting
+        matplotlib.rcParams.update(_STYLE)
         yield
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -81,7 +81,7 @@ AXIS = (
 )
 
 
-def at_target(axis: Axis) -> list[SimpleNamespace]:
+def at_target(axis: Axis) -> list[dict[str, Any]]:
     """What ISO 230-2 has of every target (mm, of a rotary axis deg); B = forward - reverse."""
     count, mean, s = axis.of_runs
     B, R_way, R = reversal_and_repeatability(mean, s)
@@ -91,10 +91,9 @@ def at_target(axis: Axis) -> list[SimpleNamespace]:
     place, other = ("deg", "mm") if axis.rotary else ("mm", "deg")
     shared = {"name": axis.name, "size": axis.size, other: None}
     return [
-        SimpleNamespace(**shared, **{place: at},
-                        **{name: values[i].item() for name, values in columns.items()})
+        {**shared, place: at, **{name: values[i].item() for name, values in columns.items()}}
         for i, at in enumerate(axis.targets.tolist())
-    ]  # fmt: skip
+    ]
 
 
 RESULTS = declare(
@@ -217,7 +216,7 @@ def _figure_text(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
 
 def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
     rows = [
-        SimpleNamespace(number=i, at=at, phase=at / plan.pitch % 1.0)
+        {"number": i, "at": at, "phase": at / plan.pitch % 1.0}
         for i, at in enumerate(plan.targets.tolist(), 1)
     ]
     footer = "five runs in each direction; phase: share of the pitch beyond its last multiple"
