@@ -15,6 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Console
+
 from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
@@ -25,7 +27,7 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.reports.document import Document, envelope, page_bytes
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.tables import console, plain_text
+from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.monte_carlo import Progress
 
 if TYPE_CHECKING:
@@ -175,12 +177,11 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
 
 def show(tables: Iterable[object]) -> None:
     """Tables and lines on standard output: with colour on a terminal, plain text in a pipe."""
-    terminal = console() if sys.stdout.isatty() else None
     for table in tables:
         if isinstance(table, str):
             print(table)
-        elif terminal:
-            terminal.print(table, crop=False)
+        elif sys.stdout.isatty():
+            Console(highlight=False).print(table, crop=False)
         else:
             sys.stdout.write(plain_text([table]))
 
