@@ -8,18 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.iso230 import (
-    ISO,
-    MEANINGS,
-    STANDARDS,
-    VDI,
-    WAYS,
-    Axis,
-    Figure,
-    Iso230Result,
-    Plan,
-    reversal_and_repeatability,
-)
+from mtu_cli.analyses import iso230 as analysis
 from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
@@ -71,23 +60,23 @@ AXIS = (
     runs.reverse | reverse() | runs in reverse, at the target with most
     at_target[] | at_target()"""
     + AT_TARGET
-    + "".join(FIGURE.format(*each) for each in ISO.items())
+    + "".join(FIGURE.format(*each) for each in analysis.ISO.items())
     + "".join(
         f"\n    vdi3441.{name} | figures.{name}.value | {meaning} (VDI/DGQ 3441) | -, size=size"
-        for name, meaning in VDI.items()
+        for name, meaning in analysis.VDI.items()
     )
     + "\n    before. | earlier()"
-    + "".join(CHANGE.format(*each) for each in ISO.items())
+    + "".join(CHANGE.format(*each) for each in analysis.ISO.items())
 )
 
 
-def at_target(axis: Axis) -> list[dict[str, Any]]:
+def at_target(axis: analysis.Axis) -> list[dict[str, Any]]:
     """What ISO 230-2 has of every target (mm, of a rotary axis deg); B = forward - reverse."""
     count, mean, s = axis.of_runs
-    B, R_way, R = reversal_and_repeatability(mean, s)
+    B, R_way, R = analysis.reversal_and_repeatability(mean, s)
     columns = {"mean": mean.mean(axis=0), "B": B, "R": R}
     for name, pair in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
-        columns |= {f"{name}_{way}": values for way, values in zip(WAYS, pair, strict=True)}
+        columns |= {f"{name}_{way}": x for way, x in zip(analysis.WAYS, pair, strict=True)}
     place, other = ("deg", "mm") if axis.rotary else ("mm", "deg")
     shared = {"name": axis.name, "size": axis.size, other: None}
     return [
@@ -125,7 +114,7 @@ RESULTS = declare(
 )
 
 
-def _scale(figure: Figure) -> float:
+def _scale(figure: analysis.Figure) -> float:
     """The uncertainty that a figure is rounded to."""
     return figure.u if figure.u > 0 else figure.u_sampling
 
@@ -147,7 +136,7 @@ ROW = declare(
     meaning | meaning(1.name) | what it is | -
     """,
     scale=_scale,
-    meaning=MEANINGS.get,
+    meaning=analysis.MEANINGS.get,
 )
 TARGETS = [*declare("- | name | | axis, text, names"), *declare(AT_TARGET)]
 PLAN_ROW = declare("""
@@ -157,11 +146,11 @@ PLAN_ROW = declare("""
 """)
 
 
-def document(result: Iso230Result, digits: int = 2) -> Document:
+def document(result: analysis.Iso230Result, digits: int = 2) -> Document:
     """One row a figure of the standard; targets below."""
     if result.plan is not None:
         return _plan_document(result, result.plan, digits)
-    axes, names = list(result.axes.values()), STANDARDS[result.standard]
+    axes, names = list(result.axes.values()), analysis.STANDARDS[result.standard]
     pairs = [(axis, axis.figures[name]) for axis in axes for name in names]
     rows = [(axis, each) for axis, each in pairs if not math.isnan(each.value)]
     footer = "u_sampling: of a repeated test"
@@ -170,11 +159,11 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     if result.decisions:
         footer += "; limits by ISO 14253-1"
     title = "Positioning, ISO 230-2"
-    if names is VDI:
+    if names is analysis.VDI:
         title = "Positioning, VDI/DGQ 3441"
         footer = f"six standard deviations: not comparable with ISO 230-2; {footer}"
     one_way = [axis.name for axis in axes if math.isnan(axis.figures["E"].value)]
-    main = {*MAIN, *VDI}
+    main = {*MAIN, *analysis.VDI}
     selection = [(axis, x) for axis, x in rows if x.name in main or axis.name in one_way or x.limit]
     targets = [row for axis in axes for row in at_target(axis)]
     of = f"deviations in {listed(dict.fromkeys(axis.unit for axis in axes))}"
@@ -200,7 +189,7 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     return Document("Positioning", (RESULTS, result), tables, figure_, verdict, digits)
 
 
-def _figure_text(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
+def _figure_text(axis: analysis.Axis, digits: int, standard: str = "iso230-2") -> str:
     """The main figures that exist, for one direction those of it, with their names."""
     names = ["P", "Pa", "Ps_max", "U_max"] if standard == "vdi3441" else [*MAIN[:5]]
     if standard != "vdi3441" and math.isnan(axis.figures["E"].value):
@@ -214,7 +203,7 @@ def _figure_text(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
     )
 
 
-def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
+def _plan_document(result: analysis.Iso230Result, plan: analysis.Plan, digits: int) -> Document:
     rows = [
         {"number": i, "at": at, "phase": at / plan.pitch % 1.0}
         for i, at in enumerate(plan.targets.tolist(), 1)
@@ -229,7 +218,7 @@ def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
 
 
 @figures.styled
-def figure(result: Iso230Result) -> figures.Figure:
+def figure(result: analysis.Iso230Result) -> figures.Figure:
     """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
     limits as long as the range that their figure may have.
     """
@@ -249,7 +238,7 @@ def figure(result: Iso230Result) -> figures.Figure:
                 panel.plot(at, run, ".", color=colour, alpha=0.35, ms=3.5)
             panel.errorbar(
                 axis.targets, means[i], yerr=2 * np.nan_to_num(s[i]), color=colour, marker=marker,
-                ms=5, capsize=3, elinewidth=1.0, label=f"mean {WAYS[i]}, 2 s",
+                ms=5, capsize=3, elinewidth=1.0, label=f"mean {analysis.WAYS[i]}, 2 s",
             )  # fmt: skip
         mean = means.mean(axis=0)
         if np.isfinite(mean).any():
