@@ -17,7 +17,6 @@ from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.compare import CompareResult
-    from mtu_cli.analyses.fit_components import FitResult
 
 
 def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
@@ -29,20 +28,16 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
         raise inputs.missing("--lbb FILE or --laser FILE", "lbb", "laser")
     result = fitted(inputs, machine)
     warnings = [*machine_warnings(machine, result.estimates), *fit_warnings(result.fit)]
-    gates = {"drift": lambda _: _drift_reason(result)}
-    return Outcome.reported(inputs, result, warnings, gates=gates)
-
-
-def _drift_reason(result: FitResult) -> str | None:
-    """Passes that drift in one direction, or differ by more than repeatability."""
-    components = [
+    # Passes that drift in one direction, or differ by more than repeatability.
+    drifts = [
         f"{name} ({text})"
         for test, text in (("drift", "pass to pass"), ("trend", "trend"))
         for name, component in result.components.items()
         for instrument in component.instruments
         if test in instrument.tests and instrument.tests[test].significant
     ]
-    return f"drift in {', '.join(dict.fromkeys(components))}" if components else None
+    reason = f"drift in {', '.join(dict.fromkeys(drifts))}" if drifts else None
+    return Outcome.reported(inputs, result, warnings, gates={"drift": lambda _: reason})
 
 
 def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
