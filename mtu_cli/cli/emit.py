@@ -24,15 +24,14 @@ from mtu_cli.files.headers import is_made, measured_in, number
 from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, envelope, page_bytes
 from mtu_cli.reports.fields import csv_text
-from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.monte_carlo import Progress
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
 
 STANDARD_OUTPUT = Path("-")
 MOST_ALIKE = 20
@@ -59,7 +58,7 @@ class Outcome:
     results: Callable[[], dict[str, Any]] = dict
     tables: Callable[[bool], Iterable[object]] = lambda detail: ()
     rows: Callable[[], tuple[Sequence[str], Iterable[Sequence[object]]]] = lambda: ((), ())
-    figure: Callable[[], Figure] | None = None
+    figure: Callable[[], figures.Figure] | None = None
     warnings: Sequence[Finding] = ()
     gates: Mapping[str, Gate] = field(default_factory=dict)
     settings: Settings | None = None
@@ -247,7 +246,7 @@ def _files(result: Result) -> dict[Path, bytes]:
     if options.plot is not None:
         if outcome.figure is None:
             raise error("not-applicable", reason="this result is not drawn", path="--plot")
-        files[options.plot] = figure_bytes(outcome.figure(), options.plot.suffix)
+        files[options.plot] = figures.figure_bytes(outcome.figure(), options.plot.suffix)
     if options.report is not None:
         files[options.report] = _page(result)
     return files

@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from mtu_cli.analyses.fit_components import FitResult, fit_result
 from mtu_cli.cli.load import Inputs, check_cell
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_from
@@ -17,9 +18,10 @@ from mtu_cli.model import fit as fitting
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates, ThermalEstimate
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
+from mtu_cli.reports import fit_components as reporting
+from mtu_cli.stats.threads import one_blas_thread
 
 if TYPE_CHECKING:
-    from mtu_cli.analyses.fit_components import FitResult
     from mtu_cli.analyses.thermal_fit import ThermalFit
 
 REFERENCE_WITHOUT_MACHINE = 20.0
@@ -79,8 +81,6 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> Modelled:
 
 def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
     """The components of a machine, by the readings of the call where it has any."""
-    from mtu_cli.analyses.fit_components import fit_result
-
     fit, k = fitting.MachineFit(components={}, joint=()), inputs.settings.coverage_factor
     if inputs.readings is not None:
         fit = fitting.fit_machine(machine, inputs.readings)
@@ -91,10 +91,8 @@ def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
 
 def _as_reported(machine: LoadedMachine, fit: FitResult) -> Estimates:
     """The estimates as a report holds them: readings and their report then give the same bits."""
-    from mtu_cli.reports.fit_components import document
-
-    results = {"schema": "mtu/fit-components/1", "results": document(fit).record()}
-    content = report_bytes(results)
+    record = {"schema": "mtu/fit-components/1", "results": reporting.document(fit).record()}
+    content = report_bytes(record)
     return fitting.estimates_from_report(machine, report_from(machine.source, json.loads(content)))
 
 
@@ -116,7 +114,6 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
 def fitted_drift(inputs: Inputs, method: str) -> ThermalFit:
     """The thermal models of the drift readings."""
     from mtu_cli.analyses.thermal_fit import thermal_fit
-    from mtu_cli.stats.threads import one_blas_thread
 
     components, reference, readings = None, REFERENCE_WITHOUT_MACHINE, inputs.drift
     if inputs.files("machine"):

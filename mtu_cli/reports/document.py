@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from importlib import import_module
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.text import Text
 
@@ -19,13 +19,10 @@ from mtu_cli import __version__
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, error, listed
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports import figures
 from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, plain, record
-from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import MISSING, chance
 from mtu_cli.reports.tables import Sheet
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
@@ -98,7 +95,7 @@ class Document:
     title: str
     results: tuple[Fields, Any]
     tables: Sequence[Table]
-    figure: Callable[[], Figure] | None
+    figure: Callable[[], figures.Figure] | None
     verdict: str = ""
     digits: int = 2
     extra: Sequence[tuple[Fields, Any]] = ()
@@ -219,7 +216,7 @@ def help_text(command: str) -> str:
 
 def page_bytes(
     suffix: str,
-    figure: Figure | None,
+    figure: figures.Figure | None,
     blocks: Iterable[Any],
     warnings: Iterable[Finding],
     settings: Mapping[str, Any],
@@ -238,7 +235,7 @@ def page_bytes(
     svg = ""
     if figure is not None:
         # The picture without the head of an SVG file; nothing in it leaves the page.
-        svg = figure_bytes(figure, ".svg").decode()
+        svg = figures.figure_bytes(figure, ".svg").decode()
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     page = environment.from_string(source).render(
         blocks=[each.plain if isinstance(each, Text) else each for each in blocks],
