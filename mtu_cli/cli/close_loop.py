@@ -61,7 +61,7 @@ def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
             "found": lambda _: reason if result.verdict != "none" else None,
             "unexplained": lambda _: reason if result.verdict == "unexplained" else None,
         },
-        files=files,
+        files=lambda: files,
     )
 
 

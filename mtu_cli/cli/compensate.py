@@ -96,7 +96,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     if options.to_nc:
         program = analysis.moves_program(plan, feed, DWELL_S, axis.upper(), frame)
         files[options.to_nc] = program.encode()
-    return Outcome.reported(inputs, result, files=files)
+    return Outcome.reported(inputs, result, files=lambda: files)
 
 
 def _names(inputs: Inputs) -> list[str]:
@@ -251,4 +251,4 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
     if abs(readback - angle) > quantum / 2:
         raise error("not-writable", reason=f"read back it is {readback:.9g} rad, not {angle:.9g}")
     files = {options.to_file: text.encode()} if options.to_file else {}
-    return Outcome.of(skew_document(name, readback, quantum), files=files)
+    return Outcome.of(skew_document(name, readback, quantum), files=lambda: files)

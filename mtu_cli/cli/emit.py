@@ -62,7 +62,7 @@ class Outcome:
     warnings: Sequence[Finding] = ()
     gates: Mapping[str, Gate] = field(default_factory=dict)
     settings: Settings | None = None
-    files: Mapping[Path, bytes] = field(default_factory=dict)
+    files: Callable[[], Mapping[Path, bytes]] = dict
 
     @classmethod
     def of(cls, document: Document, **more: Any) -> Outcome:
@@ -238,7 +238,7 @@ def _gate_reasons(limits: Mapping[str, float], result: Result) -> dict[str, str]
 def _files(result: Result) -> dict[Path, bytes]:
     """All files of a run, by path."""
     options, outcome = result.inputs.options, result.outcome
-    files = dict(outcome.files)
+    files = dict(outcome.files())
     if options.out is not None:
         files[options.out] = report_bytes(result.report())
     if options.csv is not None:

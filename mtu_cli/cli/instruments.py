@@ -131,7 +131,7 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome(
         tables=lambda detail: [each.message for each in notes] if target else [text.rstrip("\n")],
         warnings=[each for each in findings if not (target and each in notes)],
-        files={target: text.encode()} if target else {},
+        files=lambda: {target: text.encode()} if target else {},
     )
 
 

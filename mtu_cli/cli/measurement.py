@@ -68,7 +68,7 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
             content = graph_drawing.assertions(net, graph).encode()
         case _:
             content = figure_bytes(graph_drawing.drawing(net), suffix)
-    return Outcome(files={target: content})
+    return Outcome(files=lambda: {target: content})
 
 
 def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:

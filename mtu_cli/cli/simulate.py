@@ -60,7 +60,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
         ],
         rows=lambda: (tuple(first.columns), zip(*first.values().values(), strict=True)),
         warnings=warnings,
-        files={
+        files=lambda: {
             path: tables[name].text(_heading(options, settings.seed, name)).encode()
             for name, path in paths.items()
         },

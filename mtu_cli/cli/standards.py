@@ -116,7 +116,7 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         record = envelope("fit-components", inputs=traces.sources, settings=settings,
                           results=report.components(result), warnings=result.warnings)  # fmt: skip
         files[target] = report_bytes(record)
-    return Outcome.reported(inputs, result, files=files)
+    return Outcome.reported(inputs, result, files=lambda: files)
 
 
 def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:
