@@ -156,9 +156,8 @@ def _call_of(name: str) -> Callable[..., None]:
             check_bounds(options_of(command.options), values)
             execute(options, analysis_of(name))
 
-    sig = signature(command.options, command.gates)
-    call.__signature__ = sig  # type: ignore[attr-defined]  # read by typer
-    call.__annotations__ = {key: item.annotation for key, item in sig.parameters.items()}
+    # Read by typer.
+    call.__signature__ = signature(command.options, command.gates)  # type: ignore[attr-defined]
     return call
 
 
