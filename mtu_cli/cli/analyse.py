@@ -10,44 +10,34 @@ from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.emit import Gate, Outcome
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import fitted_drift, modelled, one_direction
+from mtu_cli.cli.modelled import fitted, fitted_drift, modelled, one_direction
 from mtu_cli.cli.values import known_name
 from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.compare import CompareResult
-    from mtu_cli.analyses.fit_components import FitResult
 
 
 def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     """Readings to the components of a machine."""
-    from mtu_cli.analyses.fit_components import fit_result
-    from mtu_cli.model.fit import estimates_from_fit, fit_machine, fit_warnings, machine_warnings
+    from mtu_cli.model.fit import fit_warnings, machine_warnings
 
-    machine, readings = inputs.machine, inputs.readings
-    if readings is None:
+    machine = inputs.machine
+    if inputs.readings is None:
         raise inputs.missing("--lbb FILE or --laser FILE", "lbb", "laser")
-    fit = fit_machine(machine, readings)
-    estimates = estimates_from_fit(machine, fit)
-    says = {name: item.says for name, item in machine.machine.components.items() if item.says}
-    k = settings.coverage_factor
-    result = fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
-    warnings = [*machine_warnings(machine, estimates), *fit_warnings(fit)]
-    gates = {"drift": lambda _: _drift_reason(result)}
-    return Outcome.reported(inputs, result, warnings, gates=gates)
-
-
-def _drift_reason(result: FitResult) -> str | None:
-    """Passes that drift in one direction, or differ by more than repeatability."""
-    components = [
+    result = fitted(inputs, machine)
+    warnings = [*machine_warnings(machine, result.estimates), *fit_warnings(result.fit)]
+    # Passes that drift in one direction, or differ by more than repeatability.
+    drifts = [
         f"{name} ({text})"
         for test, text in (("drift", "pass to pass"), ("trend", "trend"))
         for name, component in result.components.items()
         for instrument in component.instruments
         if test in instrument.tests and instrument.tests[test].significant
     ]
-    return f"drift in {', '.join(dict.fromkeys(components))}" if components else None
+    reason = f"drift in {', '.join(dict.fromkeys(drifts))}" if drifts else None
+    return Outcome.reported(inputs, result, warnings, gates={"drift": lambda _: reason})
 
 
 def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
@@ -55,7 +45,7 @@ def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses.thermal_fit import METHODS
 
     method = known_name("--model", "model", inputs.options.model, METHODS)
-    fit = fitted_drift(inputs, inputs.drift, method)
+    fit = fitted_drift(inputs, method)
     return Outcome.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
 
 

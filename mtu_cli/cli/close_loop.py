@@ -12,10 +12,9 @@ import numpy as np
 from mtu_cli import __version__
 from mtu_cli.analyses import close_loop as loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.cli.emit import Outcome, written_files
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import drift_estimates, modelled
+from mtu_cli.cli.modelled import drift_estimates, fitted, modelled
 from mtu_cli.files.extend_machine import ExtendedMachine, extended_machine
 from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import Finding, finding, listed
@@ -24,13 +23,7 @@ from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, searched_warnings
 from mtu_cli.model.estimates import EffectEstimates
-from mtu_cli.model.fit import (
-    MachineFit,
-    estimates_from_fit,
-    estimates_from_report,
-    fit_machine,
-    machine_warnings,
-)
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, machine_warnings
 from mtu_cli.model.reading_residuals import reading_tables
 from mtu_cli.model.residuals import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings
@@ -237,12 +230,7 @@ def _components(
     if fit_report is not None:
         results = dict(fit_report.document["results"])
     else:
-        readings = inputs.readings
-        none = MachineFit(components={}, joint=())
-        fit = none if readings is None else fit_machine(machine, readings)
-        says = {name: x.says for name, x in machine.machine.components.items() if x.says}
-        estimates = estimates_from_fit(machine, fit)
-        result = fit_result(machine.machine.name, fit, estimates, says=says)
+        result = fitted(inputs, machine)
         results, warnings = fit_components.document(result).record(), result.warnings
     effects = joint_effects(machine, earlier, extended.parameters, covariance)
     results.pop("effects", None)

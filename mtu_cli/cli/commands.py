@@ -133,16 +133,11 @@ COMMANDS = declare(f"""
 """By their names, as a user types them."""
 
 
-def function_name(name: str) -> str:
-    """The name of a command in Python."""
-    result = name.replace("-", "_").replace(" ", "_")
-    return f"{result}_" if iskeyword(result) else result
-
-
 def analysis_of(name: str) -> Callable[..., Any]:
     """The function of a command in its chapter, imported now."""
     module = import_module(f"mtu_cli.{COMMANDS[name].chapter}")
-    result: Callable[..., Any] = getattr(module, function_name(name))
+    name = name.replace("-", "_").replace(" ", "_")
+    result: Callable[..., Any] = getattr(module, f"{name}_" if iskeyword(name) else name)
     return result
 
 
@@ -161,9 +156,8 @@ def _call_of(name: str) -> Callable[..., None]:
             check_bounds(options_of(command.options), values)
             execute(options, analysis_of(name))
 
-    sig = signature(command.options, command.gates)
-    call.__signature__ = sig  # type: ignore[attr-defined]  # read by typer
-    call.__annotations__ = {key: item.annotation for key, item in sig.parameters.items()}
+    # Read by typer.
+    call.__signature__ = signature(command.options, command.gates)  # type: ignore[attr-defined]
     return call
 
 

@@ -8,18 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mtu_cli.analyses.compensate import (
-    AxisErrors,
-    CompensateResult,
-    Frame,
-    TableRequest,
-    axis_errors,
-    moves_program,
-    verify,
-)
-from mtu_cli.analyses.compensate import (
-    compensate as analysis,
-)
+from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses.iso230 import places_read
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
@@ -53,14 +42,14 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     control = CONTROLLERS.get(options.for_)
     defaults = DEFAULTS if control is None else control.parameters
     overrides = assignments(
-        "--set", options.set, "=", "NAME=VALUE", "axis=X", lambda _, x: x, defaults, "parameter"
+        "--set", options.set, "NAME=VALUE", "axis=X", lambda _, x: x, defaults, "parameter"
     )
     parameters = {**defaults, **overrides}
     if control is None:
         return _skew(inputs, parameters)
     if options.read:
         table = _read(inputs, options.read, control, parameters)
-        result = CompensateResult(
+        result = analysis.CompensateResult(
             component=options.read.name, controller=control, asked=table, held=table,
             direction="both" if table.both else "mean",
         )  # fmt: skip
@@ -68,9 +57,11 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     known_name("--direction", "direction", options.direction, DIRECTIONS)
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
-    frame = Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))
-    request = TableRequest(direction=options.direction, positions=_positions(inputs),
-                           reference=options.reference, frame=frame)  # fmt: skip
+    frame = analysis.Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))
+    request = analysis.TableRequest(
+        direction=options.direction, positions=_positions(inputs), reference=options.reference,
+        frame=frame,
+    )  # fmt: skip
     names = _names(inputs)
     errors, axis, first = _errors(inputs, names, request, overrides.get("axis", ROTARY).lower())
     _name_axis(inputs, names[0], axis, first, control, parameters, overrides)
@@ -78,7 +69,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         request = replace(request, current=_read(inputs, options.current, control, parameters))
     # Type 0 where --set names none: a file does not show its type.
     parameters["type"] = parameters.get("type") or "0"
-    plan = result = analysis(
+    plan = result = analysis.compensate(
         errors, control, parameters, request, component=" + ".join(names),
         seed=settings.seed, trials=settings.trials,
     )  # fmt: skip
@@ -90,25 +81,22 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             raise error("not-applicable", reason=reason, file=file)
         columns = _columns(readings, _rows(readings, names[0]), axis)
         try:
-            result = verify(result, *columns)
+            result = analysis.verify(result, *columns)
         except InputError as fault:
             raise InputError([each.at(file=file) for each in fault.findings]) from None
 
-    def files() -> dict[Path, bytes]:
-        contents, table = dict[Path, bytes](), options.to_file
-        if table:
-            contents[table] = result.text.encode()
-        if table and not control.comment:
-            companion = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
-            values = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
-            notes = (control.says, frame.says, f"This table: {values}.")
-            contents[companion] = "".join(f"{note}\n" for note in notes).encode()
-        if options.to_nc:
-            program = moves_program(plan, feed, DWELL_S, axis.upper(), frame)
-            contents[options.to_nc] = program.encode()
-        return contents
-
-    return Outcome.reported(inputs, result, files=files)
+    files, table = dict[Path, bytes](), options.to_file
+    if table:
+        files[table] = result.text.encode()
+    if table and not control.comment:
+        companion = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
+        values = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
+        notes = (control.says, frame.says, f"This table: {values}.")
+        files[companion] = "".join(f"{note}\n" for note in notes).encode()
+    if options.to_nc:
+        program = analysis.moves_program(plan, feed, DWELL_S, axis.upper(), frame)
+        files[options.to_nc] = program.encode()
+    return Outcome.reported(inputs, result, files=lambda: files)
 
 
 def _names(inputs: Inputs) -> list[str]:
@@ -160,8 +148,8 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
 
 
 def _errors(
-    inputs: Inputs, names: Sequence[str], request: TableRequest, rotary: str
-) -> tuple[AxisErrors, str, Stated | None]:
+    inputs: Inputs, names: Sequence[str], request: analysis.TableRequest, rotary: str
+) -> tuple[analysis.AxisErrors, str, Stated | None]:
     """Errors by readings of the first name, else of the machine, plus the others; the axis, and
     the first component as stated (None of a rotary axis).
     """
@@ -173,13 +161,13 @@ def _errors(
             raise error("not-applicable", reason=reason)
         angle = component is not None and UNITS[component.unit].dimension != LENGTH
         columns = _columns(readings, rows, rotary)
-        return axis_errors(*columns, angle=angle, rotary=True), rotary, None
+        return analysis.axis_errors(*columns, angle=angle, rotary=True), rotary, None
     rest = [stated(machine, name) for name in names]
     first, axis = rest[0], rest[0].axis
     if any(each.axis != axis for each in rest):
         raise error("not-applicable", reason=f"{', '.join(names)} are not along one axis")
     if readings and len(rows):
-        errors = axis_errors(*_columns(readings, rows, axis), angle=first.angle)
+        errors = analysis.axis_errors(*_columns(readings, rows, axis), angle=first.angle)
         rest = rest[1:]
     else:
         if request.places is None:
@@ -187,8 +175,10 @@ def _errors(
         else:
             at = request.frame.of_machine(request.places)
         none = np.zeros((2, len(at)))
-        errors = AxisErrors(targets=at, means=none, expected=none, angle=first.angle, read=False,
-                            known=np.zeros((none.size,) * 2))  # fmt: skip
+        errors = analysis.AxisErrors(
+            targets=at, means=none, expected=none, angle=first.angle, read=False,
+            known=np.zeros((none.size,) * 2),
+        )  # fmt: skip
     for each in rest:
         errors = errors.plus(each.errors_at(machine, errors.targets))
     return errors, axis, first

@@ -15,20 +15,23 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Console
+
 from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.headers import is_made, measured_in, number
-from mtu_cli.files.source import files_written, given_path, same, target_faults
+from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports import figures
+from mtu_cli.reports.document import Document, envelope, page_bytes
+from mtu_cli.reports.fields import csv_text
+from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.monte_carlo import Progress
 
 if TYPE_CHECKING:
     import pandas as pd
-    from matplotlib.figure import Figure
-
-    from mtu_cli.reports.document import Document
 
 STANDARD_OUTPUT = Path("-")
 MOST_ALIKE = 20
@@ -55,7 +58,7 @@ class Outcome:
     results: Callable[[], dict[str, Any]] = dict
     tables: Callable[[bool], Iterable[object]] = lambda detail: ()
     rows: Callable[[], tuple[Sequence[str], Iterable[Sequence[object]]]] = lambda: ((), ())
-    figure: Callable[[], Figure] | None = None
+    figure: Callable[[], figures.Figure] | None = None
     warnings: Sequence[Finding] = ()
     gates: Mapping[str, Gate] = field(default_factory=dict)
     settings: Settings | None = None
@@ -109,8 +112,6 @@ class Result:
 
     def report(self) -> dict[str, Any]:
         """The whole report, as `-o` writes it."""
-        from mtu_cli.reports.document import envelope
-
         return envelope(
             self.command,
             inputs=self.inputs.sources,
@@ -156,8 +157,11 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     # Files get their names last: none is written where the output fails.
     with files_written(files):
         try:
-            if report is not None:
-                to_standard_output(report)
+            if report is not None and hasattr(sys.stdout, "buffer"):
+                sys.stdout.buffer.write(report)
+            elif report is not None:
+                # A notebook's, or `io.StringIO`, takes text.
+                sys.stdout.write(report.decode())
             elif not options.quiet:
                 show(result.outcome.tables(bool(options.detail)))
             sys.stdout.flush()
@@ -170,24 +174,13 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
         sys.exit(EXIT_GATE)
 
 
-def to_standard_output(report: bytes) -> None:
-    """To the letter, but where it is a notebook's or `io.StringIO`, which take text."""
-    if hasattr(sys.stdout, "buffer"):
-        sys.stdout.buffer.write(report)
-    else:
-        sys.stdout.write(report.decode())
-
-
 def show(tables: Iterable[object]) -> None:
     """Tables and lines on standard output: with colour on a terminal, plain text in a pipe."""
-    from mtu_cli.reports.tables import console, plain_text
-
-    terminal = console() if sys.stdout.isatty() else None
     for table in tables:
         if isinstance(table, str):
             print(table)
-        elif terminal:
-            terminal.print(table, crop=False)
+        elif sys.stdout.isatty():
+            Console(highlight=False).print(table, crop=False)
         else:
             sys.stdout.write(plain_text([table]))
 
@@ -247,19 +240,13 @@ def _files(result: Result) -> dict[Path, bytes]:
     options, outcome = result.inputs.options, result.outcome
     files = dict(outcome.files())
     if options.out is not None:
-        from mtu_cli.files.source import report_bytes
-
         files[options.out] = report_bytes(result.report())
     if options.csv is not None:
-        from mtu_cli.reports.fields import csv_text
-
         files[options.csv] = csv_text(*outcome.rows()).encode()
     if options.plot is not None:
-        from mtu_cli.reports.figures import figure_bytes
-
         if outcome.figure is None:
             raise error("not-applicable", reason="this result is not drawn", path="--plot")
-        files[options.plot] = figure_bytes(outcome.figure(), options.plot.suffix)
+        files[options.plot] = figures.figure_bytes(outcome.figure(), options.plot.suffix)
     if options.report is not None:
         files[options.report] = _page(result)
     return files
@@ -267,27 +254,25 @@ def _files(result: Result) -> dict[Path, bytes]:
 
 def _page(result: Result) -> bytes:
     """The report to hand on; without a picture where the result cannot be drawn."""
-    from mtu_cli.reports.document import report_bytes
-
     inputs, options = result.inputs, result.inputs.options
     figure = None
     with suppress(InputError):
         figure = result.outcome.figure and result.outcome.figure()
     # A command that has no such option does not use it.
-    names = [name for option, name in USED.items() if option in options.values]
-    settings = {name.replace("_", " "): getattr(result.settings, name) for name in names}
+    used = [name for option, name in USED.items() if option in options.values]
+    settings = {name.replace("_", " "): getattr(result.settings, name) for name in used}
     settings |= {"trials": "adaptive"} if settings.get("trials", 0) is None else {}
-    subject, *rest = inputs.names
+    names = inputs.names
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
-    return report_bytes(
+    return page_bytes(
         options.report.suffix.lower(),
         figure,
         result.outcome.tables(bool(options.detail)),
         result.warnings,
         settings | {f"{name} =": value for name, value in inputs.at.items()},
-        title=f"{command}: {subject}",
-        subject=[*rest, *synthetic],
+        title=": ".join([command, *names[:1]]),
+        subject=[*names[1:], *synthetic],
         inputs=inputs.sources,
         date=options.date,
     )

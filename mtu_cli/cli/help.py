@@ -36,7 +36,9 @@ def help(options: Options) -> None:
     codes = {*CATALOGUE, *paragraphs()}
     name = " ".join(options.topic or ())
     if not name:
-        show(overview())
+        titles = {each: topic(each).partition("\n")[0].removeprefix("# ") for each in ORDER}
+        lines = [f"- `mtu help {each}` — {title}" for each, title in titles.items()]
+        show("\n".join(["# Help", "", *lines, "- `mtu help CODE` — a warning or error", ""]))
     elif name in ORDER:
         show(topic(name))
     elif name in codes:
@@ -55,13 +57,6 @@ def help(options: Options) -> None:
 def topic(name: str) -> str:
     """The Markdown of a topic."""
     return (files("mtu_cli") / "help" / f"{name}.md").read_text("utf-8")
-
-
-def overview() -> str:
-    """The topics, each with its title."""
-    titles = {name: topic(name).partition("\n")[0].removeprefix("# ") for name in ORDER}
-    lines = [f"- `mtu help {name}` — {title}" for name, title in titles.items()]
-    return "\n".join(["# Help", "", *lines, "- `mtu help CODE` — a warning or error", ""])
 
 
 def paragraphs() -> dict[str, str]:

@@ -15,15 +15,8 @@ from mtu_cli.files.csv_file import Converted, read_tables
 from mtu_cli.files.headers import CellFaults
 from mtu_cli.files.source import same
 from mtu_cli.findings import Finding, InputError, error
+from mtu_cli.formats import instruments
 from mtu_cli.formats.base import Ask, Imported, RawFile, local, raw_file
-from mtu_cli.formats.instruments import (
-    SPECS,
-    contract_rows,
-    identify,
-    is_contract,
-    read,
-    unknown,
-)
 from mtu_cli.formats.wide import DIRECTIONS
 from mtu_cli.model.settings import Settings
 from mtu_cli.units import UNITS
@@ -37,27 +30,18 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
     file = raw_file(inputs.options.file, "file")
     inputs.sources.append(file.source)
     decimal = known_name("--decimal", "value", inputs.options.decimal, (".", ","))
-    results = _content(file, Ask(kind="inspect", decimal=decimal))
-    return Outcome(
-        results=lambda: results,
-        tables=lambda detail: _lines(results),
-        warnings=[file.finding("instrument-doubt", doubt=text) for text in results["doubts"]],
-    )
-
-
-def _content(file: RawFile, ask: Ask) -> dict[str, Any]:
     result, title, faults, gives = Imported(format="xml"), "XML", list[Finding](), list[str]()
-    if is_contract(file.content):
-        result, title = contract_rows(file), "columns of the contract"
-    elif entry := identify(file):
+    if instruments.is_contract(file.content):
+        result, title = instruments.contract_rows(file), "columns of the contract"
+    elif entry := instruments.identify(file):
         title, gives, result = entry.title, [entry.gives], Imported(format=entry.name)
         try:
-            result = read(file, ask)
+            result = instruments.read(file, Ask(kind="inspect", decimal=decimal))
         except InputError as fault:
             faults = list(fault.findings)
     elif file.xml is None:
-        raise unknown(file)
-    return {
+        raise instruments.unknown(file)
+    results = {
         "format": result.format,
         "title": title,
         "importable_as": gives,
@@ -70,6 +54,11 @@ def _content(file: RawFile, ask: Ask) -> dict[str, Any]:
         "faults": [each.message for each in faults],
         "elements": dict(Counter(_paths(file))),
     }
+    return Outcome(
+        results=lambda: results,
+        tables=lambda detail: _lines(results),
+        warnings=[file.finding("instrument-doubt", doubt=text) for text in result.doubts],
+    )
 
 
 def _paths(file: RawFile) -> Iterator[str]:
@@ -121,10 +110,10 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
             if target and same(target, file.source.path):
                 raise file.error("not-overwritten", reason="it is an input")
             name = named_file(path)[0] or options.component
-            if is_contract(file.content) and not options.map:
+            if instruments.is_contract(file.content) and not options.map:
                 raise file.error("other-table", kind="the contract's CSV already")
-            table = read(file, Ask(kind=kind, component=name, machine_units=units,
-                                   profile=options.map, **values))  # fmt: skip
+            ask = Ask(kind=kind, component=name, machine_units=units, profile=options.map, **values)
+            table = instruments.read(file, ask)
         except InputError as fault:
             for each in fault.findings:
                 faults.add(each)
@@ -137,7 +126,7 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
     if files:
         _check(inputs, files, tables, joined, faults)
     faults.raise_if_any()
-    text = joined.csv(list(SPECS[kind].columns))
+    text = joined.csv(list(instruments.SPECS[kind].columns))
     notes = [each for each in findings if each.severity == "note"]
     return Outcome(
         tables=lambda detail: [each.message for each in notes] if target else [text.rstrip("\n")],
@@ -164,7 +153,7 @@ def _check(
     """Adds to `faults`, by the rows of the files, what in their `joined` tables is none of the
     contract's CSV.
     """
-    spec, parts, first = SPECS[joined.kind], list[Converted](), 0
+    spec, parts, first = instruments.SPECS[joined.kind], list[Converted](), 0
     if inputs.options.machine and joined.kind != "points":
         spec = spec.with_texts("component", inputs.machine.machine.components)
     for table in tables:

@@ -282,8 +282,8 @@ class Inputs:
         Raises InputError for every option that is out of range, at once.
         """
         options = {name: OPTION_OF.get(name, name) for name in StudySettings.model_fields}
-        overrides = {name: self.options.values.get(option) for name, option in options.items()}
-        overrides = {name: value for name, value in overrides.items() if value is not None}
+        given = self.options.values
+        overrides = {x: given[name] for x, name in options.items() if given.get(name) is not None}
         values = self.study.study.settings.model_dump() if self.study else {}
         try:
             return StudySettings.model_validate({**values, **overrides})
@@ -301,9 +301,8 @@ class Inputs:
     @cached_property
     def settings(self) -> Settings:
         """The settings of predictions."""
-        names = ("coverage_factor", "seed", "correlation", "trials", "digits", "threads")
-        values = {name: getattr(self.choices, name) for name in names}
-        return Settings(**{name: each for name, each in values.items() if each is not None})
+        names = StudySettings.model_fields.keys() & Settings.__dataclass_fields__.keys()
+        return Settings(**self.choices.model_dump(include=names, exclude_none=True))
 
     @cached_property
     def at(self) -> dict[str, float]:
@@ -316,7 +315,7 @@ class Inputs:
             return result
 
         example = "--at T_02_degC=23.5"
-        return assignments("--at", self.options.at, "=", "NAME=VALUE", example, value)
+        return assignments("--at", self.options.at, "NAME=VALUE", example, value)
 
     def with_paths(self, findings: Iterable[Finding]) -> list[Finding]:
         """Findings with the whole paths of files that lie outside the working folder.

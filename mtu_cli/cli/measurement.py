@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,6 @@ from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.model.graph.net import MeasurementGraph
-    from mtu_cli.reports.graph_drawing import Net
 
 EXAMPLE = "--vary axis_um=0.5:2.5:5 (from 0.5 to 2.5 in 5 steps) or --vary repeats=1,2,4"
 DIGITS = 12
@@ -48,41 +46,29 @@ def _graph(inputs: Inputs) -> MeasurementGraph:
 def graph_check(inputs: Inputs, settings: Settings) -> Outcome:
     """Whether the graph is sound, and its firing order."""
     from mtu_cli.reports import graph as report
-    from mtu_cli.reports.graph_drawing import drawing
 
-    graph = _graph(inputs)
-    return Outcome.of(report.check(graph, lambda: drawing(net_for(graph))))
+    return Outcome.of(report.check(_graph(inputs)))
 
 
 def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
     """The file at --to, and nothing else."""
+    from mtu_cli.analyses.graph import shares_by_place
     from mtu_cli.reports import graph_drawing
     from mtu_cli.reports.figures import figure_bytes
-    from mtu_cli.reports.graph_drawing import drawing
 
-    graph, target = _graph(inputs), inputs.options.to
-    net = net_for(graph, inputs.options.of)
+    graph, of, target = _graph(inputs), inputs.options.of, inputs.options.to
+    net = graph_drawing.net_of(graph, of, None if of is None else shares_by_place(graph, of))
 
-    def content() -> bytes:
-        match suffix := target.suffix.lower():
-            case ".dot":
-                return graph_drawing.dot(net).encode()
-            case ".mmd":
-                return graph_drawing.mermaid(net).encode()
-            case ".pl":
-                return graph_drawing.assertions(net, graph.graph, graph.nominal).encode()
-        return figure_bytes(drawing(net), suffix)
-
-    return Outcome(files=lambda: {target: content()})
-
-
-def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
-    """The net to draw, with the shares of the variance of the place `of` if given."""
-    from mtu_cli.analyses.graph import shares_by_place
-    from mtu_cli.reports.graph_drawing import net_of
-
-    shares = None if of is None else shares_by_place(graph, of)
-    return net_of(graph.graph, graph.reported, of, shares)
+    match suffix := target.suffix.lower():
+        case ".dot":
+            content = graph_drawing.dot(net).encode()
+        case ".mmd":
+            content = graph_drawing.mermaid(net).encode()
+        case ".pl":
+            content = graph_drawing.assertions(net, graph).encode()
+        case _:
+            content = figure_bytes(graph_drawing.drawing(net), suffix)
+    return Outcome(files=lambda: {target: content})
 
 
 def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:
@@ -99,7 +85,8 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.analyses.graph import PARAMETERS, simulate_graph, sweep_graph
     from mtu_cli.reports import graph as report
 
-    grid = variations(inputs.options.vary, PARAMETERS)
+    vary = inputs.options.vary
+    grid = assignments("--vary", vary, "NAME=VALUES", EXAMPLE, variation, PARAMETERS)
     graph, of = _graph(inputs), inputs.options.of
     result = sweep_graph(graph, settings, of, grid)
     # What follows the grid leaves its bar full.
@@ -107,19 +94,12 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome.of(report.sweep(base, result, settings.digits), warnings=result.warnings)
 
 
-def variations(texts: Sequence[str], parameters: Sequence[str]) -> dict[str, tuple[float, ...]]:
-    """The values of every --vary, by name, in the order given.
+def variation(name: str, text: str) -> tuple[float, ...]:
+    """Numbers from ``low:high:count``, downwards too, or ``a,b,c``; each once.
 
-    Raises InputError for all that cannot be read, at once.
-
-    >>> variations(["repeats=1,2", "axis_um=1:2:3"], ["axis_um", "repeats"])
-    {'repeats': (1.0, 2.0), 'axis_um': (1.0, 1.5, 2.0)}
+    >>> variation("repeats", "1,2"), variation("axis_um", "1:2:3")
+    ((1.0, 2.0), (1.0, 1.5, 2.0))
     """
-    return assignments("--vary", texts, "=", "NAME=VALUES", EXAMPLE, _grid, parameters)
-
-
-def _grid(name: str, text: str) -> tuple[float, ...]:
-    """Numbers from ``low:high:count``, downwards too, or ``a,b,c``; each once."""
     option = f"--vary {name}"
     if ":" not in text:
         values = [number_of(option, item) for item in text.split(",")]

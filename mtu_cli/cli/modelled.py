@@ -8,27 +8,21 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
+from mtu_cli.analyses.fit_components import FitResult, fit_result
 from mtu_cli.cli.load import Inputs, check_cell
-from mtu_cli.files.source import read_source, shown_path
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_from
+from mtu_cli.files.source import read_source, report_bytes, shown_path
 from mtu_cli.findings import Finding, finding, nearest
+from mtu_cli.model import fit as fitting
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
-from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.fit import (
-    estimates_from_fit,
-    estimates_from_report,
-    fit_machine,
-    fit_warnings,
-    machine_warnings,
-)
+from mtu_cli.model.estimates import Estimates, ThermalEstimate
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
+from mtu_cli.reports import fit_components as reporting
+from mtu_cli.stats.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.thermal_fit import ThermalFit
-    from mtu_cli.files.machine import LoadedMachine
-    from mtu_cli.files.readings import Readings
-    from mtu_cli.files.reports_read import ComponentsReport, ThermalReport
-    from mtu_cli.model.estimates import ThermalEstimate
-    from mtu_cli.model.fit import MachineFit
 
 REFERENCE_WITHOUT_MACHINE = 20.0
 """ISO 1."""
@@ -55,22 +49,22 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> Modelled:
     machine, report, fit = inputs.machine, inputs.reports.components, None
     warnings = searched_warnings(machine)
     if report is not None:
-        estimates = estimates_from_report(machine, report)
+        estimates = fitting.estimates_from_report(machine, report)
         warnings += effect_warnings(machine, estimates.effects, report.source.shown)
         warnings += _not_read(inputs, ("lbb", "laser"), report)
-    elif (readings := inputs.readings) is not None:
-        fit = fit_machine(machine, readings)
-        estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
+    elif inputs.readings is not None:
+        result = fitted(inputs, machine)
+        fit, estimates = result.fit, _as_reported(machine, result)
     else:
-        estimates = estimates_from_fit(machine, None)
+        estimates = fitting.estimates_from_fit(machine, None)
     thermal, drift_warnings = drift_estimates(inputs)
-    warnings = [*machine_warnings(machine, estimates), *warnings, *drift_warnings]
+    warnings = [*fitting.machine_warnings(machine, estimates), *warnings, *drift_warnings]
     model = build_model(machine, replace(estimates, thermal=thermal))
     # What u of a part does not contain, from the fit or from the report of it.
     terms = {term.estimate.name for term in model.terms}
     if report is not None:
         warnings += _report_warnings(report, LIMITS, terms)
-    for item in () if fit is None else fit_warnings(fit):
+    for item in () if fit is None else fitting.fit_warnings(fit):
         if item.code not in LIMITS or item.facts["component"] in terms:
             warnings += [item] * (item.code != "lack-of-fit")
     covariates = model.covariates()
@@ -85,41 +79,43 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> Modelled:
     return Modelled(model, estimates, tuple(warnings))
 
 
-def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:
-    """The estimates as a report holds them: readings and their report then give the same bits."""
-    from mtu_cli.analyses.fit_components import fit_result
-    from mtu_cli.files.reports_read import report_from
-    from mtu_cli.files.source import report_bytes
-    from mtu_cli.reports.fit_components import document
+def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
+    """The components of a machine, by the readings of the call where it has any."""
+    fit, k = fitting.MachineFit(components={}, joint=()), inputs.settings.coverage_factor
+    if inputs.readings is not None:
+        fit = fitting.fit_machine(machine, inputs.readings)
+    says = {name: item.says for name, item in machine.machine.components.items() if item.says}
+    estimates = fitting.estimates_from_fit(machine, fit)
+    return fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
 
-    results = document(fit_result(machine.machine.name, fit, estimates)).record()
-    content = report_bytes({"schema": "mtu/fit-components/1", "results": results})
-    return estimates_from_report(machine, report_from(machine.source, json.loads(content)))
+
+def _as_reported(machine: LoadedMachine, fit: FitResult) -> Estimates:
+    """The estimates as a report holds them: readings and their report then give the same bits."""
+    record = {"schema": "mtu/fit-components/1", "results": reporting.document(fit).record()}
+    content = report_bytes(record)
+    return fitting.estimates_from_report(machine, report_from(machine.source, json.loads(content)))
 
 
 def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
     """A thermal-fit report wins over drift readings, those over the machine file."""
-    from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
-
     machine = inputs.machine
-    estimates = thermal_from_machine_file(machine)
+    estimates = fitting.thermal_from_machine_file(machine)
     report = inputs.reports.thermal
     if report is not None:
         doubts = _report_warnings(report, DOUBTS, report.components)
         doubts += _not_read(inputs, ("drift",), report)
-        return thermal_from_report(machine, report), doubts
+        return fitting.thermal_from_report(machine, report), doubts
     if inputs.files("drift"):
-        fit = fitted_drift(inputs, inputs.drift, "auto")
+        fit = fitted_drift(inputs, "auto")
         return estimates | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
     return estimates, []
 
 
-def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
-    """The thermal models of drift readings."""
+def fitted_drift(inputs: Inputs, method: str) -> ThermalFit:
+    """The thermal models of the drift readings."""
     from mtu_cli.analyses.thermal_fit import thermal_fit
-    from mtu_cli.stats.threads import one_blas_thread
 
-    components, reference = None, REFERENCE_WITHOUT_MACHINE
+    components, reference, readings = None, REFERENCE_WITHOUT_MACHINE, inputs.drift
     if inputs.files("machine"):
         machine = inputs.machine.machine
         components = {name: (item.of, item.unit) for name, item in machine.components.items()}

@@ -24,24 +24,12 @@ from mtu_cli.formats.base import Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.formats.renishaw import run_file
 from mtu_cli.language import Node, parse
+from mtu_cli.model import simulate as virtual
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.simulate import (
-    DriftPlan,
-    Equations,
-    PartsPlan,
-    SimulatedReadings,
-    as_read,
-    growth,
-    sensors_for,
-    settled,
-    simulate_drift,
-    simulate_points,
-    simulate_readings,
-)
 from mtu_cli.reports.simulate import Synthetic, drift_file, points_file, readings_file
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
@@ -121,13 +109,13 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
 
 def _readings(
     inputs: Inputs, model: MachineModel, seed: int, only: str | None = None
-) -> SimulatedReadings:
+) -> virtual.SimulatedReadings:
     estimates = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
     axes = {each.of for each in estimates if each.of is not None and only in (None, each.name)}
     positions = _positions(inputs, model, axes)
     # Of other components only the draws matter, not where they are read.
     other = next(iter(positions.values()), np.zeros(1))
-    return simulate_readings(
+    return virtual.simulate_readings(
         model,
         seed,
         passes=inputs.options.passes,
@@ -150,7 +138,7 @@ def _positions(inputs: Inputs, model: MachineModel, axes: set[str]) -> dict[str,
     result: dict[str, FloatArray] = {}
     if text is not None and "=" in text:
         form = f"AXIS={SPAN}"
-        result = assignments(option, text.split(","), "=", form, example, grid, AXES, "axis")
+        result = assignments(option, text.split(","), form, example, grid, AXES, "axis")
     elif text is not None:
         result = dict.fromkeys(axes, grid("", text))
     for axis in sorted(axes & result.keys() & travels.keys()):
@@ -182,7 +170,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         within(option, (parts, repeats), (1, MOST_STEPS))
         first = int(parts), int(repeats)
     same = ("parts", "repeats", "reverse_every", "minutes", "operation")
-    plan = PartsPlan(
+    plan = virtual.PartsPlan(
         **{name: options.values[name] for name in same},
         cmm_u=options.cmm_u_um * 1e-3,
         first_repeats=first,
@@ -192,26 +180,26 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     )
     if options.cmm_room:
         drifts, test = _drift_test(inputs, model)
-        sensors = sensors_for(drifts, test, seed)
+        sensors = virtual.sensors_for(drifts, test, seed)
         rooms = np.resize(options.cmm_room, plan.parts)
-        temperatures = settled(test, sensors, rooms, seed)
+        temperatures = virtual.settled(test, sensors, rooms, seed)
         columns = dict(zip(sensors.names, temperatures.T, strict=True))
         columns |= {name: columns[of] for name, of in test.twins}
         table = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
         plan = replace(plan, given=table)
-    result = simulate_points(model, ids, points, plan, seed)
+    result = virtual.simulate_points(model, ids, points, plan, seed)
     if options.cmm_room:
         # The noise of the sensors is drawn for each point.
-        readings = as_read(test, sensors, result.covariates, seed, part=1)
+        readings = virtual.as_read(test, sensors, result.covariates, seed, part=1)
         result = replace(result, covariates=result.covariates | readings)
     # Points of calibrated circles lie on the diameter that they have at their temperature.
-    measured = result.measured + growth(result, ids, points, inputs.part.part.circles)
+    measured = result.measured + virtual.growth(result, ids, points, inputs.part.part.circles)
     return points_file(replace(result, measured=measured))
 
 
 def _equations(
     option: str, texts: Iterable[str] | None, model: MachineModel | None = None
-) -> Equations:
+) -> virtual.Equations:
     """Errors in mm by their axis, which the `model` has; without it covariates by their name."""
     names = None if model is None else [f"E{axis}" for axis in model.axes]
 
@@ -227,7 +215,7 @@ def _equations(
             raise InputError(each.at(**place) for each in fault.findings) from None
 
     form, example = "NAME: EQUATION", "'Ex: 0.004*dir_x'"
-    equations = assignments(option, texts, ":", form, example, node_of, names, "equation")
+    equations = assignments(option, texts, form, example, node_of, names, "equation")
     return tuple((name[names is not None :], node) for name, node in equations.items())
 
 
@@ -236,7 +224,7 @@ MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
     "write_laser": _laser,
     "write_cmm": _points,
     "write_drift": lambda inputs, model, seed: drift_file(
-        simulate_drift(*_drift_test(inputs, model), seed)
+        virtual.simulate_drift(*_drift_test(inputs, model), seed)
     ),
 }
 """What makes each file, by the option that names it."""
@@ -244,7 +232,7 @@ MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
 
 def _drift_test(
     inputs: Inputs, model: MachineModel
-) -> tuple[tuple[ThermalEstimate, ...], DriftPlan]:
+) -> tuple[tuple[ThermalEstimate, ...], virtual.DriftPlan]:
     """The thermal models, and the drift test of the options."""
     options, machine, drifts = inputs.options, inputs.machine.machine, model.drifts()
     if not drifts:
@@ -272,8 +260,8 @@ def _drift_test(
 
     form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
     # Second sensors at the places of others.
-    twins = assignments("--twin", options.twin, ":", form, example, sensor_of)
-    plan = DriftPlan(
+    twins = assignments("--twin", options.twin, form, example, sensor_of)
+    plan = virtual.DriftPlan(
         reference=machine.reference_temperature_degC,
         sensor_noise=options.sensor_noise_degc,
         cycles=options.cycles,
@@ -321,6 +309,4 @@ def _by_component(
         return np.array([number_of(f"{option} {name}", item) for item in items])
 
     names, what = [drift.component for drift in drifts], "component with a thermal model"
-    return assignments(
-        option, texts, ":", "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, names, what
-    )
+    return assignments(option, texts, "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, names, what)

@@ -6,18 +6,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import above_zero, assignments, known_name
+from mtu_cli.files.source import report_bytes
+from mtu_cli.files.study import InstrumentBudget, load_study
 from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
-
-if TYPE_CHECKING:
-    from mtu_cli.analyses.iso230 import Iso230Result
-    from mtu_cli.files.study import InstrumentBudget
-
+from mtu_cli.reports.document import envelope
 
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 
@@ -39,32 +37,37 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
     figures = list(analysis.STANDARDS[standard])
     names = [f"{x.name}.{each}" for x in analysis.axes_of(readings)[0] for each in figures]
-
-    def limit(name: str, text: str) -> float:
-        return above_zero(f"--limit {name}", text)
-
+    limits = assignments(
+        "--limit", options.limit, "NAME=VALUE", f"{figures[0]}=10",
+        lambda name, text: above_zero(f"--limit {name}", text), [*figures, *names], "figure",
+    )  # fmt: skip
     result = analysis.evaluate_all(
         readings,
         budget=_budget(inputs),
         before=inputs.before,
-        limits=assignments("--limit", options.limit, "=", "NAME=VALUE", f"{figures[0]}=10", limit,
-                           [*figures, *names], "figure"),
+        limits=limits,
         k=settings.coverage_factor,
         seed=settings.seed,
         standard=standard,
-    )  # fmt: skip
+    )
     # What the checks of all readings have reported is not repeated.
     outliers = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
     warnings = [x for x in result.warnings
                 if x.code != "outlying-value" or x.facts["what"] not in outliers]  # fmt: skip
-    gates = {"nonconforming": lambda _: _nonconforming(result)}
-    return Outcome.reported(inputs, replace(result, warnings=tuple(warnings)), gates=gates)
+    result = replace(result, warnings=tuple(warnings))
+
+    def nonconforming(_: float) -> str | None:
+        if not result.decisions:
+            raise error("gate-undefined", gate="nonconforming", expected="--limit A=10, say")
+        failures = [f"{x.name} of {axis.name} {abs(x.value) / x.size:.4g} {x.unit}"
+                    for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
+        return f"beyond the limit by ISO 14253-1: {listed(failures)}" if failures else None
+
+    return Outcome.reported(inputs, result, gates={"nonconforming": nonconforming})
 
 
 def _budget(inputs: Inputs) -> InstrumentBudget | None:
     """The instrument's budget: of --budget, else of the study."""
-    from mtu_cli.files.study import load_study
-
     path = inputs.options.budget
     if path is None:
         return inputs.study.study.budget if inputs.study else None
@@ -74,15 +77,6 @@ def _budget(inputs: Inputs) -> InstrumentBudget | None:
         expected = "budget: {device_U_um_per_m: 0.5, ...}"
         raise error("missing-key", file=loaded.source.shown, key="budget", expected=expected)
     return loaded.study.budget
-
-
-def _nonconforming(result: Iso230Result) -> str | None:
-    """Figures that are proven not to conform."""
-    if not result.decisions:
-        raise error("gate-undefined", gate="nonconforming", expected="--limit A=10, say")
-    figures = [f"{x.name} of {axis.name} {abs(x.value) / x.size:.4g} {x.unit}"
-               for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
-    return f"beyond the limit by ISO 14253-1: {listed(figures)}" if figures else None
 
 
 def circular(inputs: Inputs, settings: Settings) -> Outcome:
@@ -101,15 +95,15 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
     if len(pitches) > 2:
         count = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
-    files = options.file if isinstance(options.file, list | tuple) else [options.file]
-    xml = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in files]
+    paths = options.file
+    xml = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in paths]
     if any(xml):
         if not all(xml):
             names = "traces and a ballbar's stated features"
             raise error("exclusive", names=names, expected="a call for each")
-        return _ballbar(inputs, settings, files, planes)
+        return _ballbar(inputs, settings, paths, planes)
     radius = [] if options.radius is None else [options.radius]
-    traces = read_traces(files, direction=ways, feed=feeds, radius=radius, plane=planes)
+    traces = read_traces(paths, direction=ways, feed=feeds, radius=radius, plane=planes)
     inputs.sources.extend(traces.sources)
     target = options.write_components
     if target is not None and not traces.plane:
@@ -117,17 +111,12 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         raise error("missing-input", what="the plane", expected=expected)
     result: CircularResult = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None)
 
-    def components() -> dict[Path, bytes]:
-        from mtu_cli.files.source import report_bytes
-        from mtu_cli.reports.document import envelope
-
-        if target is None:
-            return {}
+    files = {}
+    if target is not None:
         record = envelope("fit-components", inputs=traces.sources, settings=settings,
                           results=report.components(result), warnings=result.warnings)  # fmt: skip
-        return {target: report_bytes(record)}
-
-    return Outcome.reported(inputs, result, files=components)
+        files[target] = report_bytes(record)
+    return Outcome.reported(inputs, result, files=lambda: files)
 
 
 def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:

@@ -93,14 +93,14 @@ def known_name(option: str, what: str, name: Any, choices: Collection[str]) -> A
 def assignments(
     option: str,
     texts: Iterable[str] | None,
-    sign: str,
     form: str,
     example: str,
     value: Callable[[str, str], T],
     choices: Collection[str] | None = None,
     what: str = "name",
 ) -> dict[str, T]:
-    """The values by name of the texts NAME=VALUE of an option, as `value` reads name and text.
+    """The values by name of the texts NAME=VALUE or NAME: VALUE of an option, as `value` reads name
+    and text.
 
     Raises InputError with every text that is of another form, has a name that is none of the
     `choices` or stands twice, or a value that cannot be read.
@@ -108,7 +108,7 @@ def assignments(
     result: dict[str, T] = {}
     faults: list[Finding] = []
     for text in texts or ():
-        name, _, content = (side.strip() for side in text.partition(sign))
+        name, _, content = (side.strip() for side in text.partition("=" if "=" in form else ":"))
         try:
             if not name or not content or not name.isprintable():
                 kind, expected = form, f"{example}, say"

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -283,41 +283,28 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     return Document("Measured parts", (RESULTS, result), tables, figure_, verdict, digits)
 
 
-class Chart(NamedTuple):
-    """The mean of each part over the sequence of manufacture, with the scatter of the CMM and the
-    names of outliers; `limits` of the tolerance.
-    """
-
-    title: str
-    unit: str
-    sequence: FloatArray
-    values: FloatArray
-    half: FloatArray | None
-    limits: Sequence[float]
-    outliers: dict[int, str]
-
-
 @figures.styled
 def figure(result: AnovaResult) -> figures.Figure:
     """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and toleranced features."""
     charts = list(_charts(result))
     columns = min(len(charts), 2)
     page = figures.blank(8.5, 1.45 * math.ceil(len(charts) / columns) + 1.0)
-    for panel, chart in zip(figures.panels_of(page, len(charts), columns), charts, strict=False):
-        order = np.argsort(chart.sequence, kind="stable")
-        half = None if chart.half is None else chart.half[order]
+    panels = figures.panels_of(page, len(charts), columns)
+    for panel, (title, unit, sequence, values, half, limits, outliers) in zip(
+        panels, charts, strict=False
+    ):
+        order = np.argsort(sequence, kind="stable")
         panel.errorbar(
-            chart.sequence[order], chart.values[order], half, fmt="o-", color=figures.INK, ms=3,
-            lw=0.5, elinewidth=1.0, label="mean of a part ± k s_repeat/√n",
+            sequence[order], values[order], None if half is None else half[order], fmt="o-",
+            color=figures.INK, ms=3, lw=0.5, elinewidth=1.0, label="mean of a part ± k s_repeat/√n",
         )  # fmt: skip
-        for limit in chart.limits:
+        for limit in limits:
             panel.axhline(limit, color=figures.RED, lw=1.0, ls="--", label="tolerance")
-        for i, name in chart.outliers.items():
-            place = chart.sequence[i], chart.values[i]
+        for i, name in outliers.items():
+            place = sequence[i], values[i]
             panel.plot(*place, "D", color=figures.RED, ms=5, label="outlier among the parts")
             panel.annotate(cut(name, 14), place, (5, 3), textcoords="offset points", fontsize=7)
-        panel.set_title(cut(chart.title, 44))
-        panel.set_ylabel(chart.unit)
+        panel.set(title=cut(title, 44), ylabel=unit)
         panel.locator_params(axis="x", integer=True)
     for panel in page.axes[-columns:]:
         panel.set_xlabel("sequence of the parts")
@@ -328,9 +315,13 @@ def figure(result: AnovaResult) -> figures.Figure:
     return page
 
 
+Chart = tuple[str, str, FloatArray, FloatArray, FloatArray | None, Sequence[float], dict[int, str]]
+
+
 def _charts(result: AnovaResult) -> Iterator[Chart]:
-    """Features, clear trends, outliers and the largest errors first; then toleranced items, the
-    least capable first.
+    """Title, unit, sequence of manufacture, means of the parts with the scatter of the CMM, limits,
+    and outliers by name: of features, clear trends, outliers and the largest errors first; then of
+    toleranced items, the least capable first.
     """
     group, k = result.features, result.features.coverage_factor
     clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in group.labels]
@@ -341,11 +332,11 @@ def _charts(result: AnovaResult) -> Iterator[Chart]:
             mean, u = (each / UM for each in group.part_means(i))
             out = {p: name for p, name in enumerate(group.tables.parts) if name in group.unusual[i]}
             text = words(*group.labels[i])
-            yield Chart(text, "um", result.sequence[key[0]], mean, k * u, (), out)
+            yield text, "um", result.sequence[key[0]], mean, k * u, (), out
     by_merit = sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf]))
     for item in by_merit[:RUNS]:
         unit, size = ("arcsec", ARCSEC) if item.kind == "angle" else ("um", UM)
         limits = [item.high] if item.kind == "position" else [item.low, item.high]
         title = f"{words(item.operation, item.id)} {item.kind}: ppk {item.ppk:.2f}"
         ends = [limit / size for limit in limits]
-        yield Chart(title, unit, item.sequence, item.values / size, None, ends, {})
+        yield title, unit, item.sequence, item.values / size, None, ends, {}

@@ -6,15 +6,26 @@ import math
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.findings import listed
-from mtu_cli.reports import monte_carlo_figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, rows_of
-from mtu_cli.reports.numbers import degrees_of_freedom, interval, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import (
+    cut,
+    degrees_of_freedom,
+    interval,
+    plus_minus,
+    significant,
+    with_u,
+)
 
 SHOWN = 4
-"""Outputs of which the verdict states the value."""
+"""Outputs of which the verdict states the value, and that are drawn."""
+INPUTS_DRAWN, NAME_LENGTH = 12, 24
+"""Inputs drawn, the largest shares first; characters of a name in a picture."""
 INPUT = """
     - | name | name of the output | OUTPUT, text, csv=output
     name | inputs.name | name of the input | input, text
@@ -175,7 +186,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         result.name,
         (ONE, outputs[0]) if single else (OUTPUTS, result),
         [contributions, estimates, correlation],
-        partial(monte_carlo_figures.budget, result),
+        partial(figure, result),
         _verdict(result, percent, digits),
         digits,
         [(INPUTS, result), *[(NAME, result)] * single],
@@ -212,3 +223,27 @@ def _verdict(result: BudgetResult, percent: float, digits: int) -> str:
     if all(item.validation.passed for item in result.outputs):
         return f"{verdict} First order is valid (JCGM 101, clause 8)."
     return verdict
+
+
+@figures.styled
+def figure(result: BudgetResult) -> figures.Figure:
+    """For every output the shares of the inputs as bars, and the histogram of the trials."""
+    outputs, run = result.outputs[:SHOWN], result.run
+    height = max(2.4, 0.26 * (1 + min(INPUTS_DRAWN, len(result.given.quantities))) + 1.2)
+    page = figures.blank(10.0, 0.9 + len(outputs) * height)
+    panels = page.subplots(len(outputs), 2, squeeze=False)
+    for (chart, hist), item, samples in zip(panels, outputs, run.samples, strict=False):
+        name, unit = cut(item.name, NAME_LENGTH), f" {item.unit}" if item.unit else ""
+        # None where there is no first order.
+        shares = np.nan_to_num(100.0 * item.share)
+        order = np.argsort(-np.abs(shares), kind="stable")[:INPUTS_DRAWN].tolist()
+        names = [cut(result.given.quantities[i].name, NAME_LENGTH) for i in order]
+        figures.bars(chart, names, shares[order], [f"{shares[i]:.1f}" for i in order])
+        chart.set(xlabel="share of u², %", title=f"{name}: shares of the variance")
+        text = f"{name} = {with_u(item.value, item.u or None)[0]}{unit}\nu = {significant(item.u)}"
+        text += f", by Monte Carlo {significant(item.of_run('u'))}{unit}"
+        ends, curve = (item.of_run("low"), item.of_run("high")), (item.value, item.u, item.dof)
+        label = name + unit.replace(" ", ", ", 1)
+        figures.histogram(hist, text, label, samples, ends, curve, run.probability)
+    figures.legend(page)
+    return page

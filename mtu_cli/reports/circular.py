@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import partial
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.circular import MEANING, Cause, CircularResult, about_circle
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, INK, ORANGE, blank, legend, styled, title
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import ARCSEC, UM
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from matplotlib.figure import Figure as Page
-
-UNIT: dict[str, Any] = {"size": lambda item: UM}
 ROW = declare(
     """
     name | | cause | cause, text
@@ -43,13 +37,12 @@ TRACE = declare(
     feed | trace.feed | path speed, mm/min; null: not stated | feed / mm/min, plain
     samples | samples() | samples | samples, count
     G_lsc | | um: circular deviation, about the trace's least-squares circle \
-        | G (LSC) / um, sig3, size=size()
+        | G (LSC), sig3, unit=um
     F_max | | um: largest radial deviation from the nominal radius about the given centre \
-        | F max / um, sig3, size=size()
-    F_min | | um: smallest radial deviation | F min / um, sig3, size=size()
+        | F max, sig3, unit=um
+    F_min | | um: smallest radial deviation | F min, sig3, unit=um
     """,
     samples=lambda item: len(item.trace.angle),
-    **UNIT,
 )
 STATED = declare(
     """
@@ -65,8 +58,8 @@ RESULTS = declare(
     radius_mm | traces.radius | nominal radius
     traces[] | figures | *trace
     G_bidirectional | | um: circular deviation of both directions, about one least-squares circle; \
-        null of one direction | -, size=size()
-    D | | um: mean bidirectional radial deviation; null of one direction | -, size=size()
+        null of one direction | -, unit=um
+    D | | um: mean bidirectional radial deviation; null of one direction | -, unit=um
     diagnosis[] | causes | *row
     remainder.rms_um | remainder_rms | of what the joint fit leaves, without 5 degrees after each \
         reversal
@@ -74,19 +67,18 @@ RESULTS = declare(
     """,
     trace=TRACE,
     row=ROW,
-    **UNIT,
 )
 
 
 def stated_document(contents: Mapping[str, Mapping[str, Any]], digits: int = 2) -> Document:
     """The features that ballbars state, of the `contents` by file."""
     rows = [
-        SimpleNamespace(file=file, feature=name, **each)
+        {"file": file, "feature": name, **each}
         for file, content in contents.items()
         for name, each in content["features"].items()
     ]
     planes = [*dict.fromkeys(content.get("test_plane") for content in contents.values())]
-    item = SimpleNamespace(rows=rows, plane=planes[0] if len(planes) == 1 else None)
+    plane = planes[0] if len(planes) == 1 else None
     fields = declare(
         """
         plane | | plane that all files state, first axis to second; null: none, or several
@@ -95,9 +87,10 @@ def stated_document(contents: Mapping[str, Mapping[str, Any]], digits: int = 2) 
         stated=STATED,
     )
     footer = "a, b: first and second axis of the plane; signs as the instrument has them"
-    verdict = f"{len(rows)} features stated by the instrument ({item.plane or 'plane not stated'})."
+    verdict = f"{len(rows)} features stated by the instrument ({plane or 'plane not stated'})."
+    source = fields, {"rows": rows, "plane": plane}
     tables = [Table("Stated by the instrument", STATED, rows, footer)]
-    return Document("Circular test", (fields, item), tables, None, verdict, digits)
+    return Document("Circular test", source, tables, None, verdict, digits)
 
 
 def document(result: CircularResult, digits: int = 2) -> Document:
@@ -120,8 +113,8 @@ def document(result: CircularResult, digits: int = 2) -> Document:
         for x in [x for x in causes if x.share == x.share and x.exceeds][:3]
     )
     verdict += f". Largest significant causes: {largest}." if largest else ". No cause exceeds 2 u."
-    figure = partial(polar, result)
-    return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
+    figure_ = partial(figure, result)
+    return Document("Circular test", (RESULTS, result), tables, figure_, verdict, digits)
 
 
 def _value(cause: Cause, digits: int) -> str:
@@ -165,15 +158,15 @@ def components(result: CircularResult) -> dict[str, Any]:
     }
 
 
-@styled
-def polar(result: CircularResult) -> Page:
+@figures.styled
+def figure(result: CircularResult) -> figures.Figure:
     """Deviations about each trace's circle over the angle, and the joint fit."""
     from matplotlib.ticker import MaxNLocator
 
-    page = blank(6.5, 6.5)
-    title(page, f"Circular test, {_setup(result)}")
+    page = figures.blank(6.5, 6.5)
+    figures.title(page, f"Circular test, {_setup(result)}")
     panel: Any = page.add_subplot(projection="polar")
-    colours, reach = {"ccw": BLUE, "cw": ORANGE}, 0.0
+    colours, reach = {"ccw": figures.BLUE, "cw": figures.ORANGE}, 0.0
     for trace, fit in zip(result.traces.traces, result.fitted, strict=True):
         order = np.argsort(np.mod(trace.angle, 2 * math.pi), kind="stable")
         rest, model = (
@@ -181,12 +174,12 @@ def polar(result: CircularResult) -> Page:
         )
         angle = trace.angle[order]
         panel.plot(angle, rest, color=colours[trace.direction], lw=1.0, label=trace.direction)
-        panel.plot(angle, model, color=INK, lw=0.6, ls="--", label="joint fit")
+        panel.plot(angle, model, color=figures.INK, lw=0.6, ls="--", label="joint fit")
         reach = max(reach, float(np.abs(rest).max()))
     reach = reach or 1.0
     panel.set_rlim(-1.1 * reach, 1.1 * reach)
     panel.set_rorigin(-3.5 * reach)
     panel.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     panel.set_title("deviation from the least-squares circle, um", pad=16, fontweight="normal")
-    legend(page)
+    figures.legend(page)
     return page

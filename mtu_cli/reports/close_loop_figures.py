@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Judged, TableResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.figures import Maps, Sheet, Side
+from mtu_cli.reports.figures import Maps, Side
 from mtu_cli.reports.numbers import cut, p_value
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
@@ -40,14 +40,12 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     stages = [item.table.errors / scale, (item.table.errors - item.explained) / scale]
     errors = stages[: 1 + bool(item.effects)]
     maps = _maps(item, errors)
-    sheet = None if maps is None else Sheet(maps, WIDTH if len(maps.groups) > 1 else ALONE)
-    height = 0.0 if sheet is None else sheet.height
-    page = figures.blank(WIDTH, height + HIGH + 0.4)
-    ratios = [HIGH] if sheet is None else [height, HIGH]
+    ratios = [HIGH] if maps is None else [maps.height, HIGH]
+    page = figures.blank(WIDTH, sum(ratios) + 0.4)
     grid = page.add_gridspec(len(ratios), 1, height_ratios=ratios)
     *upper, lower = (page.add_subfigure(grid[i]) for i in range(len(ratios)))
-    if sheet is not None:
-        sheet.draw(upper[0], f"Mean errors of the {item.nouns[1]}s")
+    if maps is not None:
+        maps.draw(upper[0], f"Mean errors of the {item.nouns[1]}s")
     effects = item.effects[:EFFECTS] or (None,)
     panels = lower.subplots(1, len(effects) + 1, squeeze=False)[0]
     for panel, effect in zip(panels, effects, strict=False):
@@ -75,17 +73,14 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
     groups = []
     for code, operation in enumerate(table.operations):
         mask = (table.operation != code)[:, None]
-        sides = tuple(
-            Side(name=name if item.effects else "", colour=colour, errors=np.where(mask, np.nan, m))
-            for (name, colour), m in zip(SIDES, means, strict=False)
-        )
+        sides = [
+            Side(name if item.effects else "", colour, np.where(mask, np.nan, mean))
+            for (name, colour), mean in zip(SIDES, means, strict=False)
+        ]
         groups.append((operation, sides))
-    return Maps(
-        ids=table.features,
-        places=_mean(table.places, np.isfinite(table.places)),
-        axes=table.axes,
-        groups=tuple(groups),
-    )
+    places = _mean(table.places, np.isfinite(table.places))
+    width = WIDTH if len(groups) > 1 else ALONE
+    return Maps(table.features, places, table.axes, groups, width=width)
 
 
 def _mean(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:

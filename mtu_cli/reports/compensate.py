@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.compensate import CompensateResult
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, ORANGE, blank, styled
 from mtu_cli.reports.numbers import significant
 from mtu_cli.units import ARCSEC
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 MEANS = {
     "E": "systematic deviation, both directions: largest less smallest mean error",
@@ -191,27 +188,27 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
             if B is not None and not result.asked.both:
                 mean = f"{significant(B / result.size, 3)} {unit}"
                 verdict += f" A reversal of {mean} (forward less reverse) is left to the control."
-    figure = partial(draw, result)
-    return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
+    figure_ = partial(figure, result)
+    return Document("Compensation", (RESULTS, result), tables, figure_, verdict, digits)
 
 
-@styled
-def draw(result: CompensateResult) -> Figure:
+@figures.styled
+def figure(result: CompensateResult) -> figures.Figure:
     """Errors requested and read back, by position."""
-    figure = blank(7.0, 3.6)
-    axes = figure.subplots()
+    page = figures.blank(7.0, 3.6)
+    panel = page.subplots()
     at, size = result.asked.at, result.size
     names = ("forward", "reverse") if result.asked.both else ("both directions",)
     for name, colour, requested, readback in zip(
-        names, (BLUE, ORANGE), result.asked.errors, result.held.errors, strict=False
+        names, (figures.BLUE, figures.ORANGE), result.asked.errors, result.held.errors, strict=False
     ):
-        axes.plot(at, requested / size, "o", color=colour, label=f"{name}, asked for")
-        axes.plot(at, readback / size, "-", color=colour, label=f"{name}, held by the control")
-    axes.set_xlabel(f"machine position, {'deg' if result.asked.rotary else 'mm'}")
-    axes.set_ylabel(f"error, {result.unit}")
-    axes.set_title(f"Compensation of {result.component}")
-    axes.legend(loc="best")
-    return figure
+        panel.plot(at, requested / size, "o", color=colour, label=f"{name}, asked for")
+        panel.plot(at, readback / size, "-", color=colour, label=f"{name}, held by the control")
+    xlabel = f"machine position, {'deg' if result.asked.rotary else 'mm'}"
+    title = f"Compensation of {result.component}"
+    panel.set(xlabel=xlabel, ylabel=f"error, {result.unit}", title=title)
+    panel.legend(loc="best")
+    return page
 
 
 SKEW = declare(

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from importlib import import_module
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.text import Text
 
@@ -19,17 +19,10 @@ from mtu_cli import __version__
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, error, listed
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports import figures
 from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, plain, record
-from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import MISSING, chance
-from mtu_cli.reports.tables import Sheet, plain_text
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-    from rich.text import Text
-
-    from mtu_cli.reports.tables import Sheet
-
+from mtu_cli.reports.tables import Sheet
 
 DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
@@ -73,8 +66,6 @@ class Table:
 
     def sheet(self, digits: int, *, detail: bool) -> Sheet:
         """The cells as people read them, without columns that have nothing in them."""
-        from mtu_cli.reports.tables import Sheet
-
         columns, cells = list[Field](), list[list[str]]()
         for field in (f for f in leaves(self.fields) if f.head and (detail or not f.detail)):
             column = [field.cell(item, digits) for item in self.printed]
@@ -104,7 +95,7 @@ class Document:
     title: str
     results: tuple[Fields, Any]
     tables: Sequence[Table]
-    figure: Callable[[], Figure] | None
+    figure: Callable[[], figures.Figure] | None
     verdict: str = ""
     digits: int = 2
     extra: Sequence[tuple[Fields, Any]] = ()
@@ -122,8 +113,6 @@ class Document:
 
     def blocks(self, *, detail: bool = False) -> Iterator[Text | Sheet]:
         """The verdict and the tables, for terminals and HTML; with `detail` all of them."""
-        from rich.text import Text
-
         if self.verdict:
             yield Text(self.verdict)
         tables = [each for each in self.tables if each.printed]
@@ -225,16 +214,16 @@ def help_text(command: str) -> str:
     return "".join(f"{line}\n" for line in lines)
 
 
-def report_bytes(
+def page_bytes(
     suffix: str,
-    figure: Figure | None,
-    tables: Iterable[object],
+    figure: figures.Figure | None,
+    blocks: Iterable[Any],
     warnings: Iterable[Finding],
     settings: Mapping[str, Any],
     **context: Any,
 ) -> bytes:
-    """The file; the same bytes for the same page. `tables` are the renderables of a terminal,
-    `context` its title, subject (names of machine and study), inputs and date.
+    """The file; the same bytes for the same page. `blocks` are those of a document, `context` its
+    title, subject (names of machine and study), inputs and date.
 
     Raises InputError for a PDF without the package that writes it.
     """
@@ -246,16 +235,10 @@ def report_bytes(
     svg = ""
     if figure is not None:
         # The picture without the head of an SVG file; nothing in it leaves the page.
-        svg = figure_bytes(figure, ".svg").decode()
+        svg = figures.figure_bytes(figure, ".svg").decode()
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    blocks: list[Sheet | str] = []
-    for item in tables:
-        if isinstance(item, Sheet):
-            blocks.append(item)
-        elif text := (item.plain if isinstance(item, Text) else plain_text([item])).strip():
-            blocks.append(text)
     page = environment.from_string(source).render(
-        blocks=blocks,
+        blocks=[each.plain if isinstance(each, Text) else each for each in blocks],
         figure=Markup(svg),
         warnings=list({each.message: each for each in warnings}.values()),
         # Numbers to six significant digits.

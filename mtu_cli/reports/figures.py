@@ -1,6 +1,6 @@
-"""What all figures share: the style, the bytes of a file, intervals, bars, legends; and errors at
-the features as arrows on maps by operation and height (Gilsinn & Ling 2004, Fig. 6), with
-ellipses of k standard uncertainties about the tips.
+"""What all figures share: the style, the bytes of a file, intervals, bars, histograms, legends; and
+errors at the features as arrows on maps by operation and height (Gilsinn & Ling 2004, Fig. 6),
+with ellipses of k standard uncertainties about the tips.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.visits import IntArray
-from mtu_cli.reports import figures
 from mtu_cli.reports.numbers import cut, significant, spread
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ WIDTH = 34
 FEW_ROWS, MOST_ROWS = 24, 80
 """More rows of intervals than the first stand closer together; of more than the second some."""
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -93,8 +93,7 @@ def house_style() -> Iterator[None]:
 
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        for name, value in _STYLE.items():
-            matplotlib.rcParams[name] = value  # type: ignore[index]  # any name of a setting
+        matplotlib.rcParams.update(_STYLE)
         yield
 
 
@@ -237,6 +236,51 @@ def title(page: Figure | SubFigure, text: str) -> None:
     page.suptitle(text, x=0.012, ha="left", fontsize=10.5, fontweight="bold")
 
 
+BINS, MARGIN = 50, 0.25
+"""Of a histogram; beyond both intervals it shows this part of them."""
+
+
+def histogram(
+    panel: Axes, title: str, label: str, samples: FloatArray, ends: Sequence[float],
+    first: tuple[float, float, float], probability: float = PROBABILITY,
+) -> None:  # fmt: skip
+    """The density of the trials with the `ends` of their interval, and the curve of the `first`
+    order by value, u and degrees of freedom (u 0: none).
+    """
+    (value, u, dof), percent = first, f"{100 * probability:.4g} %"
+    half = coverage_factor(probability, dof) * u if u > 0.0 else 0.0
+    first_ends = [value - half, value + half] if u > 0.0 else []
+    low, high = min([*ends, *first_ends]), max([*ends, *first_ends])
+    room = max(MARGIN * (high - low), 1e-6 * max(abs(low), abs(high)), 1e-300)
+    limits = low - room, high + room
+    panel.hist(
+        samples, BINS, range=limits, density=True, histtype="stepfilled",
+        color=PALE, label="Monte Carlo trials",
+    )  # fmt: skip
+    if u > 0.0:
+        from scipy.stats import t
+
+        grid = np.linspace(*limits, 400)
+        curve = t.pdf(grid, dof, loc=value, scale=u)
+        panel.plot(grid, curve, color=INK, label="first order")
+        for end in first_ends:
+            panel.axvline(end, color=INK, lw=1, ls="--", label=f"{percent}, first order")
+    panel.axvspan(ends[0], ends[1], ymax=0.03, color=BLUE, label=f"{percent}, Monte Carlo")
+    panel.set(xlim=limits, yticks=[], xlabel=label, title=title)
+    panel.locator_params(axis="x", nbins=5)
+
+
+def histograms(text: str, trials: Sequence[tuple[Any, ...]]) -> Figure:
+    """A page of histograms, each of its arguments."""
+    count, columns = max(1, len(trials)), max(1, min(len(trials), 3))
+    page = blank(max(6.5, 3.7 * columns), 1.2 + 2.6 * math.ceil(count / columns))
+    for panel, item in zip(panels_of(page, count, columns), trials, strict=False):
+        histogram(panel, *item)
+    legend(page, 2)
+    title(page, text)
+    return page
+
+
 MOST, FEW = 9, 4
 """Levels on one sheet; of more than the second a level needs three features on average."""
 NAMED = 80
@@ -257,20 +301,6 @@ class Side:
     covariance: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Maps:
-    """Features at `places` (n, 3) mm with sides that are drawn over one another, group by group.
-
-    `axes` are those of the errors; k standard uncertainties are drawn.
-    """
-
-    ids: tuple[str, ...]
-    places: FloatArray
-    axes: tuple[str, ...]
-    groups: tuple[tuple[str, tuple[Side, ...]], ...]
-    k: float = 0.0
-
-
 class Panel(NamedTuple):
     """The sides at the features `rows` of one level, of errors along these `axes`: those of the
     plane, or the one across it, which is drawn upwards.
@@ -279,7 +309,7 @@ class Panel(NamedTuple):
     title: str
     rows: IntArray
     axes: list[int]
-    sides: tuple[Side, ...]
+    sides: Sequence[Side]
 
     def errors(self, side: Side) -> FloatArray:
         """Arrows (rows, 2) um."""
@@ -296,8 +326,10 @@ class Panel(NamedTuple):
         return np.sqrt(np.clip(values, 0.0, None)), directions
 
 
-class Sheet:
-    """How maps lie on a page `width` inches wide, 12 or of one panel 8; it is `height` high.
+class Maps:
+    """Features at `places` (n, 3) mm with the sides of each group drawn over one another, along the
+    `axes` of the errors, on a page `width` inches wide, 12 or of one panel 8, and `height` high; of
+    u with k.
 
     Level by level from above, or from the side where all features lie in such a plane. The longest
     arrow is about as long as features are apart, and the ellipses of neighbours about touch at the
@@ -305,35 +337,43 @@ class Sheet:
     are mm of the figure a um, by the number of axes of a panel.
     """
 
-    def __init__(self, maps: Maps, width: float | None = None) -> None:
-        flat = [len(np.unique(np.round(column, 1))) == 1 for column in maps.places.T]
-        whole = len(maps.axes) == len(AXES)
+    def __init__(
+        self,
+        ids: Sequence[str],
+        places: FloatArray,
+        axes: Sequence[str],
+        groups: Sequence[tuple[str, Sequence[Side]]],
+        k: float = 0.0,
+        width: float | None = None,
+    ) -> None:
+        flat = [len(np.unique(np.round(column, 1))) == 1 for column in places.T]
+        whole = len(axes) == len(AXES)
         normal = next((axis for axis in (2, 1, 0) if whole and flat[axis]), 2)
-        self.maps, self.plane = maps, [axis for axis in range(3) if axis != normal]
-        self.places = maps.places[:, self.plane]
-        heights = np.round(maps.places[:, normal], 1) + 0.0
+        self.ids, self.k, self.plane = ids, k, [axis for axis in range(3) if axis != normal]
+        self.places = places[:, self.plane]
+        heights = np.round(places[:, normal], 1) + 0.0
         values, code = np.unique(np.nan_to_num(heights, nan=np.inf), return_inverse=True)
         levels = [np.flatnonzero(code == i) for i in spread(len(values), MOST)]
         if len(values) > FEW and 3 * len(values) > len(heights):
             levels = [np.arange(len(heights))]
         self.panels = []
-        for name, sides in maps.groups:
-            for axes in [self.plane, [normal]] if whole else [self.plane]:
-                kind = " and ".join(f"E{AXES[axis]}" for axis in axes)
-                kind += " (up is +)" * (len(axes) == 1)
+        for name, sides in groups:
+            for along in [self.plane, [normal]] if whole else [self.plane]:
+                kind = " and ".join(f"E{AXES[axis]}" for axis in along)
+                kind += " (up is +)" * (len(along) == 1)
                 for rows in levels:
                     ends = {f"{h:.6g}": None for h in (heights[rows].min(), heights[rows].max())}
                     at = f"{AXES[normal]} = {' to '.join(ends)} mm"
                     at = at if np.isfinite(heights[rows]).all() else ""
                     text = ", ".join(filter(None, (cut(name, 20), kind, at)))
-                    self.panels.append(Panel(text, rows, axes, sides))
+                    self.panels.append(Panel(text, rows, along, sides))
         spacing = min(_spacing(self.places[rows]) for rows in levels)
         self.scales: dict[int, float] = {}
         for count in (2, 1):
             sizes = [1e-12]
             for panel in (panel for panel in self.panels if len(panel.axes) == count):
                 for side in panel.sides:
-                    arrows, half = panel.errors(side), panel.ellipses(side, maps.k)[0]
+                    arrows, half = panel.errors(side), panel.ellipses(side, k)[0]
                     longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
                     sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
             self.scales[count] = spacing / max(sizes)
@@ -345,20 +385,20 @@ class Sheet:
         inch = max((self.high - self.low) / (inches, PANEL[1]))
         tall = max(PANEL[0], float(self.high[1] - self.low[1]) / inch)
         self.height = -(-len(self.panels) // self.columns) * (tall + ABOVE) + 0.45
-        fits = spacing / inch > LETTER * max(map(len, maps.ids)) + 0.1
+        fits = spacing / inch > LETTER * max(map(len, ids)) + 0.1
         self.named = fits and max(map(len, levels)) <= NAMED
 
-    def draw(self, page: figures.Figure | figures.SubFigure, title: str) -> None:
+    def draw(self, page: Figure | SubFigure, text: str) -> None:
         """The panels, each with its scale; title and sides above."""
         from matplotlib.lines import Line2D
 
-        figures.title(page, title)
-        sides = {side.name: side.colour for _, group in self.maps.groups for side in group}
+        title(page, text)
+        sides = {side.name: side.colour for panel in self.panels for side in panel.sides}
         handles = [Line2D([], [], color=c, lw=2.2, label=name) for name, c in sides.items() if name]
         if handles:
             page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
         across, up = (AXES[axis] for axis in self.plane)
-        panels = figures.panels_of(page, len(self.panels), self.columns)
+        panels = panels_of(page, len(self.panels), self.columns)
         for panel, content in zip(panels, self.panels, strict=False):
             self._draw_panel(panel, content)
             panel.set(
@@ -367,7 +407,7 @@ class Sheet:
             )  # fmt: skip
             panel.set_title(content.title, pad=20, fontsize=9)
 
-    def _draw_panel(self, panel: figures.Axes, content: Panel) -> None:
+    def _draw_panel(self, panel: Axes, content: Panel) -> None:
         """Arrows over ellipses; names stand opposite to the arrows."""
         from matplotlib.collections import EllipseCollection
         from matplotlib.patheffects import withStroke
@@ -376,12 +416,12 @@ class Sheet:
         for i, side in enumerate(content.sides):
             errors = content.errors(side)
             if side.covariance is not None:
-                half, directions = content.ellipses(side, self.maps.k)
+                half, directions = content.ellipses(side, self.k)
                 angles = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
                 ellipses = EllipseCollection(
                     2 * scale * half[:, 1], 2 * scale * half[:, 0], angles, units="xy",
                     offsets=places + scale * errors, offset_transform=panel.transData,
-                    facecolors=figures.PALE, edgecolors=figures.BLUE, linewidths=0.8, alpha=0.55,
+                    facecolors=PALE, edgecolors=BLUE, linewidths=0.8, alpha=0.55,
                     zorder=2,
                 )  # fmt: skip
                 panel.add_collection(ellipses, autolim=False)
@@ -396,12 +436,12 @@ class Sheet:
                 words = significant(length, 1)
                 panel.quiverkey(
                     arrows, 0.12 * float(words) / length, 1.02, float(words), f"{words} um",
-                    labelpos="E", color=figures.INK,
+                    labelpos="E", color=INK,
                 )  # fmt: skip
-        panel.plot(*places.T, "o", color=figures.INK, markersize=2.6, zorder=5)
+        panel.plot(*places.T, "o", color=INK, markersize=2.6, zorder=5)
         total = np.nansum([content.errors(side) for side in content.sides], axis=0)
         for i, row in enumerate(content.rows if self.named else ()):
-            name, size = self.maps.ids[row], float(np.linalg.norm(total[i]))
+            name, size = self.ids[row], float(np.linalg.norm(total[i]))
             unit = -total[i] / size if size > 0 else np.array([0.0, -1.0])
             panel.annotate(
                 name, places[i].tolist(), textcoords="offset points", ha="center", va="center",

@@ -9,23 +9,20 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.fit_components import Component, FitResult, Line
 from mtu_cli.findings import listed
-from mtu_cli.model.estimation import TESTS
+from mtu_cli.model.estimates import ComponentEstimate
+from mtu_cli.model.estimation import TESTS, InstrumentFit
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.units import ARCSEC, LENGTH, UM
-
-if TYPE_CHECKING:
-    from mtu_cli.model.estimates import ComponentEstimate
-    from mtu_cli.model.estimation import InstrumentFit
 
 SHOWN, TITLE = 12, 36
 """Names in a note; characters above a panel."""

@@ -2,25 +2,57 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from mtu_cli.analyses.graph import GraphSimulation, SimulatedCoordinate, Sweep
+import numpy as np
+
+from mtu_cli.analyses.graph import GraphSimulation, GridPoint, SimulatedCoordinate, Sweep
 from mtu_cli.findings import listed
 from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import COMMON, Field, Fields, declare, record
-from mtu_cli.reports.graph_drawing import shares_text, small_unit
-from mtu_cli.reports.monte_carlo_figures import simulation, sweep_curves
-from mtu_cli.reports.numbers import fixed, significant
+from mtu_cli.reports.graph_drawing import LEAST_SHARE, drawing, net_of, share_percent
+from mtu_cli.reports.numbers import cut, fixed, significant, spread
+from mtu_cli.units import UM
 
 MOST = 12
 """Places named in one cell."""
+SHOWN_SHARES = 3
+"""Sources of variance that are named."""
+SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendicularity"}
+"""Sources for people; others are places."""
+COORDINATES, LINES = 9, 14
+"""Coordinates drawn on one sheet; lines of a sweep that are named."""
+SEEN = 1e-3
+"""Coordinates drawn have at least this part of the largest u of their unit."""
+NAME, TITLE = 24, 50
+"""Characters of a name, and of one line of a title."""
 DIGITS = 6
 """Of a nominal."""
+
+
+def small_unit(unit: str) -> tuple[float, str]:
+    """The unit in which deviations of an output are shown, and how many of it make one."""
+    return {"mm": (1.0 / UM, "um"), "rad": (1e6, "urad"), "1": (1e6, "1e-6")}.get(unit, (1.0, unit))
+
+
+def shares_text(shares: Mapping[str, float]) -> str:
+    """ "probe 50, axis 49": percents of the sources of variance, the largest first."""
+    pairs = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
+    pairs.sort(key=lambda pair: -abs(pair[1]))
+    texts = [
+        f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
+        for name, share in pairs[:SHOWN_SHARES]
+        if math.isfinite(share)
+    ]
+    return ", ".join(texts) or "-"
+
 
 STEP = declare(
     """
@@ -64,7 +96,7 @@ CHECK = declare(
 )
 
 
-def check(result: MeasurementGraph, figure: Callable[[], Any]) -> Document:
+def check(result: MeasurementGraph) -> Document:
     """One row a transition, in the order in which they fire."""
     items = [item for group in _rounds(result) for item in group]
     title, footer = f"Graph: {result.graph.name}", f"reported: {listed(result.reported, MOST)}"
@@ -74,6 +106,7 @@ def check(result: MeasurementGraph, figure: Callable[[], Any]) -> Document:
     places = f"{len(result.graph.places)} places ({kinds})"
     steps = f"{counts['transitions']} transitions, {counts['probings']} probings"
     verdict = f"The graph is sound: {places}, {steps}."
+    figure = partial(drawing, net_of(result))
     return Document(result.graph.name, (CHECK, result), [order], figure, verdict)
 
 
@@ -161,20 +194,17 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     name = result.graph.graph.name
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
-    places, figure = Table(title, fields, result.coordinates, footer), partial(simulation, result)
-    verdict = _simulation_text(result)
+    places = Table(title, fields, result.coordinates, footer)
+    figure = partial(simulation_figure, result)
+    valid = {x.output: x.validation.passed for x in result.coordinates if x.validation}
+    verdict = "First order is valid (JCGM 101, clause 8)." if valid else ""
+    if failures := listed(output for output, passed in valid.items() if passed is False):
+        verdict = (
+            f"First order is not valid (JCGM 101, clause 8) for {failures}: see the intervals."
+        )
+    elif None in valid.values():
+        verdict = "Too few trials to validate first order."
     return Document(name, (SIMULATION, result), [places], figure, verdict, digits)
-
-
-def _simulation_text(result: GraphSimulation) -> str:
-    """Whether first order is valid by clause 8."""
-    verdicts = {x.output: x.validation.passed for x in result.coordinates if x.validation}
-    failures = listed(output for output, valid in verdicts.items() if valid is False)
-    if failures:
-        return f"First order is not valid (JCGM 101, clause 8) for {failures}: see the intervals."
-    if None in verdicts.values():
-        return "Too few trials to validate first order."
-    return "First order is valid (JCGM 101, clause 8)." if verdicts else ""
 
 
 GRID_POINT = """
@@ -247,20 +277,66 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
     """One row a point of the grid; `base` is the output as the file has it."""
     fields, formula = grid_point(result.varied, result), result.formula
     title, footer = f"u of {result.output}", ""
+    verdict = f"No formula: {result.no_formula}."
     if formula is not None:
         pairs = formula.coefficients.items()
         values = ", ".join(f"{name} = {significant(value, 4)}" for name, value in pairs)
         footer = f"{formula.form}; {values}"
+        most = fixed(formula.max_error_percent, 1)
+        verdict = f"Formula and Monte Carlo differ by {most} % at most."
+        if len(result.grid) == len(formula.coefficients):
+            verdict = "The formula has as many terms as the grid has points: nothing checks it."
     table = Table(title, fields, result.grid, footer)
     extra: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
-    figure = partial(sweep_curves, result)
-    return Document(title, (PLACES, base), [table], figure, _formula_text(result), digits, extra)
+    figure = partial(sweep_figure, result)
+    return Document(title, (PLACES, base), [table], figure, verdict, digits, extra)
 
 
-def _formula_text(result: Sweep) -> str:
-    formula = result.formula
-    if formula is None:
-        return f"No formula: {result.no_formula}."
-    if len(result.grid) == len(formula.coefficients):
-        return "The formula has as many terms as the grid has points: nothing checks it."
-    return f"Formula and Monte Carlo differ by {fixed(formula.max_error_percent, 1)} % at most."
+@figures.styled
+def simulation_figure(result: GraphSimulation) -> figures.Figure:
+    """Histogram of the trials of every coordinate about its nominal, interval, first order."""
+    variables = [item for item in result.coordinates if not item.fixed]
+    maxima = [max(y.u for y in variables if y.output.unit == x.output.unit) for x in variables]
+    selection = [x for x, u in zip(variables, maxima, strict=True) if x.u >= SEEN * u][:COORDINATES]
+    trials = []
+    for item in selection:
+        factor, unit = small_unit(item.output.unit)
+        ends, u = [end * factor for end in item.deviations], item.first_order_u * factor
+        samples = (item.samples - item.nominal) * factor
+        text = f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}"
+        of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
+        trials.append((text, of, samples, ends, (0.0, u, math.inf)))
+    title = f"{cut(result.graph.graph.name, TITLE)}: scatter of the results"
+    title += f" ({len(selection)} of {len(variables)})" * (len(selection) < len(variables))
+    return figures.histograms(title, trials)
+
+
+@figures.styled
+def sweep_figure(result: Sweep) -> figures.Figure:
+    """u by Monte Carlo with two standard errors over the first varied parameter, a line for each
+    value of the others.
+    """
+    names = [name for name, values in result.varied.items() if len(values) > 1]
+    first, *rest = names or list(result.varied)
+    lines: dict[str, list[GridPoint]] = {}
+    for item in result.grid:
+        lines.setdefault(", ".join(f"{n} {item.at[n]:g}" for n in rest), []).append(item)
+    page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
+    panel, short = page.subplots(), cut(str(result.output), NAME)
+    factor, unit = small_unit(result.output.unit)
+    indices = spread(len(lines), LINES)
+    for i, ((label, points), colour) in enumerate(
+        zip(lines.items(), figures.shades(len(lines)), strict=True)
+    ):
+        y, se = np.nan_to_num([(point.u, point.se_u) for point in points]).T * factor
+        panel.errorbar(
+            [item.at[first] for item in points], y, 2 * se, fmt="o-", ms=4, color=colour,
+            label=label if i in indices else None,
+        )  # fmt: skip
+    panel.set(xlabel=first, ylabel=f"u of {short}, {unit}", ylim=(0, None))
+    if result.formula is not None:
+        panel.set_title(result.formula.form, fontweight="normal")
+    figures.title(page, f"Uncertainty of {short} over {first}")
+    if rest:
+        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), reverse=True)
+    return page

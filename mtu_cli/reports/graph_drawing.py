@@ -6,7 +6,6 @@ Layered drawing (Sugiyama, Tagawa & Toda, IEEE Trans. SMC 11 (1981) 109).
 
 from __future__ import annotations
 
-import math
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -16,12 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.graph_contract import Graph
-from mtu_cli.model.graph.transitions import Values
+from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.reports import figures
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UM
 
 Arcs = Sequence[tuple[int, int]]
 
@@ -48,10 +45,8 @@ LEVEL, FINE = 0.02, 100
 """Inches that an arc is level at its ends, and points of it that are drawn."""
 NOISE = 1e-9
 """Percent by which rounding may move a share."""
-SHOWN_SHARES, LEAST_SHARE = 3, 0.005
-"""Sources of variance that are named, each with at least this share."""
-SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendicularity"}
-"""Sources for people; others are places."""
+LEAST_SHARE = 0.005
+"""Of sources of variance that are named."""
 
 
 class Node(NamedTuple):
@@ -84,45 +79,17 @@ class Net(NamedTuple):
     shares: Mapping[int, float]
 
 
-class Layout(NamedTuple):
-    """`places` (nodes, 2) x to the right, y downwards; `routes`: points (n, 2) of every arc."""
-
-    width: float
-    height: float
-    places: FloatArray
-    routes: list[FloatArray]
-
-
 def share_percent(share: float, decimals: int = 1) -> str:
     """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
     text = f"{100 * share + NOISE:.{decimals}f}"
     return text.removeprefix("-") if not text.strip("-0.") else text
 
 
-def small_unit(unit: str) -> tuple[float, str]:
-    """The unit in which deviations of an output are shown, and how many of it make one."""
-    return {"mm": (1.0 / UM, "um"), "rad": (1e6, "urad"), "1": (1e6, "1e-6")}.get(unit, (1.0, unit))
-
-
-def shares_text(shares: Mapping[str, float]) -> str:
-    """ "probe 50, axis 49": percents of the sources of variance, the largest first."""
-    pairs = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
-    pairs.sort(key=lambda pair: -abs(pair[1]))
-    texts = [
-        f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
-        for name, share in pairs[:SHOWN_SHARES]
-        if math.isfinite(share)
-    ]
-    return ", ".join(texts) or "-"
-
-
 def net_of(
-    graph: Graph,
-    reported: tuple[str, ...],
-    of: str | None = None,
-    shares: Mapping[str, float] | None = None,
+    measurement: MeasurementGraph, of: str | None = None, shares: Mapping[str, float] | None = None
 ) -> Net:
     """The net of a graph; `shares` by place are those of the variance of `of`."""
+    graph, reported = measurement.graph, measurement.reported
     at = {name: i for i, name in enumerate(graph.places)}
     nodes = [Node(n, x.kind, x.marked, n in reported) for n, x in graph.places.items()]
     arcs: list[tuple[int, int]] = []
@@ -135,9 +102,10 @@ def net_of(
     return Net(graph.name, nodes, arcs, of, node_shares)
 
 
-def lay_out(net: Net) -> Layout:
-    """The layout of a net without cycles: layers by longest path, nodes ordered in them by the mean
-    position of their neighbours. An arc that passes a layer has a point of its own there.
+def lay_out(net: Net) -> tuple[FloatArray, list[FloatArray]]:
+    """The places (nodes, 2) of a net without cycles, x to the right, y downwards, and points (n, 2)
+    of every arc: layers by longest path, nodes ordered in them by the mean position of their
+    neighbours. An arc that passes a layer has a point of its own there.
     """
     count = len(net.nodes)
     rank = _ranks(count, net.arcs)
@@ -162,8 +130,7 @@ def lay_out(net: Net) -> Layout:
     middles = np.cumsum(wide) - np.array(wide) / 2 + GAP * np.arange(len(wide))
     near_rows = [before[i] + after[i] or [i] for i in range(len(rank))]
     spots = np.column_stack([middles[rank], _rows(count, layers, near_rows)])
-    width, height = spots.max(axis=0, initial=0.0)
-    return Layout(width, height, spots[:count], [spots[path] for path in paths])
+    return spots[:count], [spots[path] for path in paths]
 
 
 def _adjacent(arcs: Arcs) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
@@ -213,83 +180,67 @@ def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatAr
 @figures.styled
 def drawing(net: Net) -> figures.Figure:
     """The graph, left to right; with shares, thicker arcs and percents where variance comes in."""
-    layout = lay_out(net)
+    from matplotlib.patches import FancyArrowPatch
+    from matplotlib.path import Path
+    from scipy.interpolate import PchipInterpolator
+
+    places, routes = lay_out(net)
+    right, bottom = places.max(axis=0, initial=0.0)
     kinds = {node.kind for node in net.nodes}
     sides = MARGIN + max((node.width for node in net.nodes), default=0.0) / 2
-    width = max(layout.width + 2 * sides, KEY * (len(kinds) + 3))
-    page = figures.blank(width, layout.height + 2 * MARGIN + FOOT)
+    width = max(right + 2 * sides, KEY * (len(kinds) + 3))
+    page = figures.blank(width, bottom + 2 * MARGIN + FOOT)
     page.set_layout_engine("none")
     panel = page.add_axes((0.0, 0.0, 1.0, 1.0))
-    margin = (width - layout.width) / 2
-    panel.set(xlim=(-margin, width - margin), ylim=(layout.height + MARGIN + FOOT, -MARGIN))
+    margin = (width - right) / 2
+    panel.set(xlim=(-margin, width - margin), ylim=(bottom + MARGIN + FOOT, -MARGIN))
     panel.axis("off")
-    for (a, b), route in zip(net.arcs, layout.routes, strict=True):
+    for (a, b), route in zip(net.arcs, routes, strict=True):
+        # Level at both ends, turning only where the points do (Fritsch & Butland 1984).
         before, after = (RADIUS if net.nodes[x].kind else BAR[0] / 2 for x in (a, b))
         share = max(net.shares.get(a, 0.0), net.shares.get(b, 0.0))
-        _draw_arc(panel, before, after, route, share)
-    for number, node in enumerate(net.nodes):
-        x, y = layout.places[number].tolist()
-        _draw_node(panel, node, x, y, net.shares.get(number, 0.0))
+        (x0, y0), *bends, (x1, y1) = route.tolist()
+        x0, x1 = x0 + before, x1 - after
+        points = np.array([(x0, y0), (x0 + LEVEL, y0), *bends, (x1 - LEVEL, y1), (x1, y1)])
+        along = np.linspace(x0, x1, FINE)
+        curve = Path(np.column_stack([along, PchipInterpolator(*points.T)(along)]))
+        arrow = FancyArrowPatch(
+            path=curve, arrowstyle="-|>,head_length=3.0,head_width=1.5", lw=0.8 + 3.0 * share,
+            color="#4d5661", shrinkA=0.0, shrinkB=0.0, zorder=1,
+        )  # fmt: skip
+        panel.add_patch(arrow)
+    ring: dict[str, Any] = {"ls": "", "marker": "o", "ms": 144 * RADIUS, "mec": figures.INK}
+    bar: dict[str, Any] = {"ms": 72 * BAR[1], "mew": 72 * BAR[0], "color": figures.INK}
+    for number, (node, (x, y)) in enumerate(zip(net.nodes, places.tolist(), strict=True)):
+        if node.kind:
+            panel.plot(x, y, **ring, mfc=COLOURS[node.kind], mew=0.9, zorder=3, label=node.kind)
+        else:
+            panel.plot(x, y, "|", **bar, zorder=3, label="transition")
+        if node.reported:
+            panel.plot(x, y, **ring, mfc="none", mew=2.0, zorder=3, label="reported")
+        if node.marked:
+            panel.plot(x, y, "o", ms=4.3, mew=0, color=figures.INK, zorder=4, label="marker")
+        panel.text(x, y + RADIUS + 0.02, node.label, fontsize=FONT, ha="center", va="top", zorder=5)
+        if (share := net.shares.get(number, 0.0)) >= LEAST_SHARE:
+            panel.text(
+                x - RADIUS - 0.04, y - 0.025 - 0.02 * share, f"{share_percent(share)} %",
+                fontsize=FONT, color=figures.RED, ha="right", va="bottom",
+            )  # fmt: skip
     of = "" if net.of is None else f": where the variance of {net.of} is from"
     figures.title(page, cut(net.title + of, int(width / TITLE)))
     figures.key(page, [panel], loc="lower left", ncols=len(kinds) + 3, markerscale=0.55)
     return page
 
 
-def _draw_arc(
-    panel: figures.Axes, before: float, after: float, route: FloatArray, share: float
-) -> None:
-    """A curve level at both ends that turns only where its points do (Fritsch & Butland 1984)."""
-    from matplotlib.patches import FancyArrowPatch
-    from matplotlib.path import Path
-    from scipy.interpolate import PchipInterpolator
-
-    (x0, y0), *bends, (x1, y1) = route.tolist()
-    x0, x1 = x0 + before, x1 - after
-    points = np.array([(x0, y0), (x0 + LEVEL, y0), *bends, (x1 - LEVEL, y1), (x1, y1)])
-    along = np.linspace(x0, x1, FINE)
-    curve = Path(np.column_stack([along, PchipInterpolator(*points.T)(along)]))
-    panel.add_patch(
-        FancyArrowPatch(
-            path=curve, arrowstyle="-|>,head_length=3.0,head_width=1.5", lw=0.8 + 3.0 * share,
-            color="#4d5661", shrinkA=0.0, shrinkB=0.0, zorder=1,
-        )
-    )  # fmt: skip
-
-
-def _draw_node(panel: figures.Axes, node: Node, x: float, y: float, share: float) -> None:
-    """A circle, or a bar, with its name below; a share to the left."""
-    ring: dict[str, Any] = {"ls": "", "marker": "o", "ms": 144 * RADIUS, "mec": figures.INK}
-    if node.kind:
-        panel.plot(x, y, **ring, mfc=COLOURS[node.kind], mew=0.9, zorder=3, label=node.kind)
-    else:
-        bar: dict[str, Any] = {"ms": 72 * BAR[1], "mew": 72 * BAR[0], "color": figures.INK}
-        panel.plot(x, y, "|", **bar, zorder=3, label="transition")
-    if node.reported:
-        panel.plot(x, y, **ring, mfc="none", mew=2.0, zorder=3, label="reported")
-    if node.marked:
-        panel.plot(x, y, "o", ms=4.3, mew=0, color=figures.INK, zorder=4, label="marker")
-    panel.text(x, y + RADIUS + 0.02, node.label, fontsize=FONT, ha="center", va="top", zorder=5)
-    if share >= LEAST_SHARE:
-        panel.text(
-            x - RADIUS - 0.04, y - 0.025 - 0.02 * share, f"{share_percent(share)} %",
-            fontsize=FONT, color=figures.RED, ha="right", va="bottom",
-        )  # fmt: skip
-
-
 PIXELS = 96
 """A dot in an inch of the layout, for the paper's coordinates."""
-
-
 DOT_BAR = "shape=box, style=filled, fillcolor=black, width=0.08, height=0.5, fixedsize=true"
 
 
 def dot(net: Net) -> str:
     """Graphviz."""
-    lines, keys = (
-        [f"digraph {_quote(net.title)} {{", "  rankdir=LR;", "  node [fontsize=10];"],
-        _keys(net),
-    )
+    lines = [f"digraph {_quote(net.title)} {{", "  rankdir=LR;", "  node [fontsize=10];"]
+    keys = _keys(net)
     for number, (key, node) in enumerate(zip(keys, net.nodes, strict=True)):
         if node.kind:
             share = net.shares.get(number)
@@ -341,15 +292,16 @@ def _plain(text: str) -> str:
 _KIND = {"point": "p", "vector": "v", "constant": "r", "line": "l", "plane": "n", "frame": "f"}
 
 
-def assertions(net: Net, graph: Graph, nominal: Values) -> str:
+def assertions(net: Net, measurement: MeasurementGraph) -> str:
     """The model data base of Stryczek, Table 1: p(n, x, y, kind, X, Y, Z), t(n, x, y, type),
     pt(p, t), tp(t, p), m(p).
 
     n counts places and transitions apart; x, y in pixels; the values are those at nominal (for a
     coordinate and a constant the first; of lines and planes the direction, of frames the origin).
     """
-    spots = np.rint((lay_out(net).places + 0.5) * PIXELS).astype(int)
-    lines, count = [f"% {_plain(net.title)}"], len(graph.places)
+    spots = np.rint((lay_out(net)[0] + 0.5) * PIXELS).astype(int)
+    graph, lines = measurement.graph, [f"% {_plain(net.title)}"]
+    count = len(graph.places)
     for number, (node, (x, y)) in enumerate(zip(net.nodes, spots, strict=True), 1):
         if not node.kind:
             lines.append(f"t({number - count}, {x}, {y}, {node.label}).")
@@ -357,7 +309,7 @@ def assertions(net: Net, graph: Graph, nominal: Values) -> str:
         kind = (
             graph.places[node.label].axis or "x" if node.kind == "coordinate" else _KIND[node.kind]
         )
-        value = nominal[node.label][..., 0]
+        value = measurement.nominal[node.label][..., 0]
         row = value if value.ndim < 2 else value[0] if node.kind == "frame" else value[1]
         values = ", ".join(f"{item + 0.0:.9g}" for item in [*np.atleast_1d(row), 0.0, 0.0][:3])
         lines.append(f'p({number}, {x}, {y}, "{kind}", {values}). % {_plain(node.label)}')

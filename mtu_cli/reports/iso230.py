@@ -4,31 +4,17 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from types import SimpleNamespace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.iso230 import (
-    ISO,
-    MEANINGS,
-    STANDARDS,
-    VDI,
-    WAYS,
-    Axis,
-    Figure,
-    Iso230Result,
-    Plan,
-    reversal_and_repeatability,
-)
+from mtu_cli.analyses import iso230 as analysis
 from mtu_cli.findings import listed
+from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED, blank, legend, panels_of, styled
+from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED
 from mtu_cli.reports.numbers import with_u
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Page
 
 MAIN = ("A", "E", "R", "M", "B", "B_mean")
 SHOWN_AXES = 2
@@ -74,30 +60,29 @@ AXIS = (
     runs.reverse | reverse() | runs in reverse, at the target with most
     at_target[] | at_target()"""
     + AT_TARGET
-    + "".join(FIGURE.format(*each) for each in ISO.items())
+    + "".join(FIGURE.format(*each) for each in analysis.ISO.items())
     + "".join(
         f"\n    vdi3441.{name} | figures.{name}.value | {meaning} (VDI/DGQ 3441) | -, size=size"
-        for name, meaning in VDI.items()
+        for name, meaning in analysis.VDI.items()
     )
     + "\n    before. | earlier()"
-    + "".join(CHANGE.format(*each) for each in ISO.items())
+    + "".join(CHANGE.format(*each) for each in analysis.ISO.items())
 )
 
 
-def at_target(axis: Axis) -> list[SimpleNamespace]:
+def at_target(axis: analysis.Axis) -> list[dict[str, Any]]:
     """What ISO 230-2 has of every target (mm, of a rotary axis deg); B = forward - reverse."""
     count, mean, s = axis.of_runs
-    B, R_way, R = reversal_and_repeatability(mean, s)
+    B, R_way, R = analysis.reversal_and_repeatability(mean, s)
     columns = {"mean": mean.mean(axis=0), "B": B, "R": R}
     for name, pair in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
-        columns |= {f"{name}_{way}": values for way, values in zip(WAYS, pair, strict=True)}
+        columns |= {f"{name}_{way}": x for way, x in zip(analysis.WAYS, pair, strict=True)}
     place, other = ("deg", "mm") if axis.rotary else ("mm", "deg")
     shared = {"name": axis.name, "size": axis.size, other: None}
     return [
-        SimpleNamespace(**shared, **{place: at},
-                        **{name: values[i].item() for name, values in columns.items()})
+        {**shared, place: at, **{name: values[i].item() for name, values in columns.items()}}
         for i, at in enumerate(axis.targets.tolist())
-    ]  # fmt: skip
+    ]
 
 
 RESULTS = declare(
@@ -129,7 +114,7 @@ RESULTS = declare(
 )
 
 
-def _scale(figure: Figure) -> float:
+def _scale(figure: analysis.Figure) -> float:
     """The uncertainty that a figure is rounded to."""
     return figure.u if figure.u > 0 else figure.u_sampling
 
@@ -151,7 +136,7 @@ ROW = declare(
     meaning | meaning(1.name) | what it is | -
     """,
     scale=_scale,
-    meaning=MEANINGS.get,
+    meaning=analysis.MEANINGS.get,
 )
 TARGETS = [*declare("- | name | | axis, text, names"), *declare(AT_TARGET)]
 PLAN_ROW = declare("""
@@ -161,11 +146,11 @@ PLAN_ROW = declare("""
 """)
 
 
-def document(result: Iso230Result, digits: int = 2) -> Document:
+def document(result: analysis.Iso230Result, digits: int = 2) -> Document:
     """One row a figure of the standard; targets below."""
     if result.plan is not None:
         return _plan_document(result, result.plan, digits)
-    axes, names = list(result.axes.values()), STANDARDS[result.standard]
+    axes, names = list(result.axes.values()), analysis.STANDARDS[result.standard]
     pairs = [(axis, axis.figures[name]) for axis in axes for name in names]
     rows = [(axis, each) for axis, each in pairs if not math.isnan(each.value)]
     footer = "u_sampling: of a repeated test"
@@ -174,11 +159,11 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     if result.decisions:
         footer += "; limits by ISO 14253-1"
     title = "Positioning, ISO 230-2"
-    if names is VDI:
+    if names is analysis.VDI:
         title = "Positioning, VDI/DGQ 3441"
         footer = f"six standard deviations: not comparable with ISO 230-2; {footer}"
     one_way = [axis.name for axis in axes if math.isnan(axis.figures["E"].value)]
-    main = {*MAIN, *VDI}
+    main = {*MAIN, *analysis.VDI}
     selection = [(axis, x) for axis, x in rows if x.name in main or axis.name in one_way or x.limit]
     targets = [row for axis in axes for row in at_target(axis)]
     of = f"deviations in {listed(dict.fromkeys(axis.unit for axis in axes))}"
@@ -200,27 +185,27 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     if any(x.before for _, x in rows):
         differ = listed(f"{x.name} of {axis.name}" for axis, x in rows if x.differs)
         texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
-    figure, verdict = partial(diagram, result), " ".join(texts)
-    return Document("Positioning", (RESULTS, result), tables, figure, verdict, digits)
+    figure_, verdict = partial(figure, result), " ".join(texts)
+    return Document("Positioning", (RESULTS, result), tables, figure_, verdict, digits)
 
 
-def _figure_text(axis: Axis, digits: int, standard: str = "iso230-2") -> str:
+def _figure_text(axis: analysis.Axis, digits: int, standard: str = "iso230-2") -> str:
     """The main figures that exist, for one direction those of it, with their names."""
     names = ["P", "Pa", "Ps_max", "U_max"] if standard == "vdi3441" else [*MAIN[:5]]
     if standard != "vdi3441" and math.isnan(axis.figures["E"].value):
         way = "forward" if axis.of_runs[0][0].any() else "reverse"
         names = [f"{name}_{way}" for name in "AER"]
-    figures = [axis.figures[name] for name in names]
+    values = [axis.figures[name] for name in names]
     return ", ".join(
         f"{x.name} {with_u(x.value / x.size, _scale(x) / x.size, digits)[0]}"
-        for x in figures
+        for x in values
         if not math.isnan(x.value)
     )
 
 
-def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
+def _plan_document(result: analysis.Iso230Result, plan: analysis.Plan, digits: int) -> Document:
     rows = [
-        SimpleNamespace(number=i, at=at, phase=at / plan.pitch % 1.0)
+        {"number": i, "at": at, "phase": at / plan.pitch % 1.0}
         for i, at in enumerate(plan.targets.tolist(), 1)
     ]
     footer = "five runs in each direction; phase: share of the pitch beyond its last multiple"
@@ -232,16 +217,16 @@ def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
     return Document("Target positions", (RESULTS, result), [table], None, verdict, digits)
 
 
-@styled
-def diagram(result: Iso230Result) -> Page:
+@figures.styled
+def figure(result: analysis.Iso230Result) -> figures.Figure:
     """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
     limits as long as the range that their figure may have.
     """
     axes = list(result.axes.values())
     columns = 1 if len(axes) == 1 else 2
     lines = math.ceil(len(axes) / columns)
-    page = blank(8.0 if columns == 1 else 11.0, 4.4 if lines == 1 else 3.4 * lines + 0.6)
-    for panel, axis in zip(panels_of(page, len(axes), columns), axes, strict=False):
+    page = figures.blank(8.0 if columns == 1 else 11.0, 4.4 if lines == 1 else 3.4 * lines + 0.6)
+    for panel, axis in zip(figures.panels_of(page, len(axes), columns), axes, strict=False):
         count, means, s = axis.of_runs
         means, s = means / axis.size, s / axis.size
         panel.axhline(0.0, color=GREY, linewidth=0.8)
@@ -253,7 +238,7 @@ def diagram(result: Iso230Result) -> Page:
                 panel.plot(at, run, ".", color=colour, alpha=0.35, ms=3.5)
             panel.errorbar(
                 axis.targets, means[i], yerr=2 * np.nan_to_num(s[i]), color=colour, marker=marker,
-                ms=5, capsize=3, elinewidth=1.0, label=f"mean {WAYS[i]}, 2 s",
+                ms=5, capsize=3, elinewidth=1.0, label=f"mean {analysis.WAYS[i]}, 2 s",
             )  # fmt: skip
         mean = means.mean(axis=0)
         if np.isfinite(mean).any():
@@ -266,8 +251,8 @@ def diagram(result: Iso230Result) -> Page:
                 place, middle, limit / 2, color=RED, capsize=4, elinewidth=2.0, label="limit"
             )
             panel.annotate(name, (place, middle), (4, 0), textcoords="offset points", color=RED)
-        panel.set_title(f"{axis.name}: {_figure_text(axis, 2)} {axis.unit}")
-        panel.set_xlabel(f"target, {'deg' if axis.rotary else 'mm'}")
-        panel.set_ylabel(f"deviation, {axis.unit}")
-    legend(page)
+        title = f"{axis.name}: {_figure_text(axis, 2)} {axis.unit}"
+        xlabel = f"target, {'deg' if axis.rotary else 'mm'}"
+        panel.set(title=title, xlabel=xlabel, ylabel=f"deviation, {axis.unit}")
+    figures.legend(page)
     return page

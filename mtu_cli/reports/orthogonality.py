@@ -9,7 +9,6 @@ from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table, least_conforming
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.monte_carlo_figures import Trials, histograms
 from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.units import ARCSEC
 
@@ -78,13 +77,8 @@ def figure(result: OrthogonalityResult) -> figures.Figure:
         run, model = item.run, item.model
         mean = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0]
         first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]
-        trials.append(
-            Trials(
-                run.samples[0] / ARCSEC,
-                (float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)),
-                first,
-                f"{item.id}: mean {mean}, u {significant(run.u[0] / ARCSEC)} arcsec",
-                "angle minus 90 degrees, arcsec",
-            )
-        )
-    return histograms("Angles between rows and columns", trials)
+        ends = float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)
+        text = f"{item.id}: mean {mean}, u {significant(run.u[0] / ARCSEC)} arcsec"
+        label = "angle minus 90 degrees, arcsec"
+        trials.append((text, label, run.samples[0] / ARCSEC, ends, first))
+    return figures.histograms("Angles between rows and columns", trials)

@@ -12,16 +12,9 @@ import numpy as np
 from mtu_cli.analyses.predictions import PointsResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.document import (
-    DAGGER,
-    KIND,
-    OUTSIDE,
-    Document,
-    Table,
-    least_conforming,
-)
+from mtu_cli.reports.document import DAGGER, KIND, OUTSIDE, Document, Table, least_conforming
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, rows_of
-from mtu_cli.reports.figures import Intervals, Maps, Sheet, Side
+from mtu_cli.reports.figures import Intervals, Maps, Side
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import UM
 
@@ -51,14 +44,6 @@ OF_AXIS = """
     independent.u_AXIS_um | root(prediction.independent_variance) | standard uncertainty with \
         components and points independent (Gilsinn & Ling 2004) | u indep., detail
     independent.var_AXIS_um2 | prediction.independent_variance | its square | -, json
-"""
-RESULTS_TEXT = """
-    axes | prediction.axes | axes that the machine has an equation for
-    points[] | rows() | *point
-"""
-COVARIANCE = """
-    covariance_rows | names() | feature and axis of every row (--covariance)
-    covariance_um2 | covariance | covariance of all errors of one part (--covariance)
 """
 
 
@@ -101,14 +86,24 @@ def _names(result: PointsResult) -> list[str]:
     return [f"{x}.{axis}" for x in result.prediction.ids for axis in result.prediction.axes]
 
 
-def results(fields: Fields, *, with_covariance: bool) -> Fields:
+def results(fields: Fields) -> Fields:
     """The figures of the report, of points with these."""
-    text = RESULTS_TEXT + COVARIANCE * with_covariance
-    return declare(text, rows=_rows, point=fields, names=_names)
+    text = """
+        axes | prediction.axes | axes that the machine has an equation for
+        points[] | rows() | *point
+    """
+    return declare(text, rows=_rows, point=fields)
 
 
+COVARIANCE = declare(
+    """
+    covariance_rows | names() | feature and axis of every row (--covariance)
+    covariance_um2 | covariance | covariance of all errors of one part (--covariance)
+    """,
+    names=_names,
+)
 ROW = point(("x", "y", "z"))
-RESULTS = results(ROW, with_covariance=True)
+RESULTS: Fields = (*results(ROW), *COVARIANCE)
 """Of a machine with equations for all axes."""
 
 
@@ -127,9 +122,9 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
     )
     if least := least_conforming(ids, result.conformance):
         verdict += f" {least}."
-    source = results(fields, with_covariance=with_covariance), result
-    table = Table(title, fields, _rows(result), footer)
-    return Document(title, source, [table], partial(figure, result), verdict, digits)
+    table, figure_ = Table(title, fields, _rows(result), footer), partial(figure, result)
+    extra = [(COVARIANCE, result)] * with_covariance
+    return Document(title, (results(fields), result), [table], figure_, verdict, digits, extra)
 
 
 @figures.styled
@@ -146,11 +141,10 @@ def figure(result: PointsResult) -> figures.Figure:
         errors[:, at] = result.prediction.mean.reshape(n, a) / UM
         covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
         side = Side("", figures.BLUE, errors, covariance)
-        maps = Maps(ids, result.points, axes, (("", (side,)),), k)
+        maps = Maps(ids, result.points, axes, [("", [side])], k)
         share = 100 * (1 - math.exp(-(k**2) / 2))
-        sheet = Sheet(maps)
-        page = figures.blank(sheet.width, sheet.height)
-        sheet.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")
+        page = figures.blank(maps.width, maps.height)
+        maps.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")
         return page
     U = k * np.sqrt(result.variance) / UM
     intervals = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]

@@ -7,10 +7,8 @@ as pandas prints a wide frame.
 from __future__ import annotations
 
 import io
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import IO
 
 from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
@@ -92,20 +90,12 @@ class Sheet:
         return [*groups, group]
 
 
-def console(file: IO[str] | None = None) -> Console:
-    """A console for tables: a terminal's own width and colours, 100 plain columns elsewhere."""
-    stream = sys.stdout if file is None else file
-    if stream.isatty():
-        return Console(file=stream, highlight=False)
-    return Console(
-        file=stream, width=WIDTH, highlight=False, force_terminal=False, color_system=None
-    )
-
-
 def plain_text(renderables: Iterable[object]) -> str:
     """What a pipe receives: no escape codes, no trailing blanks, at most 100 columns."""
     out = io.StringIO()
-    target = console(out)
+    target = Console(
+        file=out, width=WIDTH, highlight=False, force_terminal=False, color_system=None
+    )
     for renderable in renderables:
         target.print(renderable)
     return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"

@@ -92,28 +92,28 @@ RESULTS = declare(
 )
 ROW = declare(
     """
-    - | drift.name | name of the component | component, text, csv=component
-    - | drift.estimate.of | its axis | -, csv=of
-    - | drift.unit.name | of the figures | unit, text, csv=unit
-    - | drift.model | stepwise, ridge or lagged | -, csv=model
-    - | drift.estimate.degree | of the polynomial in position | -, csv=degree
-    - | at.position | observed position | position, exact, unit=mm, csv=position_mm
-    - | sensor | of the model; empty: it has none | sensor, text, csv=sensor
-    - | stands_for | sensors that move as it does | -, csv=stands_for
-    - | at.value | drift per degC | gradient / per degC, plus-minus, u=at.u, \
-        size=drift.unit.to_internal, csv=gradient_per_degC
-    - | at.u | its standard uncertainty | -, size=drift.unit.to_internal, csv=u_gradient_per_degC
-    - | at.interval | its 95 % interval | 95 % interval / per degC, interval, u=at.u, \
-        size=drift.unit.to_internal, csv=interval95_gradient
-    - | separable | false: its gradient is known together with other sensors' only \
-        | sepa- / rable, yes_no, csv=separable
-    - | at.by | u from the scatter of cycles, or the model of the errors | u by, text, csv=u_by
-    - | share | rms of its part of the modelled drift \
-        | rms / part, sig3, size=drift.unit.to_internal, csv=share_rms
-    - | lag | time constant; 0: none | lag, unit=min, csv=time_constant_min
-    - | vif | variance inflation factor; empty: infinite | VIF, sig3, csv=vif
-    - | temperatures.0 | lowest temperature read | -, csv=temperature_low_degC
-    - | temperatures.1 | highest temperature read | -, csv=temperature_high_degC
+    component | drift.name | name of the component | component, text
+    of | drift.estimate.of | its axis
+    unit | drift.unit.name | of the figures | unit, text
+    model | drift.model | stepwise, ridge or lagged
+    degree | drift.estimate.degree | of the polynomial in position
+    position_mm | at.position | observed position | position, exact
+    sensor | | of the model; empty: it has none | sensor, text
+    stands_for | | sensors that move as it does
+    gradient_per_degC | at.value | drift per degC \
+        | gradient / per degC, plus-minus, u=at.u, size=drift.unit.to_internal
+    u_gradient_per_degC | at.u | its standard uncertainty | -, size=drift.unit.to_internal
+    interval95_gradient | at.interval | its 95 % interval \
+        | 95 % interval / per degC, interval, u=at.u, size=drift.unit.to_internal
+    separable | | false: its gradient is known together with other sensors' only \
+        | sepa- / rable, yes_no
+    u_by | at.by | u from the scatter of cycles, or the model of the errors | u by, text
+    share_rms | share | rms of its part of the modelled drift \
+        | rms / part, sig3, size=drift.unit.to_internal
+    time_constant_min | lag | time constant; 0: none | lag, unit=min
+    vif | | variance inflation factor; empty: infinite | VIF, sig3
+    temperature_low_degC | temperatures.0 | lowest temperature read
+    temperature_high_degC | temperatures.1 | highest temperature read
     """
 )
 

@@ -8,8 +8,7 @@ import pytest
 from cli_runner import done, listing, mtu, report
 from support import CONFIGS
 
-from mtu_cli.analyses.graph import PARAMETERS
-from mtu_cli.cli.measurement import variations
+from mtu_cli.cli.measurement import variation
 from mtu_cli.findings import InputError
 
 GRAPHS = CONFIGS / "graphs"
@@ -52,7 +51,7 @@ def test_sweep() -> None:
     assert formula["monte_carlo"]["standard_error_percent"] == pytest.approx(2.2, abs=0.2)
     assert set(results["places"]["d_AC"]["value"]) >= FIELDS
     with pytest.raises(InputError, match="appears twice"):
-        variations(["axis_um=1,1"], PARAMETERS)
+        variation("axis_um", "1,1")
 
 
 @pytest.mark.parametrize(

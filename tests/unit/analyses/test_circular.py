@@ -13,7 +13,7 @@ from circle_examples import Causes, made
 
 from mtu_cli.analyses.circular import CircularResult, diagnose
 from mtu_cli.files.readings import Traces
-from mtu_cli.reports.circular import document, polar
+from mtu_cli.reports.circular import document, figure
 from mtu_cli.stats.least_squares import FloatArray
 
 NONE = (0.0, 0.0)
@@ -99,7 +99,7 @@ def test_the_sum_of_squareness_and_lag_scatters_by_its_u() -> None:
 def test_the_diagram_holds_the_whole_trace() -> None:
     """A reach of 14 um is no 10."""
     result = diagnose(made(replace(Causes(), lean=200e-6, lag=(0.0, 0.0))))
-    panel: Any = polar(result).axes[0]
+    panel: Any = figure(result).axes[0]
     drawn = max(np.abs(line.get_ydata()).max() for line in panel.lines)
     assert 13 < drawn < panel.get_rmax()
 

@@ -11,10 +11,9 @@ from budget_examples import evaluated
 
 from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.files.source import report_bytes
-from mtu_cli.reports.budget import document
+from mtu_cli.reports.budget import document, figure
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.monte_carlo_figures import budget as figure
 from mtu_cli.reports.tables import plain_text
 
 CONTRACT = {"value", "u", "second_order", "dof_effective", "k", "U", "rows", "monte_carlo"}

@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 from graph_examples import SHIPPED, graph_of, shipped
 
-from mtu_cli.analyses.graph import simulate_graph
-from mtu_cli.cli.measurement import net_for
+from mtu_cli.analyses.graph import shares_by_place, simulate_graph
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
 from mtu_cli.reports import graph_drawing
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.graph_drawing import Net, drawing
+from mtu_cli.reports.graph_drawing import Net, drawing, net_of
 
 OF = {
     "ball-centre": "P1.z",
@@ -31,7 +30,8 @@ NETS = [(path.stem, shares) for path in SHIPPED for shares in (False, True)]
 
 
 def net(name: str, shares: bool) -> Net:
-    return net_for(shipped(name), OF[name] if shares else None)
+    graph, of = shipped(name), OF[name]
+    return net_of(graph, of, shares_by_place(graph, of)) if shares else net_of(graph)
 
 
 @pytest.mark.parametrize(("name", "shares"), NETS)
@@ -64,9 +64,9 @@ def test_labels_cross_neither_each_other_nor_an_arc(name: str, shares: bool) -> 
 @pytest.mark.parametrize("name", list(OF))
 def test_texts_hold_every_node_and_arc(name: str) -> None:
     graph = shipped(name)
-    drawn, places = net_for(graph), graph.graph.places
+    drawn, places = net_of(graph), graph.graph.places
     dot, mermaid = graph_drawing.dot(drawn), graph_drawing.mermaid(drawn)
-    facts = graph_drawing.assertions(drawn, graph.graph, graph.nominal)
+    facts = graph_drawing.assertions(drawn, graph)
     assert dot.count(" -> ") == mermaid.count(" --> ") == len(drawn.arcs)
     for pattern, count in {
         r"(pt|tp)\(\d+, \d+\)\.$": len(drawn.arcs),
@@ -86,7 +86,7 @@ transitions:
   - {do: ratio, in: ['a"b', 'a"b'], out: 's->t'}
 """
     graph = graph_of(tmp_path, text)
-    drawn = net_for(graph)
+    drawn = net_of(graph)
     assert 'label="a\\"b' in graph_drawing.dot(drawn)
     assert 'p1(("a_b"))' in graph_drawing.mermaid(drawn)
     assert len(drawn.arcs) == 2
@@ -120,5 +120,5 @@ def test_variances_of_lengths_and_directions_are_not_added() -> None:
     graph = shipped("work-coordinates")
     (frame,) = (name for name, item in graph.graph.places.items() if item.kind == "frame")
     with pytest.raises(InputError, match=rf"one of: {frame}\.x, .*{frame}\.rz"):
-        net_for(graph, frame)
-    assert sum(net_for(graph, f"{frame}.rz").shares.values()) == pytest.approx(1)
+        shares_by_place(graph, frame)
+    assert sum(shares_by_place(graph, f"{frame}.rz").values()) == pytest.approx(1)

@@ -35,7 +35,7 @@ CONTRACT = {
 def fit() -> ThermalFit:
     """Of the shipped drift test: a length by degree 3 through four positions, two of degree 0."""
     inputs = Inputs(Options("thermal-fit", {"study": STUDY}))
-    return fitted_drift(inputs, inputs.drift, "ridge")
+    return fitted_drift(inputs, "ridge")
 
 
 def written(fit: ThermalFit) -> dict[str, Any]:
