@@ -16,7 +16,7 @@ from mtu_cli.model.fit import ComponentReadings, component_readings, effects_on_
 from mtu_cli.model.machine_model import AXES, TIME, component_alone
 from mtu_cli.model.passes import Passes
 from mtu_cli.model.prediction import temperature_warnings
-from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
+from mtu_cli.model.residuals import ResidualTable, cell_model, table_of
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.model.visits import Cells, IntArray
 from mtu_cli.stats.covariance import bounded
@@ -42,7 +42,7 @@ def reading_tables(
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
             series = component_readings(machine, readings, name, rows)
-            cells = reading_layout(readings, series, name).cells
+            cells = reading_cells(readings, series, name)
             columns = {key: x for key, x in series.columns.items() if key != f"dir_{series.axis}"}
             groups = (cells.part, cells.column, readings.file_index[rows])
             mask, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
@@ -63,8 +63,8 @@ def _table(
     """The table of the readings of one component."""
     entry, estimate = machine.machine.components[name], estimates.components.get(name)
     of, unit, rows, columns = series.of, UNITS[entry.unit], series.rows, series.columns
-    layout = reading_layout(readings, series, name)
-    covariates, gaps = table_covariates(columns, layout.cells, readings, rows)
+    cells = reading_cells(readings, series, name)
+    covariates, gaps = table_covariates(columns, cells, readings, rows)
     warnings += gaps
     if (drift := estimates.thermal.get(name)) is not None:
         # It needs its temperatures, and the times where it lags.
@@ -73,37 +73,38 @@ def _table(
         if lacks := [key for key in needed if key not in whole]:
             warnings.append(finding("drift-not-removed", component=name, columns=", ".join(lacks)))
             drift = None
-    effects, left_out = effects_on_readings(machine, name, layout.nominal, columns)
+    effects, left_out = effects_on_readings(machine, name, cells.nominal, columns)
     warnings += left_out
     errors, degree = readings.error[rows] - effects, -1
-    common = of_part = np.zeros((1, len(layout.features), 1, 0))
+    common = of_part = np.zeros((1, len(cells.features), 1, 0))
     if estimate is not None or drift is not None:
         of_pass, of_run = (None, None) if estimate is None else _by_run(estimate)
         model = component_alone(name, of or AXES[0], of_pass, drift)
         names = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in names if key in columns}
-        warnings += temperature_warnings(model, layout.nominal, values)
-        mean, common, drawn = cell_model(model, layout.nominal, values, layout.cells, covariates)
+        warnings += temperature_warnings(model, cells.nominal, values)
+        mean, common, drawn = cell_model(model, cells, values, covariates)
         errors = errors - mean[:, 0]
         if estimate is not None and np.any(estimate.pass_covariance):
             # Forward and reverse draw with separate columns.
-            direction = np.zeros(len(layout.features))
-            direction[layout.cells.column] = readings.direction[rows]
+            direction = np.zeros(len(cells.features))
+            direction[cells.column] = readings.direction[rows]
             signs = direction[None, :, None, None]
             parts = [np.where(signs == sign, drawn, 0.0) for sign in np.unique(signs)]
             if of_run is not None:
                 model = component_alone(name, of or AXES[0], of_run)
-                parts.append(cell_model(model, layout.nominal, {}, layout.cells, {})[2])
+                parts.append(cell_model(model, cells, {}, {})[2])
             of_part = np.concatenate(parts, axis=3)
     if estimate is None:
         # Of a table or `degree: auto` the bends of the highest degree are declared already.
         declared = isinstance(entry.degree, int) and not entry.is_table
         degree = 0 if of is None else int(entry.degree) if declared else MOST_AUTO
-        position = np.zeros(len(errors)) if of is None else layout.nominal[:, AXES.index(of)]
-        degree = min(degree, len(layout.features) - 1, len(np.unique(position)) - 1)
+        position = np.zeros(len(errors)) if of is None else cells.nominal[:, AXES.index(of)]
+        degree = min(degree, len(cells.features) - 1, len(np.unique(position)) - 1)
         # A residual does not depend on where the powers are counted from; its digits do.
         errors = least_squares(polynomial(position - position.mean(), degree), errors).residuals
-    return layout.table(
+    return table_of(
+        cells,
         errors[:, None],
         axes=(of or name,),
         component=name,
@@ -139,8 +140,8 @@ SAME = 1e-4
 SIGNS = {1: " +", -1: " -", 0: ""}
 
 
-def reading_layout(readings: Readings, series: ComponentReadings, name: str) -> Layout:
-    """The layout of the readings `series` of the component `name`.
+def reading_cells(readings: Readings, series: ComponentReadings, name: str) -> Cells:
+    """The cells of the readings `series` of the component `name`.
 
     A pass is one number of one file, in one direction where it is not a run there and back.
     """
@@ -152,20 +153,15 @@ def reading_layout(readings: Readings, series: ComponentReadings, name: str) -> 
     columns, column = np.unique(target * 3 + (1 - sign), return_inverse=True)
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
-    names = _row_names(readings, series.passes)
-    return Layout(
-        parts=names,
+    return Cells(
+        parts=_row_names(readings, series.passes),
         features=tuple(
             labels[code // 3] + SIGNS[int(way)] * several
             for code, way in zip(columns.tolist(), signs, strict=True)
         ),
         operation=np.zeros(len(columns), np.int64),
-        cells=Cells(
-            parts=len(names),
-            columns=len(columns),
-            part=series.passes.runs[series.group],
-            column=column.reshape(-1),
-        ),
+        part=series.passes.runs[series.group],
+        column=column.reshape(-1),
         nominal=series.places,
     )
 

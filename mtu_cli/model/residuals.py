@@ -122,37 +122,18 @@ class ResidualTable:
         return result
 
 
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """The parts (rows) and features (columns) of a table, its `cells`, in which n measurements
-    stand, and the nominal place (n, 3) mm of each of these.
-    """
-
-    parts: tuple[str, ...]
-    features: tuple[str, ...]
-    cells: Cells
-    nominal: FloatArray
-    operations: tuple[str, ...] = ("",)
-    operation: IntArray
-
-    @cached_property
-    def places(self) -> FloatArray:
-        """The places (P, H, 3) mm of the cells."""
-        means = self.cells.means(self.nominal)
-        return filled(self.cells.table(means), self.cells.repeats > 0)
-
-    def table(self, errors: FloatArray, **facts: Any) -> ResidualTable:
-        """The table of errors (n, A), each the mean of its cell."""
-        return ResidualTable(
-            parts=self.parts,
-            features=self.features,
-            operations=self.operations,
-            operation=self.operation,
-            places=self.places,
-            errors=self.cells.table(self.cells.means(errors)),
-            repeats=self.cells.repeats,
-            **facts,
-        )
+def table_of(cells: Cells, errors: FloatArray, **facts: Any) -> ResidualTable:
+    """The table of errors (n, A), each the mean of its cell."""
+    return ResidualTable(
+        parts=cells.parts,
+        features=cells.features,
+        operations=cells.operations,
+        operation=cells.operation,
+        places=filled(cells.table(cells.means(cells.nominal)), cells.repeats > 0),
+        errors=cells.table(cells.means(errors)),
+        repeats=cells.repeats,
+        **facts,
+    )
 
 
 def filled(table: FloatArray, there: BoolArray) -> FloatArray:
@@ -195,25 +176,25 @@ def residual_table(
     warnings += [*repeated, *gaps, *text_warnings(points)]
     points, removals = _estimable(points, axes, datum)
     warnings += removals
-    layout = _layout(model, points)
-    at, cells, columns = covariates or {}, layout.cells, point_columns(points)
+    at, cells, columns = covariates or {}, _cells(model, points), point_columns(points)
     values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
     tables, more = table_covariates(columns, cells, points, np.arange(len(points)))
-    predicted, common, of_part = cell_model(model, points.nominal, values, cells, tables)
+    predicted, common, of_part = cell_model(model, cells, values, tables)
     first = np.unique(cells.column, return_index=True)[1]
-    once = predict(model, layout.features, points.nominal[first], rows_of(values, first))
+    once = predict(model, cells.features, points.nominal[first], rows_of(values, first))
     warnings += [*idle, *more, *outside_warnings(once)]
     warnings += guess_warnings(model, points.nominal, values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
     errors = datum_errors(points, errors, axes, datum)[0]
-    of_operation = (layout.operation == code for code in np.unique(layout.operation))
+    of_operation = (cells.operation == code for code in np.unique(cells.operation))
     reps = [cells.repeats[:, mask] for mask in of_operation]
     if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in reps):
         warnings.append(incomplete_datum())
     estimates = [x.estimate for x in model.terms if np.any(x.estimate.pass_covariance)]
     dofs = [each.pass_dof for each in estimates] + [group.pass_dof for group in model.joint]
-    table = layout.table(
+    table = table_of(
+        cells,
         errors,
         axes=tuple(AXES[axis] for axis in axes),
         component=None,
@@ -258,7 +239,7 @@ def _estimable(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Poi
     return points, []
 
 
-def _layout(model: MachineModel, points: Points) -> Layout:
+def _cells(model: MachineModel, points: Points) -> Cells:
     """Parts by `sequence`, then as they first appear; features as the part file has them, by
     operation first.
     """
@@ -277,12 +258,13 @@ def _layout(model: MachineModel, points: Points) -> Layout:
     np.minimum.at(earliest, part.reshape(-1), points.sequence)
     order = np.lexsort([first, earliest])
     row = np.argsort(order)[part.reshape(-1)]
-    return Layout(
+    return Cells(
         parts=tuple(points.parts[i] for i in parts[order].tolist()),
         features=tuple(used),
         operations=operations,
         operation=of_column,
-        cells=Cells(parts=len(parts), columns=len(columns), part=row, column=column.reshape(-1)),
+        part=row,
+        column=column.reshape(-1),
         nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
     )
 
@@ -294,19 +276,16 @@ NEGLIGIBLE = 1e-13
 
 
 def cell_model(
-    model: MachineModel,
-    places: FloatArray,
-    values: Covariates,
-    cells: Cells,
-    by_name: Mapping[str, FloatArray],
+    model: MachineModel, cells: Cells, values: Covariates, by_name: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Predictions (n, a) mm at `places` (n, 3) mm under the covariates `values`, as `predict` makes
+    """Predictions (n, a) mm of the measurements under the covariates `values`, as `predict` makes
     them, and of the cells the factors F (P or 1, H, a, K) of the covariances F F', mm^2, that all
     parts share and that every part draws anew. `by_name` are the covariates' tables: the noise of a
     temperature that all points share is common to all parts, that of one reading a part is of the
     part; that of a reading a point adds to the scatter of single cells and is in neither factor. A
     drift with a lag has the history of all measurements.
     """
+    places = cells.nominal
     centre = design(model, places, values)
     of_constants, shift = constant_effects(model, places, values, centre)
     mean = centre.mean + shift

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -312,19 +313,27 @@ def datum_errors(
 
 @dataclass(frozen=True, kw_only=True)
 class Cells:
-    """The cells of `parts` x `columns` that n measurements fall into, each by its codes `part` and
-    `column` (n,).
+    """The cells of P `parts` x H `features` that n measurements fall into, each by its codes `part`
+    and `column` (n,); their `nominal` places (n, 3) mm. `operation` (H,) are codes of `operations`.
     """
 
-    parts: int
-    columns: int
+    parts: tuple[str, ...]
+    features: tuple[str, ...]
+    operations: tuple[str, ...] = ("",)
+    operation: IntArray
     part: IntArray
     column: IntArray
+    nominal: FloatArray
+
+    @cached_property
+    def shape(self) -> tuple[int, int]:
+        """(P, H)."""
+        return len(self.parts), len(self.features)
 
     @cached_property
     def cell(self) -> IntArray:
         """The number of the cell (n,) of each measurement, part by part."""
-        return self.part.astype(np.int64) * self.columns + self.column
+        return self.part.astype(np.int64) * len(self.features) + self.column
 
     @cached_property
     def sorted(self) -> tuple[IntArray, IntArray, IntArray]:
@@ -347,13 +356,12 @@ class Cells:
         return origin + np.add.reduceat(away, starts, axis=0) / weight
 
     def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
-        """Values (m, ...) of the cells as (parts, columns, ...), `fill` where there is none."""
-        result = np.full((self.parts * self.columns, *means.shape[1:]), fill, means.dtype)
+        """Values (m, ...) of the cells as (P, H, ...), `fill` where there is none."""
+        result = np.full((math.prod(self.shape), *means.shape[1:]), fill, means.dtype)
         result[self.sorted[2]] = means
-        return result.reshape(self.parts, self.columns, *means.shape[1:])
+        return result.reshape(*self.shape, *means.shape[1:])
 
     @cached_property
     def repeats(self) -> IntArray:
-        """Measurements in every cell, (parts, columns)."""
-        size = self.parts * self.columns
-        return np.bincount(self.cell, minlength=size).reshape(self.parts, self.columns)
+        """Measurements in every cell, (P, H)."""
+        return np.bincount(self.cell, minlength=math.prod(self.shape)).reshape(self.shape)
