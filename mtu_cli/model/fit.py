@@ -96,6 +96,8 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     )
 
 
+WARNED = {"lack_of_fit": "lack-of-fit", "reversal": "reversal", "trend": "passes-drift"}
+"""Tests on the passes, and the warning of each."""
 SCATTERS = 1e-12
 """Less, in mm or rad, is rounding: the readings do not scatter."""
 NO_SCATTER = "they do not scatter, and their uncertainty counts as 0"
@@ -107,7 +109,7 @@ def fit_warnings(fit: MachineFit) -> list[Finding]:
     """Warnings on scatter that is not separable, or not estimable, on lack of fit, reversal, trend
     and disagreement of instruments, and what else the fit warns of.
     """
-    mixed: list[str] = []
+    mixed, warnings = list[str](), list[Finding]()
     kinds = [("readings", ONE_RUN), ("readings", NO_SCATTER), ("means of the passes", NO_SCATTER)]
     unknown: dict[tuple[str, str], list[str]] = {kind: [] for kind in kinds}
     for name, component in fit.components.items():
@@ -120,7 +122,7 @@ def fit_warnings(fit: MachineFit) -> list[Finding]:
             unknown["readings", NO_SCATTER].append(name)
         elif not np.diag(estimate.covariance).all():
             unknown["means of the passes", NO_SCATTER].append(name)
-    warnings = []
+    facts: dict[str, Any]
     if mixed:
         facts = {"what": f"the scatter from pass to pass of {listed(mixed)}", "names": mixed}
         facts |= {"others": ["repeatability"], "consequence": ALL_REPEATABILITY}
@@ -131,30 +133,18 @@ def fit_warnings(fit: MachineFit) -> list[Finding]:
             warnings.append(finding("no-scatter-known", **facts))
     p_values = {name: x.agreement_p for name, x in fit.components.items()}
     conflicts = significant({name: p for name, p in p_values.items() if p is not None})
-    return [
-        *fit.warnings,
-        *warnings,
-        *_significant(fit, "lack_of_fit", "lack-of-fit"),
-        *_significant(fit, "reversal", "reversal"),
-        *_significant(fit, "trend", "passes-drift"),
-        *(finding("instruments-disagree", component=name, p=p) for name, p in conflicts.items()),
-    ]
-
-
-def _significant(fit: MachineFit, test: str, code: str) -> list[Finding]:
-    """The warnings of one kind of test on the passes."""
-    warnings = []
-    for (name, role), p in fit.significant[test].items():
-        component = fit.components[name]
-        item = next(x for x in component.instruments if x.role == role)
-        result, unit = item.tests[test], component.unit
-        facts: dict[str, Any] = {"component": name, "p": p, "unit": unit.name}
-        if isinstance(result, Shift):
-            facts["size"] = result.value / unit.to_internal
-        if test == "trend":
-            facts["each"] = "a pass there and back" if len(item.fit.pairs) else "a pass"
-        warnings.append(finding(code, **facts))
-    return warnings
+    for test, code in WARNED.items():
+        for (name, role), p in fit.significant[test].items():
+            unit, instruments = fit.components[name].unit, fit.components[name].instruments
+            item = next(x for x in instruments if x.role == role)
+            facts = {"component": name, "p": p, "unit": unit.name}
+            if isinstance(result := item.tests[test], Shift):
+                facts["size"] = result.value / unit.to_internal
+            if test == "trend":
+                facts["each"] = "a pass there and back" if len(item.fit.pairs) else "a pass"
+            warnings.append(finding(code, **facts))
+    warnings += [finding("instruments-disagree", component=x, p=p) for x, p in conflicts.items()]
+    return [*fit.warnings, *warnings]
 
 
 def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Readings, list[Finding]]:

@@ -18,7 +18,6 @@ from itertools import chain
 import numpy as np
 
 from mtu_cli.findings import Finding, InputError, finding, listed
-from mtu_cli.model.estimates import term_label
 from mtu_cli.model.machine_model import (
     Covariates,
     Design,
@@ -220,12 +219,13 @@ def predict(
         independent += (block.noise**2).sum(axis=1)
     outside = []
     place = places(model, points)
-    for estimate in (term.estimate for term in model.terms):
+    for term in model.terms:
+        estimate, drift = term.estimate, term.drift
         if estimate.of is None or estimate.position_range is None:
             continue
         (low, high), position = estimate.position_range, place[estimate.of]
         beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist()
-        name = term_label(estimate.name)
+        name = estimate.name if drift is None else f"the drift of {drift.component}"
         outside += [(ids[i], name, float(position[i]), low, high) for i in beyond]
     return Prediction(
         ids=tuple(ids),
@@ -391,6 +391,10 @@ def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
 
 def rescaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
     """The correlations of a covariance (..., rows, rows) with other variances (..., rows)."""
-    drawn = np.einsum("...ii->...i", covariance)
-    ratio = np.sqrt(np.divide(variance, drawn, out=np.zeros_like(drawn), where=drawn > 0))
+    ratio = ratio_of(variance, np.einsum("...ii->...i", covariance))
     return covariance * ratio[..., :, None] * ratio[..., None, :]
+
+
+def ratio_of(target: FloatArray, drawn: FloatArray) -> FloatArray:
+    """The factor that scales rows of the variances `drawn` to those of `target`; 0 where 0."""
+    return np.sqrt(np.divide(target, drawn, out=np.zeros_like(drawn), where=drawn > 0))
