@@ -164,7 +164,7 @@ def table_covariates(
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
-    table = cells.table(cells.means(column))
+    table = cells.means(column)
     for axis in ((0, 1), (1,), (0,)):
         low, high = (f(table, axis=axis, keepdims=True) for f in (np.nanmin, np.nanmax))
         if (high - low <= ROUNDING * np.nanmax(np.abs(table))).all():

@@ -91,10 +91,9 @@ class PointTrials:
         self.u_exists = self.dof > 2
         self.linear_dof = np.where(self.dof < NORMAL_DOF, self.dof, np.inf)
         self.finite = np.flatnonzero(np.isfinite(self.linear_dof))
-        inflation = np.where(self.u_exists, 1.0, np.nan)
-        live = self.u_exists & np.isfinite(self.linear_dof)
-        inflation[live] = self.dof[live] / (self.dof[live] - 2)
-        self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
+        # A t of two degrees of freedom or fewer has none.
+        dof = np.where(self.u_exists, self.linear_dof, np.nan)
+        self.linear_variance = self.linear_u[:, 0] ** 2 / (1.0 - 2.0 / dof)
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m)."""

@@ -129,8 +129,8 @@ def table_of(cells: Cells, errors: FloatArray, **facts: Any) -> ResidualTable:
         features=cells.features,
         operations=cells.operations,
         operation=cells.operation,
-        places=filled(cells.table(cells.means(cells.nominal)), cells.repeats > 0),
-        errors=cells.table(cells.means(errors)),
+        places=filled(cells.means(cells.nominal), cells.repeats > 0),
+        errors=cells.means(errors),
         repeats=cells.repeats,
         **facts,
     )
@@ -295,16 +295,15 @@ def cell_model(
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: by_name[name].shape if name in by_name else (1, 1) for name in sensors_of(model)}
-    if any(shape[1] == 1 for shape in read.values()):
-        gradients = temperature_gradients(model, places, centre.levers, noise=True)
-        for sensor, column in gradients.items():
-            # The noise of one reading a cell is in neither.
-            if read[sensor][1] == 1:
-                (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
+    gradients = temperature_gradients(model, places, centre.levers, noise=True)
+    for sensor, column in gradients.items():
+        # The noise of one reading a cell is in neither.
+        if read[sensor][1] == 1:
+            (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
     size = (len(places), len(model.axes))
     factors = (np.concatenate(columns, axis=1).reshape(*size, -1) for columns in (shared, drawn))
-    tables = (cells.table(cells.means(F), 0.0) for F in factors)
-    common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
+    there = cells.repeats > 0
+    common, of_part = (compressed(filled(cells.means(F, 0.0), there)) for F in factors)
     return mean.reshape(size), common, of_part
 
 

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -217,8 +217,7 @@ def projector(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatA
     return without(Q, np.eye(len(Q)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Motions:
+class Motions(NamedTuple):
     """Motions of `rows` (m,) of a table in their `columns` (h,): `Q` (h * A, k) orthonormal."""
 
     rows: IntArray
@@ -248,7 +247,7 @@ def motions_of(
             if len(columns):
                 rows = np.flatnonzero(kind.reshape(-1) == k)
                 Q = basis(np.nan_to_num(places[row, columns]), axes, datum)
-                result.append(Motions(rows=rows, columns=columns, Q=Q))
+                result.append(Motions(rows, columns, Q))
     return tuple(result)
 
 
@@ -258,15 +257,15 @@ def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -
     """
     if not motions:
         return values
-    alike = all(len(motion.rows) == rows for motion in motions)
+    alike = all(len(those) == rows for those, *_ in motions)
     if len(values) == 1 < rows and not alike:
         values = np.broadcast_to(values, (rows, *values.shape[1:]))
     result = values.copy()
-    for motion in motions:
-        index = np.ix_(np.arange(1) if len(values) == 1 else motion.rows, motion.columns)
+    for those, columns, Q in motions:
+        index = np.ix_(np.arange(1) if len(values) == 1 else those, columns)
         m, h, a, r = (block := result[index]).shape
         flat = block.transpose(1, 2, 0, 3).reshape(h * a, m * r)
-        result[index] = without(motion.Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
+        result[index] = without(Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
     return result
 
 
@@ -302,8 +301,8 @@ def datum_errors(
     one = np.zeros(there.shape[1], np.int64)
     motions = motions_of(datum, places, one, axes, there)
     mask = np.zeros(there.shape, bool)
-    for motion in motions:
-        mask[np.ix_(motion.rows, motion.columns)] = motion.Q.shape[0] == motion.Q.shape[1]
+    for rows, columns, Q in motions:
+        mask[np.ix_(rows, columns)] = Q.shape[0] == Q.shape[1]
     complete = True
     for operation in np.unique(visits.operation):
         of_it = there[visits.operation == operation]
@@ -344,22 +343,20 @@ class Cells:
         there, starts = np.unique(self.cell[order], return_index=True)
         return order, starts, there
 
-    def means(self, values: FloatArray) -> FloatArray:
-        """Means (m, ...) of values (n, ...); equal values keep their digits."""
-        order, starts, _ = self.sorted
-        ordered, origin = values[order], values[order[starts]]
-        if len(starts) == len(order):
-            return origin
-        count = np.diff(np.r_[starts, len(order)])
-        away = ordered - np.repeat(origin, count, axis=0)
-        weight = count.reshape(-1, *(1,) * (values.ndim - 1))
-        return origin + np.add.reduceat(away, starts, axis=0) / weight
-
-    def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
-        """Values (m, ...) of the cells as (P, H, ...), `fill` where there is none."""
-        result = np.full((math.prod(self.shape), *means.shape[1:]), fill, means.dtype)
-        result[self.sorted[2]] = means
-        return result.reshape(*self.shape, *means.shape[1:])
+    def means(self, values: FloatArray, fill: float = np.nan) -> FloatArray:
+        """Means (P, H, ...) of values (n, ...), `fill` where there are none; equal values keep
+        their digits.
+        """
+        order, starts, numbers = self.sorted
+        means = origin = values[order[starts]]
+        if len(starts) < len(order):
+            count = np.diff(np.r_[starts, len(order)])
+            away = values[order] - np.repeat(origin, count, axis=0)
+            weight = count.reshape(-1, *(1,) * (values.ndim - 1))
+            means = origin + np.add.reduceat(away, starts, axis=0) / weight
+        result = np.full((math.prod(self.shape), *values.shape[1:]), fill, means.dtype)
+        result[numbers] = means
+        return result.reshape(*self.shape, *values.shape[1:])
 
     @cached_property
     def repeats(self) -> IntArray:
