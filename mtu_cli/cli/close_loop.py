@@ -31,8 +31,7 @@ from mtu_cli.model.fit import (
     fit_machine,
     machine_warnings,
 )
-from mtu_cli.model.reading_residuals import reading_tables
-from mtu_cli.model.residuals import ResidualTable, residual_table
+from mtu_cli.model.residuals import ResidualTable, reading_tables, residual_table
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import close_loop as report
 from mtu_cli.reports import fit_components

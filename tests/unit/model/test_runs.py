@@ -16,7 +16,7 @@ from mtu_cli.model.fit import component_readings, estimates_from_fit, fit_machin
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.passes import pairs_of_passes
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.reading_residuals import reading_cells
+from mtu_cli.model.residuals import reading_cells
 
 P = np.linspace(0.0, 90.0, 4)
 RUNS = 5
