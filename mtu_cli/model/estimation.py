@@ -31,7 +31,7 @@ from mtu_cli.stats.kernels import (
     line,
     smooth_profile,
 )
-from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import (
     FTest,
@@ -241,42 +241,35 @@ def chosen_degree(series: InstrumentReadings) -> int | None:
     places, group, run = len(np.unique(series.position)), series.group, series.runs
     if group is None or run is None or len(runs := np.unique(run)) < FEWEST_RUNS:
         return min(1, places - 1)
+    position, error = series.position, series.error
+    middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
+
+    def residuals(train: BoolArray, degree: int | None) -> FloatArray | None:
+        """Readings (n,) less the shape fitted to those of `train`, but for each pass's level."""
+        bend = np.zeros(len(error))
+        if degree is None:
+            profile = smooth_profile(position[train], error[train], group[train], run[train])
+            if profile is None:
+                return None
+            bend, degree = profile.bend_at(position), 1
+        powers = polynomial((position - middle) / half, degree)[:, 1:]
+        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
+        fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
+        return error - (bend + powers @ fit.coefficients[levels.shape[1] :])
+
     shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
     losses = np.full((len(shapes), len(runs)), np.nan)
     for fold, test_run in enumerate(runs):
         train = run != test_run
         test = [np.flatnonzero(group == g) for g in np.unique(group[~train])]
         for i, degree in enumerate(shapes):
-            fit = _predicted(series.position, series.error, group, run, train, degree)
-            if fit is not None:
-                losses[i, fold] = np.mean([np.var(series.error[rows] - fit[rows]) for rows in test])
+            if (rest := residuals(train, degree)) is not None:
+                losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
     candidates = np.flatnonzero(np.isfinite(losses).all(axis=1))
     best = candidates[np.argmin(losses[candidates].mean(axis=1))]
     worse = losses[candidates] - losses[best]
     se = worse.std(axis=1, ddof=1) / np.sqrt(len(runs))
     return shapes[int(candidates[np.flatnonzero(worse.mean(axis=1) <= se)[0]])]
-
-
-def _predicted(
-    position: FloatArray,
-    error: FloatArray,
-    group: IntArray,
-    run: IntArray,
-    train: FloatArray,
-    degree: int | None,
-) -> FloatArray | None:
-    """Readings (n,) but for the level of each pass, by the shape fitted to those of `train`."""
-    bend = np.zeros(len(error))
-    if degree is None:
-        profile = smooth_profile(position[train], error[train], group[train], run[train])
-        if profile is None:
-            return None
-        bend, degree = profile.bend_at(position), 1
-    middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
-    powers = polynomial((position - middle) / half, degree)[:, 1:]
-    levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
-    fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
-    return bend + powers @ fit.coefficients[levels.shape[1] :]
 
 
 def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:

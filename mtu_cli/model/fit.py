@@ -401,24 +401,22 @@ def thermal_from_report(
     _check_report(machine, report)
     result = thermal_from_machine_file(machine)
     for name, item in report.components.items():
-        unit, ranges = UNITS[item.unit], item.temperature_range_degC
-        f, powers, sensors = unit.to_internal, item.degree + 1, len(item.sensors)
-        size = powers * sensors
-        limits = None if ranges is None else np.array(ranges, float).reshape(sensors, 2)
+        f, ranges = UNITS[item.unit].to_internal, item.temperature_range_degC
+        sensors, size = len(item.sensors), (item.degree + 1) * len(item.sensors)
         result[name] = ThermalEstimate(
             component=name,
             of=item.of,
-            unit=unit,
+            unit=UNITS[item.unit],
             sensors=tuple(item.sensors),
             reference=item.reference_temperature_degC,
-            coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
-            covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
+            coefficients=np.array(item.coefficients, float) * f,
+            covariance=np.reshape(item.covariance, (size, size)) * f**2,
             coefficient_dof=dof_or(item.coefficient_dof),
             leftover=np.array(item.leftover_covariance, float) * f**2,
             leftover_dof=dof_or(item.leftover_dof),
             time_constants=np.array(item.time_constants_min, float),
             sensor_u=np.array(item.sensor_u_degC, float),
-            temperature_range=limits,
+            temperature_range=None if ranges is None else np.reshape(ranges, (sensors, 2)),
             position_range=item.position_range_mm,
         )
     return result

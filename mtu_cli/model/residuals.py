@@ -58,6 +58,7 @@ from mtu_cli.model.visits import (
     Motions,
     check_repeats,
     datum_errors,
+    distinct,
     incomplete_datum,
     motions_of,
     only_rows,
@@ -266,9 +267,7 @@ def _cells(model: MachineModel, points: Points) -> Cells:
     """
     operations, operation = operations_of(points)
     count = len(points.features)
-    columns, column = np.unique(
-        operation.astype(np.int64) * count + points.feature, return_inverse=True
-    )
+    columns, column = distinct(operation.astype(np.int64) * count + points.feature)
     of_column = columns // count
     used = [points.features[code % count] for code in columns.tolist()]
     if len(np.unique(of_column)) > 1:
@@ -276,16 +275,16 @@ def _cells(model: MachineModel, points: Points) -> Cells:
         used = [f"{operations[code]} {name}".lstrip() for code, name in pairs]
     parts, first, part = np.unique(points.part, return_index=True, return_inverse=True)
     earliest = np.full(len(parts), np.iinfo(np.int64).max)
-    np.minimum.at(earliest, part.reshape(-1), points.sequence)
+    np.minimum.at(earliest, part, points.sequence)
     order = np.lexsort([first, earliest])
-    row = np.argsort(order)[part.reshape(-1)]
+    row = np.argsort(order)[part]
     return Cells(
         parts=tuple(points.parts[i] for i in parts[order].tolist()),
         features=tuple(used),
         operations=operations,
         operation=of_column,
         part=row,
-        column=column.reshape(-1),
+        column=column,
         nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
     )
 
