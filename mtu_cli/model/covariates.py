@@ -19,8 +19,8 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     without_coordinate,
 )
-from mtu_cli.model.visits import BoolArray, Cells, IntArray, axes_of, only_rows
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.model.visits import Cells, axes_of, only_rows
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import step_of
 
 Columns = Mapping[str, np.ndarray]

@@ -105,8 +105,8 @@ def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> Floa
 
 def row_times(covariates: Covariates) -> FloatArray | None:
     """Times (n,) of the rows, min; None where they are no history."""
-    times = covariates.get(TIME)
-    return None if times is None or np.ndim(times) == 0 else np.asarray(times, float)
+    times = covariates.get(TIME, np.nan)
+    return np.asarray(times, float) if np.ndim(times) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -52,9 +52,7 @@ from mtu_cli.model.prediction import (
 )
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
-    BoolArray,
     Cells,
-    IntArray,
     Motions,
     check_repeats,
     datum_errors,
@@ -66,7 +64,13 @@ from mtu_cli.model.visits import (
     without_motions,
 )
 from mtu_cli.stats.covariance import bounded, factor_of
-from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
+from mtu_cli.stats.least_squares import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    least_squares,
+    polynomial,
+)
 from mtu_cli.units import ANGLE, UNITS
 
 

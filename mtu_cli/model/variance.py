@@ -235,17 +235,16 @@ def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> 
         inside = tuple(slice(*pair) for pair in pairwise(ends))
         squares = [between_passes(x) for x in estimates]
         of = shared or estimates[0]
-        C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, squares[0]
+        C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, None
         if shared is not None:
             owners = np.repeat(np.array(shared.components, object), shared.widths)
             rows = np.ix_(*[np.flatnonzero(np.isin(owners, names))] * 2)
             C, D, halves = C[rows], D[rows], None if halves is None else halves[rows]
-            between = None
-            if shared.n_passes is not None and all(S is not None for S in squares):
-                # Between components C is of their level and slope alone, whatever their degree.
-                between = from_mean(C, shared.n_passes, halves)
-                for part, S in zip(inside, squares, strict=True):
-                    between[part, part] = S
+        if of.n_passes is not None and all(S is not None for S in squares):
+            # Between components C is of their level and slope alone, whatever their degree.
+            between = from_mean(C, of.n_passes, halves)
+            for part, S in zip(inside, squares, strict=True):
+                between[part, part] = S
         sides = [J[:, columns[t]] for t in terms]
         visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, estimates, strict=True)]
         block = Block(

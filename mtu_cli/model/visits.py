@@ -15,10 +15,7 @@ from mtu_cli.files.headers import LISTED_FAULTS
 from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.stats.least_squares import FloatArray
-
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
 
 def axes_of(points: Points) -> tuple[int, ...]:
