@@ -19,7 +19,7 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     without_coordinate,
 )
-from mtu_cli.model.visits import Cells, axes_of, only_rows
+from mtu_cli.model.visits import Cells, axes_of
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import step_of
 
@@ -177,7 +177,7 @@ def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[
     columns = {name: x for name, x in point_columns(points).items() if name not in needed}
     groups = (points.part, points.feature, points.file_index)
     mask, warnings = gap_rows(columns, groups, points, np.arange(len(points)))
-    return (only_rows(points, ~mask) if warnings else points), warnings
+    return (points.where(~mask) if warnings else points), warnings
 
 
 def gap_rows(

@@ -59,7 +59,6 @@ from mtu_cli.model.visits import (
     distinct,
     incomplete_datum,
     motions_of,
-    only_rows,
     operations_of,
     without_motions,
 )
@@ -261,7 +260,7 @@ def _estimable(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Poi
         reason = f"in measurements of so few features the datum {datum!r} takes all errors"
         names = [f"{count} of {len(mask)} points"]
         warnings = [finding("not-measured", names=names, count=count, reason=reason)]
-        return only_rows(points, ~mask), warnings
+        return points.where(~mask), warnings
     return points, []
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -109,15 +109,7 @@ def only_features(points: Points, names: Iterable[str]) -> Points:
     feature = code[points.feature]
     rows = np.flatnonzero(feature >= 0)
     features = tuple(points.features[i] for i in codes)
-    return replace(only_rows(points, rows), features=features, feature=feature[rows])
-
-
-def only_rows(points: Points, rows: NDArray[Any]) -> Points:
-    """Some of the points, by index (k,) or mask (n,); all parts and features keep their codes."""
-    columns = {field.name: getattr(points, field.name) for field in fields(points)}
-    arrays = {name: value[rows] for name, value in columns.items() if isinstance(value, np.ndarray)}
-    covariates = {name: column[rows] for name, column in points.covariates.items()}
-    return replace(points, covariates=covariates, **arrays)
+    return replace(points.where(rows), features=features, feature=feature[rows])
 
 
 def occurrence(codes: IntArray) -> IntArray:
