@@ -126,12 +126,10 @@ class InstrumentFit(InstrumentReadings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentFit:
-    """A component, its fit by every instrument that read it, the combined estimate, and the p value
-    that the instruments agree (None with one instrument).
+    """The fit of a component by every instrument that read it, the combined estimate, and the p
+    value that the instruments agree (None with one instrument).
     """
 
-    name: str
-    unit: Unit
     instruments: tuple[InstrumentFit, ...]
     estimate: ComponentEstimate
     agreement_p: float | None
@@ -162,8 +160,7 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
         reason = f"{name!r} was read by several instruments, whose tables are not combined"
         expected = "readings of one instrument, or a degree"
         raise error("not-applicable", reason=reason, expected=expected)
-    unit = UNITS[component.unit]
-    estimates = [_estimate(name, component, unit, fit) for fit in fits]
+    estimates = [_estimate(name, component, fit) for fit in fits]
     agreement_p = None
     if len(fits) > 1:
         for fit, estimate in zip(fits, estimates, strict=True):
@@ -174,9 +171,7 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
         estimates = _at_both_ways(estimates, fits)
         agreement_p = agreement(estimates[0], estimates[1])
     estimate = combine(estimates, [len(fit.error) for fit in fits])
-    return ComponentFit(
-        name=name, unit=unit, instruments=tuple(fits), estimate=estimate, agreement_p=agreement_p
-    )
+    return ComponentFit(instruments=tuple(fits), estimate=estimate, agreement_p=agreement_p)
 
 
 def _read(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentReadings:
@@ -287,7 +282,7 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
     return result
 
 
-def _estimate(name: str, component: Any, unit: Unit, fit: InstrumentFit) -> ComponentEstimate:
+def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimate:
     lines, plain, profile = fit.fit, fit.fit.plain, fit.profile
     low, high = float(fit.position.min()), float(fit.position.max())
     shape: Shape = Powers(fit.powers - 1)
@@ -308,7 +303,7 @@ def _estimate(name: str, component: Any, unit: Unit, fit: InstrumentFit) -> Comp
     return ComponentEstimate(
         name=name,
         of=component.of,
-        unit=unit,
+        unit=UNITS[component.unit],
         pass_covariance=(D + D.T) / 2,
         s_repeat=float(np.sqrt(lines.s2)),
         pass_dof=float(lines.pass_dof),
@@ -494,7 +489,7 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     blocks = [fit.half_differences for fit in fits if fit.half_differences is not None]
     halves = block_diag(*blocks) + (off - off_runs) / 2 if blocks else None
     return JointPasses(
-        components=tuple(item.name for item in group),
+        components=tuple(item.estimate.name for item in group),
         widths=tuple(len(item.estimate.coefficients) for item in group),
         covariance=as_covariance(C + (T @ (off + off_runs) @ T.T) / n),
         pass_covariance=(D + D.T) / 2,

@@ -135,8 +135,8 @@ def fit_warnings(fit: MachineFit) -> list[Finding]:
     conflicts = significant({name: p for name, p in p_values.items() if p is not None})
     for test, code in WARNED.items():
         for (name, role), p in fit.significant[test].items():
-            unit, instruments = fit.components[name].unit, fit.components[name].instruments
-            item = next(x for x in instruments if x.role == role)
+            unit = fit.components[name].estimate.unit
+            item = next(x for x in fit.components[name].instruments if x.role == role)
             facts = {"component": name, "p": p, "unit": unit.name}
             if isinstance(result := item.tests[test], Shift):
                 facts["size"] = result.value / unit.to_internal

@@ -17,14 +17,14 @@ from mtu_cli.stats.least_squares import FloatArray
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block:
     """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns; `C`, `D`
-    (k, k); `noise` (rows, c) lever arms times s_repeat of its c components, `columns` their
+    (k, k); `noise` (rows, c) lever arms times s_repeat of its c components `names`, `columns` their
     coefficients among the k, `repeat_dof` the degrees of freedom of their s_repeat. `between` (k,
     k) is the mean square S between `n_passes` passes that C and D come from; None, 0 where they do
     not come from one. `half_differences` (k, k) is S_h, the part of S that is of runs there and
     back (`stats.mixed_model`); None where passes are independent.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...] = ()
     columns: tuple[slice, ...]
     G: FloatArray
     C: FloatArray
@@ -195,21 +195,20 @@ def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
     return positive_part(D, np.diag(variances))
 
 
-def normal_block(name: str, F: FloatArray, *, of_part: bool = False) -> Block:
-    """Standard normal quantities times F (rows, K), known or drawn anew for every part; or one a
-    point, times F (rows,).
+def normal_block(F: FloatArray, *, of_part: bool = False, dof: float = np.inf) -> Block:
+    """Standard normal quantities times F (rows, K), known or, with `dof` degrees of freedom, drawn
+    anew for every part; or one a point, times F (rows,).
     """
     each = F.ndim == 1
     G = np.zeros((len(F), 1)) if each else F
     identity = np.eye(G.shape[1])
     return Block(
-        names=(name,),
         columns=(slice(0, len(identity)),),
         G=G,
         C=0 * identity if of_part else identity,
         D=identity if of_part else 0 * identity,
         noise=F[:, None] if each else np.zeros((len(F), 1)),
-        pass_dof=np.inf if of_part else 0.0,
+        pass_dof=dof if of_part else 0.0,
         repeat_dof=(np.inf,),
     )
 
