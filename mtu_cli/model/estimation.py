@@ -293,10 +293,22 @@ def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimat
         "independent_s": float(np.sqrt(plain.s2)),
     }
     if profile is not None:
+        # Line and bend at the positions that were read.
+        y, at, L = fit.error, np.searchsorted(profile.knots, fit.position), line(profile.knots, 0.0)
+        counts = np.bincount(at)
+        # The bend holds no line of the readings, however many there are at each position.
+        free = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
+        s2 = float(((y - (np.bincount(at, y) / counts)[at]) ** 2).sum()) / max(len(y) - len(L), 1)
         shape = TableShape(
             at=profile.knots, roughness=profile.roughness, own=profile.own, own_dof=profile.own_dof
         )
-        fields = _at_knots(fit, profile) | {"table": shape}
+        fields = {
+            "table": shape,
+            "coefficients": L @ plain.coefficients + profile.bend,
+            "covariance": L @ lines.covariance @ L.T + free @ profile.covariance @ free.T,
+            "independent_covariance": np.diag(s2 / counts),
+            "independent_s": float(np.sqrt(s2)),
+        }
     T = shape.of_line(lines.center, len(lines.D))
     D = T @ lines.D_moment @ T.T
     halves = None if lines.half_differences is None else T @ lines.half_differences @ T.T
@@ -313,24 +325,6 @@ def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimat
         half_differences=None if halves is None else (halves + halves.T) / 2,
         **fields,
     )
-
-
-def _at_knots(fit: InstrumentFit, profile: SmoothProfile) -> dict[str, Any]:
-    """Values, and their covariances, of the line and the bend at the positions that were read.
-
-    The bend holds no line of the readings, however many there are at each position.
-    """
-    y, at, L = fit.error, np.searchsorted(profile.knots, fit.position), line(profile.knots, 0.0)
-    counts = np.bincount(at)
-    without_line = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
-    of_bend = without_line @ profile.covariance @ without_line.T
-    s2 = float(((y - (np.bincount(at, y) / counts)[at]) ** 2).sum()) / max(len(y) - len(L), 1)
-    return {
-        "coefficients": L @ fit.fit.plain.coefficients + profile.bend,
-        "covariance": L @ fit.fit.covariance @ L.T + of_bend,
-        "independent_covariance": np.diag(s2 / counts),
-        "independent_s": float(np.sqrt(s2)),
-    }
 
 
 def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> ComponentEstimate:

@@ -162,15 +162,11 @@ class GraphTrials:
         for step in self.steps:
             step.run(values)
         rows = np.empty((len(self.outputs), m)) if into is None else into
-        rotations: dict[str, FloatArray] = {}
+        for name in {item.place for item in self.outputs if item.kind == "frame"}:
+            frame = values[name]
+            values[name] = np.concatenate([frame[0], rotation(frame, self.graph.nominal[name])])
         for row, item in zip(rows, self.outputs, strict=True):
-            value = values[item.place]
-            if item.kind == "frame" and item.index >= 3:
-                if item.place not in rotations:
-                    rotations[item.place] = rotation(value, self.graph.nominal[item.place])
-                row[:] = rotations[item.place][item.index - 3]
-            else:
-                row[:] = value.reshape(-1, m)[item.index]
+            row[:] = values[item.place].reshape(-1, m)[item.index]
         return rows
 
     def inputs(self, rng: np.random.Generator, m: int) -> tuple[FloatArray, FloatArray]:
