@@ -441,6 +441,10 @@ class Measured:
     row: Ints
     sources: tuple[Source, ...]
 
+    def place(self, i: int) -> dict[str, Any]:
+        """File and row of a row counted from 0."""
+        return {"file": self.sources[self.file_index[i]].shown, "row": int(self.row[i])}
+
     def where(self, rows: NDArray[Any]) -> Self:
         """Some of the rows, by index (k,) or mask (n,); names keep their codes."""
         columns = {item.name: getattr(self, item.name) for item in fields(self)}

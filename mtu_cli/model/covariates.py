@@ -71,7 +71,7 @@ def needed_covariates(
         places = np.where(np.isnan(places), points.measured, places)
 
     def named(i: int) -> tuple[str, dict[str, Any]]:
-        return points.features[points.feature[i]], _row(points, i)
+        return points.features[points.feature[i]], points.place(i)
 
     if not problems and (lacking := without_coordinate(model, places, named)) is not None:
         problems.append(lacking)
@@ -80,10 +80,6 @@ def needed_covariates(
     reason = "the points have the column"
     idle = [name for name in names if name in columns and name in at]
     return values, [finding("not-used", what="--at", names=[x], reason=reason) for x in idle]
-
-
-def _row(measured: Points | Readings, i: int) -> dict[str, Any]:
-    return {"file": measured.sources[measured.file_index[i]].shown, "row": int(measured.row[i])}
 
 
 def numbers_of(
@@ -107,7 +103,7 @@ def numbers_of(
                 column="time" if name == TIME else name,
                 value=text or None,
                 expected=f"a number: {name!r} of every point is needed",
-                **_row(points, i),
+                **points.place(i),
             )
         )
     return result
@@ -209,7 +205,7 @@ def gap_rows(
 
 
 def _counted(missing: BoolArray, what: str, measured: Points | Readings, rows: IntArray) -> str:
-    first = "{file}, row {row}".format(**_row(measured, int(rows[missing.argmax()])))
+    first = "{file}, row {row}".format(**measured.place(int(rows[missing.argmax()])))
     return f"{int(missing.sum())} of {len(missing)} {what}, the first {first}"
 
 

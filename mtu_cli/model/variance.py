@@ -68,7 +68,7 @@ class MeanSquares(NamedTuple):
     passes: list[PassSquare | None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Shares:
     """The shares of a variance by its nature, 1 in all.
 
@@ -96,11 +96,8 @@ class Variance:
 
     def shares(self, i: int) -> Shares | None:
         """The shares of measurand i; None where it has no variance."""
-        names = ("coefficients", "passes", "repeatability")
-        total = float(self.total[i])
-        if not total > 0:
-            return None
-        return Shares(**{name: float(getattr(self, name)[i]) / total for name in names})
+        total, parts = float(self.total[i]), (self.coefficients, self.passes, self.repeatability)
+        return Shares(*(float(part[i]) / total for part in parts)) if total > 0 else None
 
 
 def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[FloatArray, MeanSquares]:

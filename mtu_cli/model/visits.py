@@ -137,11 +137,10 @@ def check_repeats(points: Points) -> None:
         finding(
             "appears-twice",
             what=what,
-            file=points.sources[points.file_index[i]].shown,
-            row=int(points.row[i]),
             column="feature",
             value=points.features[points.feature[i]],
             expected=expected,
+            **points.place(i),
         )
         for i in rows[occurrence(place) > 0][:LISTED_FAULTS]
     )

@@ -343,9 +343,8 @@ def measured_sizes(
                 problem = finding(
                     "too-little-data",
                     what=f"no {item.kind} goes through {of}",
-                    file=points.sources[points.file_index[indices[0]]].shown,
-                    row=int(points.row[indices[0]]),
                     expected="two ends apart" if item.kind == "length" else around,
+                    **points.place(indices[0]),
                 )
                 problems.append(problem)
         if entries and not problems:
