@@ -146,17 +146,16 @@ def table_covariates(
     their part. A column of text is left out, one with gaps with a warning; `rows` (n,) of what
     was `measured`.
     """
-    numeric = {name: x.astype(np.float64) for name, x in columns.items() if x.dtype != object}
-    missing = {name: ~np.isfinite(column) for name, column in numeric.items()}
-    result = {name: _smallest(x, cells) for name, x in numeric.items() if not missing[name].any()}
-    gaps = []
-    for name, mask in missing.items():
-        if mask.any():
+    result, gaps = dict[str, FloatArray](), []
+    for name, column in columns.items():
+        if column.dtype == object:
+            continue
+        if (mask := ~np.isfinite(column)).any():
             gaps.append(f"{name} ({_counted(mask, 'rows', measured, rows)})")
-    if not gaps:
-        return result, []
-    consequence = "no effect of such a column can be tested"
-    return result, [finding("missing-values", what="cells", names=gaps, consequence=consequence)]
+        else:
+            result[name] = _smallest(column.astype(np.float64), cells)
+    facts = {"names": gaps, "consequence": "no effect of such a column can be tested"}
+    return result, [finding("missing-values", what="cells", **facts)] if gaps else []
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:

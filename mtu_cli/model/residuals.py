@@ -421,7 +421,7 @@ def _table(
     if estimate is None:
         # Of a table or `degree: auto` the bends of the highest degree are declared already.
         declared = isinstance(entry.degree, int) and not entry.is_table
-        degree = 0 if of is None else int(entry.degree) if declared else MOST_AUTO
+        degree = int(entry.degree) if declared else MOST_AUTO
         position = np.zeros(len(errors)) if of is None else cells.nominal[:, AXES.index(of)]
         degree = min(degree, len(cells.features) - 1, len(np.unique(position)) - 1)
         # A residual does not depend on where the powers are counted from; its digits do.
