@@ -151,7 +151,7 @@ def readings(segments: Sequence[Segment]) -> Readings:
 
 def permuted(given: Readings, order: NDArray[np.int64]) -> Readings:
     """The same readings in another order of rows."""
-    return given.where(order)  # type: ignore[arg-type]  # rows by their numbers
+    return given.where(order)  # rows by their numbers
 
 
 def run_command(

@@ -14,8 +14,7 @@ from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit
-from mtu_cli.model.reading_residuals import reading_tables
-from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.model.residuals import ResidualTable, reading_tables
 
 Floats = NDArray[np.float64]
 Table = TypeVar("Table")

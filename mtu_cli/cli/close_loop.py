@@ -24,8 +24,7 @@ from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, searched_warnings
 from mtu_cli.model.estimates import EffectEstimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, machine_warnings
-from mtu_cli.model.reading_residuals import reading_tables
-from mtu_cli.model.residuals import ResidualTable, residual_table
+from mtu_cli.model.residuals import ResidualTable, reading_tables, residual_table
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import close_loop as report
 from mtu_cli.reports import fit_components

@@ -197,9 +197,7 @@ def _columns(
     """Position (mm, of a rotary axis deg), direction, error and run of some readings."""
     position = places_read(readings)[0][rows]
     if np.isnan(position).any():
-        i = rows[np.argmax(np.isnan(position))]
-        file = readings.sources[readings.file_index[i]].shown
-        place = {"file": file, "row": int(readings.row[i]), "column": "position_mm"}
+        place = readings.place(rows[np.argmax(np.isnan(position))]) | {"column": "position_mm"}
         raise error("empty-cell", expected="a position", **place)
     group, passes = passes_read(readings, rows, axis)
     direction = readings.direction[rows].astype(np.int64)

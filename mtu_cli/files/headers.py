@@ -8,11 +8,11 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -440,6 +440,17 @@ class Measured:
     file_index: Ints
     row: Ints
     sources: tuple[Source, ...]
+
+    def place(self, i: int) -> dict[str, Any]:
+        """File and row of a row counted from 0."""
+        return {"file": self.sources[self.file_index[i]].shown, "row": int(self.row[i])}
+
+    def where(self, rows: NDArray[Any]) -> Self:
+        """Some of the rows, by index (k,) or mask (n,); names keep their codes."""
+        columns = {item.name: getattr(self, item.name) for item in fields(self)}
+        arrays = {name: x[rows] for name, x in columns.items() if isinstance(x, np.ndarray)}
+        covariates = {name: column[rows] for name, column in self.covariates.items()}
+        return replace(self, covariates=covariates, **arrays)
 
 
 def joined(tables: Sequence[Table]) -> Table:

@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -66,16 +66,6 @@ class Readings(Measured):
 
     def __len__(self) -> int:
         return len(self.code)
-
-    def where(self, keep: Flags) -> Readings:
-        """The readings that are kept; `keep` (n,)."""
-        arrays: dict[str, Any] = {
-            item.name: value[keep]
-            for item in fields(self)
-            if isinstance(value := getattr(self, item.name), np.ndarray)
-        }
-        covariates = {name: column[keep] for name, column in self.covariates.items()}
-        return replace(self, covariates=covariates, **arrays)
 
 
 def read_readings(

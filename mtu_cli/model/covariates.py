@@ -19,8 +19,8 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     without_coordinate,
 )
-from mtu_cli.model.visits import BoolArray, Cells, IntArray, axes_of, only_rows
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.model.visits import Cells, axes_of
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import step_of
 
 Columns = Mapping[str, np.ndarray]
@@ -71,7 +71,7 @@ def needed_covariates(
         places = np.where(np.isnan(places), points.measured, places)
 
     def named(i: int) -> tuple[str, dict[str, Any]]:
-        return points.features[points.feature[i]], _row(points, i)
+        return points.features[points.feature[i]], points.place(i)
 
     if not problems and (lacking := without_coordinate(model, places, named)) is not None:
         problems.append(lacking)
@@ -80,10 +80,6 @@ def needed_covariates(
     reason = "the points have the column"
     idle = [name for name in names if name in columns and name in at]
     return values, [finding("not-used", what="--at", names=[x], reason=reason) for x in idle]
-
-
-def _row(measured: Points | Readings, i: int) -> dict[str, Any]:
-    return {"file": measured.sources[measured.file_index[i]].shown, "row": int(measured.row[i])}
 
 
 def numbers_of(
@@ -107,7 +103,7 @@ def numbers_of(
                 column="time" if name == TIME else name,
                 value=text or None,
                 expected=f"a number: {name!r} of every point is needed",
-                **_row(points, i),
+                **points.place(i),
             )
         )
     return result
@@ -150,21 +146,20 @@ def table_covariates(
     their part. A column of text is left out, one with gaps with a warning; `rows` (n,) of what
     was `measured`.
     """
-    numeric = {name: x.astype(np.float64) for name, x in columns.items() if x.dtype != object}
-    missing = {name: ~np.isfinite(column) for name, column in numeric.items()}
-    result = {name: _smallest(x, cells) for name, x in numeric.items() if not missing[name].any()}
-    gaps = []
-    for name, mask in missing.items():
-        if mask.any():
+    result, gaps = dict[str, FloatArray](), []
+    for name, column in columns.items():
+        if column.dtype == object:
+            continue
+        if (mask := ~np.isfinite(column)).any():
             gaps.append(f"{name} ({_counted(mask, 'rows', measured, rows)})")
-    if not gaps:
-        return result, []
-    consequence = "no effect of such a column can be tested"
-    return result, [finding("missing-values", what="cells", names=gaps, consequence=consequence)]
+        else:
+            result[name] = _smallest(column.astype(np.float64), cells)
+    facts = {"names": gaps, "consequence": "no effect of such a column can be tested"}
+    return result, [finding("missing-values", what="cells", **facts)] if gaps else []
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
-    table = cells.table(cells.means(column))
+    table = cells.means(column)
     for axis in ((0, 1), (1,), (0,)):
         low, high = (f(table, axis=axis, keepdims=True) for f in (np.nanmin, np.nanmax))
         if (high - low <= ROUNDING * np.nanmax(np.abs(table))).all():
@@ -177,7 +172,7 @@ def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[
     columns = {name: x for name, x in point_columns(points).items() if name not in needed}
     groups = (points.part, points.feature, points.file_index)
     mask, warnings = gap_rows(columns, groups, points, np.arange(len(points)))
-    return (only_rows(points, ~mask) if warnings else points), warnings
+    return (points.where(~mask) if warnings else points), warnings
 
 
 def gap_rows(
@@ -209,7 +204,7 @@ def gap_rows(
 
 
 def _counted(missing: BoolArray, what: str, measured: Points | Readings, rows: IntArray) -> str:
-    first = "{file}, row {row}".format(**_row(measured, int(rows[missing.argmax()])))
+    first = "{file}, row {row}".format(**measured.place(int(rows[missing.argmax()])))
     return f"{int(missing.sum())} of {len(missing)} {what}, the first {first}"
 
 

@@ -32,20 +32,14 @@ class Powers:
 
     def of_line(self, center: float, q: int) -> FloatArray:
         """T (k, q) from (intercept at the centre, slope) to coefficients."""
-        T = np.zeros((self.degree + 1, q))
-        T[0, 0] = 1.0
-        if q == 2:
-            T[0, 1], T[1, 1] = -center, 1.0
+        T = np.eye(self.degree + 1, q)
+        T[0, 1:] = -center
         return T
 
     def at_centre(self, center: float) -> FloatArray:
         """T (q, k) from coefficients to level and slope at the centre."""
         k = np.arange(self.degree + 1)
-        T = np.zeros((min(2, len(k)), len(k)))
-        T[0] = center**k
-        if len(k) > 1:
-            T[1] = k * center ** np.maximum(k - 1, 0)
-        return T
+        return np.array([center**k, k * center ** np.maximum(k - 1, 0)])[: len(k)]
 
 
 AT_MM = 1e-3
@@ -273,15 +267,6 @@ def covariance_in_run(estimate: ComponentEstimate) -> FloatArray | None:
 def from_mean(C: FloatArray, n: int, halves: FloatArray | None) -> FloatArray:
     """S (k, k), the mean square between n passes whose mean has the covariance C."""
     return n * C if halves is None else n / 2 * C + halves
-
-
-TEMPERATURE_MARK = ".temperature"
-
-
-def term_label(name: str) -> str:
-    """The name of a term as messages have it: the drift of its component for a thermal one."""
-    component = name.removesuffix(TEMPERATURE_MARK)
-    return name if component == name else f"the drift of {component}"
 
 
 def known_component(name: str, entry: Component | ReportedComponent) -> ComponentEstimate:

@@ -30,7 +30,7 @@ from mtu_cli.stats.kernels import (
     SmoothProfile,
     smooth_profile,
 )
-from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import (
     FTest,
@@ -125,12 +125,10 @@ class InstrumentFit(InstrumentReadings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentFit:
-    """A component, its fit by every instrument that read it, the combined estimate, and the p value
-    that the instruments agree (None with one instrument).
+    """The fit of a component by every instrument that read it, the combined estimate, and the p
+    value that the instruments agree (None with one instrument).
     """
 
-    name: str
-    unit: Unit
     instruments: tuple[InstrumentFit, ...]
     estimate: ComponentEstimate
     agreement_p: float | None
@@ -161,8 +159,7 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
         reason = f"{name!r} was read by several instruments, whose tables are not combined"
         expected = "readings of one instrument, or a degree"
         raise error("not-applicable", reason=reason, expected=expected)
-    unit = UNITS[component.unit]
-    estimates = [_estimate(name, component, unit, fit) for fit in fits]
+    estimates = [_estimate(name, component, fit) for fit in fits]
     agreement_p = None
     if len(fits) > 1:
         for fit, estimate in zip(fits, estimates, strict=True):
@@ -173,9 +170,7 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
         estimates = _at_both_ways(estimates, fits)
         agreement_p = agreement(estimates[0], estimates[1])
     estimate = combine(estimates, [len(fit.error) for fit in fits])
-    return ComponentFit(
-        name=name, unit=unit, instruments=tuple(fits), estimate=estimate, agreement_p=agreement_p
-    )
+    return ComponentFit(instruments=tuple(fits), estimate=estimate, agreement_p=agreement_p)
 
 
 def _read(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentReadings:
@@ -240,42 +235,35 @@ def chosen_degree(series: InstrumentReadings) -> int | None:
     places, group, run = len(np.unique(series.position)), series.group, series.runs
     if group is None or run is None or len(runs := np.unique(run)) < FEWEST_RUNS:
         return min(1, places - 1)
+    position, error = series.position, series.error
+    middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
+
+    def residuals(train: BoolArray, degree: int | None) -> FloatArray | None:
+        """Readings (n,) less the shape fitted to those of `train`, but for each pass's level."""
+        bend = np.zeros(len(error))
+        if degree is None:
+            profile = smooth_profile(position[train], error[train], group[train], run[train])
+            if profile is None:
+                return None
+            bend, degree = profile.bend_at(position), 1
+        powers = polynomial((position - middle) / half, degree)[:, 1:]
+        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
+        fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
+        return error - (bend + powers @ fit.coefficients[levels.shape[1] :])
+
     shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
     losses = np.full((len(shapes), len(runs)), np.nan)
     for fold, test_run in enumerate(runs):
         train = run != test_run
         test = [np.flatnonzero(group == g) for g in np.unique(group[~train])]
         for i, degree in enumerate(shapes):
-            fit = _predicted(series.position, series.error, group, run, train, degree)
-            if fit is not None:
-                losses[i, fold] = np.mean([np.var(series.error[rows] - fit[rows]) for rows in test])
+            if (rest := residuals(train, degree)) is not None:
+                losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
     candidates = np.flatnonzero(np.isfinite(losses).all(axis=1))
     best = candidates[np.argmin(losses[candidates].mean(axis=1))]
     worse = losses[candidates] - losses[best]
     se = worse.std(axis=1, ddof=1) / np.sqrt(len(runs))
     return shapes[int(candidates[np.flatnonzero(worse.mean(axis=1) <= se)[0]])]
-
-
-def _predicted(
-    position: FloatArray,
-    error: FloatArray,
-    group: IntArray,
-    run: IntArray,
-    train: FloatArray,
-    degree: int | None,
-) -> FloatArray | None:
-    """Readings (n,) but for the level of each pass, by the shape fitted to those of `train`."""
-    bend = np.zeros(len(error))
-    if degree is None:
-        profile = smooth_profile(position[train], error[train], group[train], run[train])
-        if profile is None:
-            return None
-        bend, degree = profile.bend_at(position), 1
-    middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
-    powers = polynomial((position - middle) / half, degree)[:, 1:]
-    levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
-    fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
-    return bend + powers @ fit.coefficients[levels.shape[1] :]
 
 
 def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
@@ -293,7 +281,7 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
     return result
 
 
-def _estimate(name: str, component: Any, unit: Unit, fit: InstrumentFit) -> ComponentEstimate:
+def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimate:
     lines, plain, profile = fit.fit, fit.fit.plain, fit.profile
     low, high = float(fit.position.min()), float(fit.position.max())
     shape: Shape = Powers(fit.powers - 1)
@@ -304,17 +292,30 @@ def _estimate(name: str, component: Any, unit: Unit, fit: InstrumentFit) -> Comp
         "independent_s": float(np.sqrt(plain.s2)),
     }
     if profile is not None:
+        # Line and bend at the positions that were read.
+        y, at = fit.error, np.searchsorted(profile.knots, fit.position)
+        L = polynomial(profile.knots, 1)
+        counts = np.bincount(at)
+        # The bend holds no line of the readings, however many there are at each position.
+        free = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
+        s2 = float(((y - (np.bincount(at, y) / counts)[at]) ** 2).sum()) / max(len(y) - len(L), 1)
         shape = TableShape(
             at=profile.knots, roughness=profile.roughness, own=profile.own, own_dof=profile.own_dof
         )
-        fields = _at_knots(fit, profile) | {"table": shape}
+        fields = {
+            "table": shape,
+            "coefficients": L @ plain.coefficients + profile.bend,
+            "covariance": L @ lines.covariance @ L.T + free @ profile.covariance @ free.T,
+            "independent_covariance": np.diag(s2 / counts),
+            "independent_s": float(np.sqrt(s2)),
+        }
     T = shape.of_line(lines.center, len(lines.D))
     D = T @ lines.D_moment @ T.T
     halves = None if lines.half_differences is None else T @ lines.half_differences @ T.T
     return ComponentEstimate(
         name=name,
         of=component.of,
-        unit=unit,
+        unit=UNITS[component.unit],
         pass_covariance=(D + D.T) / 2,
         s_repeat=float(np.sqrt(lines.s2)),
         pass_dof=float(lines.pass_dof),
@@ -324,24 +325,6 @@ def _estimate(name: str, component: Any, unit: Unit, fit: InstrumentFit) -> Comp
         half_differences=None if halves is None else (halves + halves.T) / 2,
         **fields,
     )
-
-
-def _at_knots(fit: InstrumentFit, profile: SmoothProfile) -> dict[str, Any]:
-    """Values, and their covariances, of the line and the bend at the positions that were read.
-
-    The bend holds no line of the readings, however many there are at each position.
-    """
-    y, at, L = fit.error, np.searchsorted(profile.knots, fit.position), polynomial(profile.knots, 1)
-    counts = np.bincount(at)
-    without_line = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
-    of_bend = without_line @ profile.covariance @ without_line.T
-    s2 = float(((y - (np.bincount(at, y) / counts)[at]) ** 2).sum()) / max(len(y) - len(L), 1)
-    return {
-        "coefficients": L @ fit.fit.plain.coefficients + profile.bend,
-        "covariance": L @ fit.fit.covariance @ L.T + of_bend,
-        "independent_covariance": np.diag(s2 / counts),
-        "independent_s": float(np.sqrt(s2)),
-    }
 
 
 def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> ComponentEstimate:
@@ -500,7 +483,7 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     blocks = [fit.half_differences for fit in fits if fit.half_differences is not None]
     halves = block_diag(*blocks) + (off - off_runs) / 2 if blocks else None
     return JointPasses(
-        components=tuple(item.name for item in group),
+        components=tuple(item.estimate.name for item in group),
         widths=tuple(len(item.estimate.coefficients) for item in group),
         covariance=as_covariance(C + (T @ (off + off_runs) @ T.T) / n),
         pass_covariance=(D + D.T) / 2,

@@ -96,6 +96,8 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     )
 
 
+WARNED = {"lack_of_fit": "lack-of-fit", "reversal": "reversal", "trend": "passes-drift"}
+"""Tests on the passes, and the warning of each."""
 SCATTERS = 1e-12
 """Less, in mm or rad, is rounding: the readings do not scatter."""
 NO_SCATTER = "they do not scatter, and their uncertainty counts as 0"
@@ -107,7 +109,7 @@ def fit_warnings(fit: MachineFit) -> list[Finding]:
     """Warnings on scatter that is not separable, or not estimable, on lack of fit, reversal, trend
     and disagreement of instruments, and what else the fit warns of.
     """
-    mixed: list[str] = []
+    mixed, warnings = list[str](), list[Finding]()
     kinds = [("readings", ONE_RUN), ("readings", NO_SCATTER), ("means of the passes", NO_SCATTER)]
     unknown: dict[tuple[str, str], list[str]] = {kind: [] for kind in kinds}
     for name, component in fit.components.items():
@@ -120,7 +122,7 @@ def fit_warnings(fit: MachineFit) -> list[Finding]:
             unknown["readings", NO_SCATTER].append(name)
         elif not np.diag(estimate.covariance).all():
             unknown["means of the passes", NO_SCATTER].append(name)
-    warnings = []
+    facts: dict[str, Any]
     if mixed:
         facts = {"what": f"the scatter from pass to pass of {listed(mixed)}", "names": mixed}
         facts |= {"others": ["repeatability"], "consequence": ALL_REPEATABILITY}
@@ -131,30 +133,18 @@ def fit_warnings(fit: MachineFit) -> list[Finding]:
             warnings.append(finding("no-scatter-known", **facts))
     p_values = {name: x.agreement_p for name, x in fit.components.items()}
     conflicts = significant({name: p for name, p in p_values.items() if p is not None})
-    return [
-        *fit.warnings,
-        *warnings,
-        *_significant(fit, "lack_of_fit", "lack-of-fit"),
-        *_significant(fit, "reversal", "reversal"),
-        *_significant(fit, "trend", "passes-drift"),
-        *(finding("instruments-disagree", component=name, p=p) for name, p in conflicts.items()),
-    ]
-
-
-def _significant(fit: MachineFit, test: str, code: str) -> list[Finding]:
-    """The warnings of one kind of test on the passes."""
-    warnings = []
-    for (name, role), p in fit.significant[test].items():
-        component = fit.components[name]
-        item = next(x for x in component.instruments if x.role == role)
-        result, unit = item.tests[test], component.unit
-        facts: dict[str, Any] = {"component": name, "p": p, "unit": unit.name}
-        if isinstance(result, Shift):
-            facts["size"] = result.value / unit.to_internal
-        if test == "trend":
-            facts["each"] = "a pass there and back" if len(item.fit.pairs) else "a pass"
-        warnings.append(finding(code, **facts))
-    return warnings
+    for test, code in WARNED.items():
+        for (name, role), p in fit.significant[test].items():
+            unit = fit.components[name].estimate.unit
+            item = next(x for x in fit.components[name].instruments if x.role == role)
+            facts = {"component": name, "p": p, "unit": unit.name}
+            if isinstance(result := item.tests[test], Shift):
+                facts["size"] = result.value / unit.to_internal
+            if test == "trend":
+                facts["each"] = "a pass there and back" if len(item.fit.pairs) else "a pass"
+            warnings.append(finding(code, **facts))
+    warnings += [finding("instruments-disagree", component=x, p=p) for x, p in conflicts.items()]
+    return [*fit.warnings, *warnings]
 
 
 def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Readings, list[Finding]]:
@@ -411,24 +401,22 @@ def thermal_from_report(
     _check_report(machine, report)
     result = thermal_from_machine_file(machine)
     for name, item in report.components.items():
-        unit, ranges = UNITS[item.unit], item.temperature_range_degC
-        f, powers, sensors = unit.to_internal, item.degree + 1, len(item.sensors)
-        size = powers * sensors
-        limits = None if ranges is None else np.array(ranges, float).reshape(sensors, 2)
+        f, ranges = UNITS[item.unit].to_internal, item.temperature_range_degC
+        sensors, size = len(item.sensors), (item.degree + 1) * len(item.sensors)
         result[name] = ThermalEstimate(
             component=name,
             of=item.of,
-            unit=unit,
+            unit=UNITS[item.unit],
             sensors=tuple(item.sensors),
             reference=item.reference_temperature_degC,
-            coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
-            covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
+            coefficients=np.array(item.coefficients, float) * f,
+            covariance=np.reshape(item.covariance, (size, size)) * f**2,
             coefficient_dof=dof_or(item.coefficient_dof),
             leftover=np.array(item.leftover_covariance, float) * f**2,
             leftover_dof=dof_or(item.leftover_dof),
             time_constants=np.array(item.time_constants_min, float),
             sensor_u=np.array(item.sensor_u_degC, float),
-            temperature_range=limits,
+            temperature_range=None if ranges is None else np.reshape(ranges, (sensors, 2)),
             position_range=item.position_range_mm,
         )
     return result

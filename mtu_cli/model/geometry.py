@@ -113,7 +113,8 @@ def _centred(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
 
 def _round(points: FloatArray) -> RoundFit:
     """The circle of points (n, 2), the sphere of points (n, 3)."""
-    d = points.shape[1]
+    n, d = points.shape
+    straight = GeometryError(f"the {KINDS[d]} could not be fitted: the points hardly bend")
     centroid, q, scale = _centred(points)
     # (c, r) of |p|^2 = 2 c.p + (r^2 - |c|^2), Kasa 1976.
     start = _solved(2 * q, (q**2).sum(axis=1))
@@ -122,7 +123,7 @@ def _round(points: FloatArray) -> RoundFit:
         centre, radii = round_figure(q.T[:, :, None], start[:d, None], radius, free=True)
     result = np.append(centre[:, 0], radii)
     if not np.isfinite(result).all():
-        raise GeometryError(f"the {KINDS[d]} could not be fitted: the points hardly bend")
+        raise straight
     for last in (False, True):
         away = q - result[:d]
         distance = np.linalg.norm(away, axis=1)
@@ -132,12 +133,22 @@ def _round(points: FloatArray) -> RoundFit:
         if not last:
             # The far end of a short arc, to the last digit.
             result = result + _solved(unit, residuals)
+    # H and the sides of the gradient, in any unit of length.
+    outer = unit[:, :, None] * unit[:, None, :]
+    along = outer + (residuals / distance)[:, None, None] * (np.eye(d) - outer)
+    H = np.full((d + 1, d + 1), float(n))
+    H[:d, :d] = along.sum(axis=0)
+    H[:d, d] = H[d, :d] = unit.sum(axis=0)
+    least, most = np.linalg.eigvalsh(H)[[0, -1]]
+    if least <= ROUNDING * most:
+        raise straight
+    row = np.linalg.inv(H)[d]
     return RoundFit(
         centre=centroid + scale * result[:d],
         radius=scale * float(result[d]),
         residuals=scale * residuals,
         away=unit,
-        radius_gradient=_radius_gradient(unit, distance, residuals),
+        radius_gradient=np.einsum("k,ikc->ic", row[:d], along) + row[d] * unit,
     )
 
 
@@ -183,18 +194,3 @@ def round_figure(
         if not moves.any():
             break
     return np.where(moves, np.nan, centre), np.where(moves, np.nan, radius)
-
-
-def _radius_gradient(unit: FloatArray, distance: FloatArray, residuals: FloatArray) -> FloatArray:
-    """dr/dp (n, d) of the minimum, in any unit of length."""
-    n, d = unit.shape
-    outer = unit[:, :, None] * unit[:, None, :]
-    along = outer + (residuals / distance)[:, None, None] * (np.eye(d) - outer)
-    H = np.full((d + 1, d + 1), float(n))
-    H[:d, :d] = along.sum(axis=0)
-    H[:d, d] = H[d, :d] = unit.sum(axis=0)
-    least, most = np.linalg.eigvalsh(H)[[0, -1]]
-    if least <= ROUNDING * most:
-        raise GeometryError(f"the {KINDS[d]} could not be fitted: the points hardly bend")
-    row = np.linalg.inv(H)[d]
-    return np.einsum("k,ikc->ic", row[:d], along) + row[d] * unit

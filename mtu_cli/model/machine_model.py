@@ -17,12 +17,8 @@ from mtu_cli.files.machine import Effect, LoadedMachine
 from mtu_cli.findings import Finding, InputError, error, finding, listed, nearest
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call, Number
-from mtu_cli.model.effect_parameters import (
-    EFFECT_MARK,
-    effects_of,
-)
+from mtu_cli.model.effect_parameters import EFFECT_MARK, effects_of
 from mtu_cli.model.estimates import (
-    TEMPERATURE_MARK,
     ComponentEstimate,
     Estimates,
     JointPasses,
@@ -65,7 +61,7 @@ def drift_terms(drift: ThermalEstimate, levers: dict[str, Node]) -> tuple[Term, 
     mean 0, one draw for all points of a part.
     """
     by_temperature = ComponentEstimate(
-        name=f"{drift.component}{TEMPERATURE_MARK}",
+        name=f"{drift.component}.temperature",
         of=drift.of,
         unit=drift.unit,
         coefficients=drift.coefficients.reshape(-1),
@@ -109,8 +105,8 @@ def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> Floa
 
 def row_times(covariates: Covariates) -> FloatArray | None:
     """Times (n,) of the rows, min; None where they are no history."""
-    times = covariates.get(TIME)
-    return None if times is None or np.ndim(times) == 0 else np.asarray(times, float)
+    times = covariates.get(TIME, np.nan)
+    return np.asarray(times, float) if np.ndim(times) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,9 +133,8 @@ class MachineModel:
 
     def covariates(self) -> tuple[str, ...]:
         """Names that the equations use except positions, constants and components."""
-        used = {sensor for drift in self.drifts() for sensor in drift.sensors}
-        for axis in self.axes:
-            used |= self.names_in(axis)
+        sensors = {sensor for drift in self.drifts() for sensor in drift.sensors}
+        used = sensors.union(*map(self.names_in, self.axes))
         return tuple(sorted(used - {*AXES, *self.constants}))
 
     def names_in(self, axis: str) -> set[str]:
@@ -249,26 +244,20 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
         raise error("not-applicable", reason="no equation contains a component", file=file)
     sources = "readings (--lbb, --laser), coefficients here, or a components report (-c)"
     sources += "; with -m no study is read"
-    few, faults = "more readings of it, best in several passes", []
-    missing = sorted(missing, key=lambda name: machine.line_of("components", name) or 0)
-    if missing:
-        faults.append((missing[0], "missing-input", f"an estimate of {listed(missing)}", sources))
+    few, problems = "more readings of it, best in several passes", []
+    lines = {name: machine.line_of("components", name) for name in missing}
+    if missing := sorted(missing, key=lambda name: lines[name] or 0):
+        place = {"line": lines[missing[0]], "path": f"components.{missing[0]}"}
+        what = f"an estimate of {listed(missing)}"
+        problems.append(finding("missing-input", what=what, expected=sources, **place))
     for item in (term.estimate for term in terms):
         if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat)):
+            place = {"line": machine.line_of("components", item.name)}
+            place["path"] = f"components.{item.name}"
             what = f"as many readings of {item.name!r} as coefficients"
-            faults.append((item.name, "too-little-data", what, few))
-    if faults:
-        raise InputError(
-            finding(
-                code,
-                what=what,
-                expected=expected,
-                file=file,
-                path=f"components.{name}",
-                line=machine.line_of("components", name),
-            )
-            for name, code, what, expected in faults
-        )
+            problems.append(finding("too-little-data", what=what, expected=few, **place))
+    if problems:
+        raise InputError(problem.at(file=file) for problem in problems)
 
 
 def missing_covariates(

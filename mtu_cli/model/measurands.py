@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.findings import InputError, error, finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.prediction import Prediction
+from mtu_cli.model.prediction import Prediction, ratio_of
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.variance import Variance
 from mtu_cli.stats.blocks import Draws, Workspace
@@ -77,30 +77,23 @@ class PointTrials:
                 self.factor = factor_of(self.factor @ self.factor.T)
             self.dof = np.full(len(names), np.inf)
         else:
-            self.factor = self._factor_of(stacked, prediction, variance.total)
-            self.dof = variance.dof
+            C = stacked @ prediction.covariance @ stacked.T
+            lowered = not np.allclose(np.diag(C)[self.k :], variance.total, rtol=1e-9, atol=0.0)
+            if lowered:
+                C = stacked @ prediction.drawable @ stacked.T
+            self.dof, self.factor = variance.dof, factor_of(C)
+            if lowered:
+                # By a negative D, which the variance is not (`variance.block_variance`): without
+                # its negative part, all rows of an output scaled alike.
+                drawn = np.sum(self.factor[self.k :] ** 2, axis=1)
+                self.factor *= ratio_of(variance.total, drawn)[self.owner, None]
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.u_exists = self.dof > 2
         self.linear_dof = np.where(self.dof < NORMAL_DOF, self.dof, np.inf)
         self.finite = np.flatnonzero(np.isfinite(self.linear_dof))
-        inflation = np.where(self.u_exists, 1.0, np.nan)
-        live = self.u_exists & np.isfinite(self.linear_dof)
-        inflation[live] = self.dof[live] / (self.dof[live] - 2)
-        self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
-
-    def _factor_of(
-        self, stacked: FloatArray, prediction: Prediction, target: FloatArray
-    ) -> FloatArray:
-        """F with F F' the covariance of the stacked rows; where an output's `target` variance is
-        another (not lowered by a negative D, see `variance.block_variance`), without negative part
-        and with all rows of the output scaled alike.
-        """
-        raw = stacked @ prediction.covariance @ stacked.T
-        if np.allclose(np.diag(raw)[self.k :], target, rtol=1e-9, atol=0.0):
-            return factor_of(raw)
-        factor = factor_of(stacked @ prediction.drawable @ stacked.T)
-        ratio = _ratio(target, np.sum(factor[self.k :] ** 2, axis=1))
-        return factor * ratio[self.owner, None]
+        # A t of two degrees of freedom or fewer has none.
+        dof = np.where(self.u_exists, self.linear_dof, np.nan)
+        self.linear_variance = self.linear_u[:, 0] ** 2 / (1.0 - 2.0 / dof)
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m)."""
@@ -121,11 +114,6 @@ class PointTrials:
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
         """Those (outputs, n) of the first-order values less their mean."""
         return self.linear_u * [t_quantile(probability, dof) for dof in self.linear_dof.tolist()]
-
-
-def _ratio(target: FloatArray, drawn: FloatArray) -> FloatArray:
-    """The factor that scales rows of the variances `drawn` to those of `target`; 0 where 0."""
-    return np.sqrt(np.divide(target, drawn, out=np.zeros_like(drawn), where=drawn > 0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,7 +253,7 @@ def _plane_factor(
     values, vectors = np.linalg.eigh(sources)
     factors = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
     target = np.clip(each.total.reshape(n, a), 0.0, None)
-    ratio = _ratio(target, np.sum(factors**2, axis=(0, 3)))
+    ratio = ratio_of(target, np.sum(factors**2, axis=(0, 3)))
     scaled = (factors * ratio[..., None]).transpose(1, 2, 0, 3).reshape(n * a, -1)
     return np.asarray(scaled), each.squares.dof
 
@@ -339,16 +327,6 @@ a line. Its change for its angle's is too large by b1^2, 1 % here.
 Line = tuple[FloatArray, FloatArray]
 """Coordinates along and across a line (features, m) or (features, 1), each less its mean, or
 `contrasts` of them (features - 1, ...); mm."""
-
-
-def contrasts(n: int) -> FloatArray:
-    """H (n - 1, n), Helmert's orthonormal contrasts: H 1 = 0, H H' = 1.
-
-    Hu'Hv = sum (u - mean u)(v - mean v), with one direction fewer to draw.
-    """
-    k = np.arange(1, n)[:, None]
-    i = np.arange(n)[None, :]
-    return np.where(i < k, 1.0, np.where(i == k, -k, 0.0)) / np.sqrt(k * (k + 1))
 
 
 def slope(line: Line) -> FloatArray:
@@ -434,15 +412,18 @@ class AngleTrials(PointTrials):
         """The angle of the features `row` and `column`; one in both is drawn once.
 
         A slope is sum (u - mean u)(v - mean v) / sum (u - mean u)^2, the same of n - 1 orthonormal
-        contrasts of the coordinates as of the n coordinates less their mean. Of b = u'v/u'u it is
-        db/dv = u/u'u and db/du = (v - 2 b u)/u'u.
+        contrasts H (n - 1, n) of the coordinates (H 1 = 0, H H' = 1) as of the n coordinates less
+        their mean, with one direction fewer to draw. Of b = u'v/u'u it is db/dv = u/u'u and db/du =
+        (v - 2 b u)/u'u.
         """
+        from scipy.linalg import helmert
+
         of_row, of_column = ([prediction.ids.index(i) for i in ids] for ids in (row, column))
         places, index = prediction.points.T, prediction.axes.index
         every = np.eye(len(prediction.mean)).reshape(len(places.T), -1, len(prediction.mean))
         combine, design = [], []
         for line, axis in ((of_row, "x"), (of_row, "y"), (of_column, "y"), (of_column, "x")):
-            H = contrasts(len(line))
+            H = helmert(len(line))
             combine.append(H @ every[line, index(axis)])
             design.append(H @ places[AXES.index(axis), line])
         combined, nominal = np.vstack(combine), np.concatenate(design)

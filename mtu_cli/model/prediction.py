@@ -18,7 +18,6 @@ from itertools import chain
 import numpy as np
 
 from mtu_cli.findings import Finding, InputError, finding, listed
-from mtu_cli.model.estimates import term_label
 from mtu_cli.model.machine_model import (
     Covariates,
     Design,
@@ -71,9 +70,9 @@ def constant_effects(
         curve = (up.mean + down.mean - 2 * centre.mean) / 2
         # Rounding of a difference of errors is no curvature.
         curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(up.mean - centre.mean), curve, 0.0)
-        blocks.append(normal_block(name, ((up.mean - down.mean) / 2)[:, None]))
+        blocks.append(normal_block(((up.mean - down.mean) / 2)[:, None]))
         if curve.any():
-            blocks.append(normal_block(f"{name}^2", np.sqrt(2.0) * curve[:, None]))
+            blocks.append(normal_block(np.sqrt(2.0) * curve[:, None]))
         shift += curve
         change = (up.J - down.J) / 2
         if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
@@ -220,12 +219,13 @@ def predict(
         independent += (block.noise**2).sum(axis=1)
     outside = []
     place = places(model, points)
-    for estimate in (term.estimate for term in model.terms):
+    for term in model.terms:
+        estimate, drift = term.estimate, term.drift
         if estimate.of is None or estimate.position_range is None:
             continue
         (low, high), position = estimate.position_range, place[estimate.of]
         beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist()
-        name = term_label(estimate.name)
+        name = estimate.name if drift is None else f"the drift of {drift.component}"
         outside += [(ids[i], name, float(position[i]), low, high) for i in beyond]
     return Prediction(
         ids=tuple(ids),
@@ -249,13 +249,10 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
             continue
         positions, at = np.unique(place[axis], return_inverse=True)
         G = np.repeat(np.eye(len(positions))[at], len(model.axes), axis=0) * levers[:, t, None]
-        for of_part, C in (
-            (False, table.interpolation_covariance(positions)),
-            (True, table.of_runs(positions)),
-        ):
-            if C.any():
-                block = normal_block(term.estimate.name, G @ covariance_root(C), of_part=of_part)
-                blocks.append(replace(block, pass_dof=table.own_dof) if of_part else block)
+        for of_part, covariance in ((False, table.interpolation_covariance), (True, table.of_runs)):
+            if (C := covariance(positions)).any():
+                F = G @ covariance_root(C)
+                blocks.append(normal_block(F, of_part=of_part, dof=table.own_dof))
     return blocks
 
 
@@ -332,7 +329,7 @@ def temperature_blocks(
             F = np.zeros((len(levers), readings))
             for column, LR in zip(live.values(), through, strict=True):
                 F += column[:, None] * np.repeat(LR, len(levers) // n, axis=0)
-        result.append(normal_block(sensor, F, of_part=True))
+        result.append(normal_block(F, of_part=True))
     return result
 
 
@@ -391,6 +388,10 @@ def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
 
 def rescaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
     """The correlations of a covariance (..., rows, rows) with other variances (..., rows)."""
-    drawn = np.einsum("...ii->...i", covariance)
-    ratio = np.sqrt(np.divide(variance, drawn, out=np.zeros_like(drawn), where=drawn > 0))
+    ratio = ratio_of(variance, np.einsum("...ii->...i", covariance))
     return covariance * ratio[..., :, None] * ratio[..., None, :]
+
+
+def ratio_of(target: FloatArray, drawn: FloatArray) -> FloatArray:
+    """The factor that scales rows of the variances `drawn` to those of `target`; 0 where 0."""
+    return np.sqrt(np.divide(target, drawn, out=np.zeros_like(drawn), where=drawn > 0))

@@ -1,7 +1,8 @@
 """Measured minus predicted, as parts x features x axes, with the model's uncertainty.
 
 Errors by the coefficients' covariance C are common to all parts; those by the pass-to-pass
-covariance D each part draws anew. Readings become such tables in `reading_residuals`.
+covariance D each part draws anew. Of readings of a component a pass takes the place of a part, a
+target and direction that of a feature.
 """
 
 from __future__ import annotations
@@ -13,10 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.files.readings import Points
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.covariates import (
+    gap_rows,
     needed_covariates,
     point_columns,
     rows_of,
@@ -25,27 +28,49 @@ from mtu_cli.model.covariates import (
     without_gaps,
     without_repeated,
 )
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
+from mtu_cli.model.estimation import MOST_AUTO, reading_rounding
 from mtu_cli.model.features import guess_warnings, outside_warnings
-from mtu_cli.model.machine_model import AXES, Covariates, MachineModel, design, sensors_of
+from mtu_cli.model.fit import ComponentReadings, component_readings, effects_on_readings
+from mtu_cli.model.machine_model import (
+    AXES,
+    TIME,
+    Covariates,
+    MachineModel,
+    component_alone,
+    design,
+    sensors_of,
+)
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import judged_axes, roundings
-from mtu_cli.model.prediction import constant_effects, predict, temperature_gradients
+from mtu_cli.model.passes import Passes
+from mtu_cli.model.prediction import (
+    constant_effects,
+    predict,
+    temperature_gradients,
+    temperature_warnings,
+)
 from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
-    BoolArray,
     Cells,
-    IntArray,
     Motions,
     check_repeats,
     datum_errors,
+    distinct,
     incomplete_datum,
     motions_of,
-    only_rows,
     operations_of,
     without_motions,
 )
-from mtu_cli.stats.covariance import factor_of
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.covariance import bounded, factor_of
+from mtu_cli.stats.least_squares import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    least_squares,
+    polynomial,
+)
+from mtu_cli.units import ANGLE, UNITS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,37 +147,18 @@ class ResidualTable:
         return result
 
 
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """The parts (rows) and features (columns) of a table, its `cells`, in which n measurements
-    stand, and the nominal place (n, 3) mm of each of these.
-    """
-
-    parts: tuple[str, ...]
-    features: tuple[str, ...]
-    cells: Cells
-    nominal: FloatArray
-    operations: tuple[str, ...] = ("",)
-    operation: IntArray
-
-    @cached_property
-    def places(self) -> FloatArray:
-        """The places (P, H, 3) mm of the cells."""
-        means = self.cells.means(self.nominal)
-        return filled(self.cells.table(means), self.cells.repeats > 0)
-
-    def table(self, errors: FloatArray, **facts: Any) -> ResidualTable:
-        """The table of errors (n, A), each the mean of its cell."""
-        return ResidualTable(
-            parts=self.parts,
-            features=self.features,
-            operations=self.operations,
-            operation=self.operation,
-            places=self.places,
-            errors=self.cells.table(self.cells.means(errors)),
-            repeats=self.cells.repeats,
-            **facts,
-        )
+def table_of(cells: Cells, errors: FloatArray, **facts: Any) -> ResidualTable:
+    """The table of errors (n, A), each the mean of its cell."""
+    return ResidualTable(
+        parts=cells.parts,
+        features=cells.features,
+        operations=cells.operations,
+        operation=cells.operation,
+        places=filled(cells.means(cells.nominal), cells.repeats > 0),
+        errors=cells.means(errors),
+        repeats=cells.repeats,
+        **facts,
+    )
 
 
 def filled(table: FloatArray, there: BoolArray) -> FloatArray:
@@ -195,25 +201,25 @@ def residual_table(
     warnings += [*repeated, *gaps, *text_warnings(points)]
     points, removals = _estimable(points, axes, datum)
     warnings += removals
-    layout = _layout(model, points)
-    at, cells, columns = covariates or {}, layout.cells, point_columns(points)
+    at, cells, columns = covariates or {}, _cells(model, points), point_columns(points)
     values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
     tables, more = table_covariates(columns, cells, points, np.arange(len(points)))
-    predicted, common, of_part = cell_model(model, points.nominal, values, cells, tables)
+    predicted, common, of_part = cell_model(model, cells, values, tables)
     first = np.unique(cells.column, return_index=True)[1]
-    once = predict(model, layout.features, points.nominal[first], rows_of(values, first))
+    once = predict(model, cells.features, points.nominal[first], rows_of(values, first))
     warnings += [*idle, *more, *outside_warnings(once)]
     warnings += guess_warnings(model, points.nominal, values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
     errors = datum_errors(points, errors, axes, datum)[0]
-    of_operation = (layout.operation == code for code in np.unique(layout.operation))
+    of_operation = (cells.operation == code for code in np.unique(cells.operation))
     reps = [cells.repeats[:, mask] for mask in of_operation]
     if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in reps):
         warnings.append(incomplete_datum())
     estimates = [x.estimate for x in model.terms if np.any(x.estimate.pass_covariance)]
     dofs = [each.pass_dof for each in estimates] + [group.pass_dof for group in model.joint]
-    table = layout.table(
+    table = table_of(
+        cells,
         errors,
         axes=tuple(AXES[axis] for axis in axes),
         component=None,
@@ -254,19 +260,17 @@ def _estimable(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Poi
         reason = f"in measurements of so few features the datum {datum!r} takes all errors"
         names = [f"{count} of {len(mask)} points"]
         warnings = [finding("not-measured", names=names, count=count, reason=reason)]
-        return only_rows(points, ~mask), warnings
+        return points.where(~mask), warnings
     return points, []
 
 
-def _layout(model: MachineModel, points: Points) -> Layout:
+def _cells(model: MachineModel, points: Points) -> Cells:
     """Parts by `sequence`, then as they first appear; features as the part file has them, by
     operation first.
     """
     operations, operation = operations_of(points)
     count = len(points.features)
-    columns, column = np.unique(
-        operation.astype(np.int64) * count + points.feature, return_inverse=True
-    )
+    columns, column = distinct(operation.astype(np.int64) * count + points.feature)
     of_column = columns // count
     used = [points.features[code % count] for code in columns.tolist()]
     if len(np.unique(of_column)) > 1:
@@ -274,15 +278,16 @@ def _layout(model: MachineModel, points: Points) -> Layout:
         used = [f"{operations[code]} {name}".lstrip() for code, name in pairs]
     parts, first, part = np.unique(points.part, return_index=True, return_inverse=True)
     earliest = np.full(len(parts), np.iinfo(np.int64).max)
-    np.minimum.at(earliest, part.reshape(-1), points.sequence)
+    np.minimum.at(earliest, part, points.sequence)
     order = np.lexsort([first, earliest])
-    row = np.argsort(order)[part.reshape(-1)]
-    return Layout(
+    row = np.argsort(order)[part]
+    return Cells(
         parts=tuple(points.parts[i] for i in parts[order].tolist()),
         features=tuple(used),
         operations=operations,
         operation=of_column,
-        cells=Cells(parts=len(parts), columns=len(columns), part=row, column=column.reshape(-1)),
+        part=row,
+        column=column,
         nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
     )
 
@@ -294,19 +299,16 @@ NEGLIGIBLE = 1e-13
 
 
 def cell_model(
-    model: MachineModel,
-    places: FloatArray,
-    values: Covariates,
-    cells: Cells,
-    by_name: Mapping[str, FloatArray],
+    model: MachineModel, cells: Cells, values: Covariates, by_name: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Predictions (n, a) mm at `places` (n, 3) mm under the covariates `values`, as `predict` makes
+    """Predictions (n, a) mm of the measurements under the covariates `values`, as `predict` makes
     them, and of the cells the factors F (P or 1, H, a, K) of the covariances F F', mm^2, that all
     parts share and that every part draws anew. `by_name` are the covariates' tables: the noise of a
     temperature that all points share is common to all parts, that of one reading a part is of the
     part; that of a reading a point adds to the scatter of single cells and is in neither factor. A
     drift with a lag has the history of all measurements.
     """
+    places = cells.nominal
     centre = design(model, places, values)
     of_constants, shift = constant_effects(model, places, values, centre)
     mean = centre.mean + shift
@@ -316,16 +318,15 @@ def cell_model(
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: by_name[name].shape if name in by_name else (1, 1) for name in sensors_of(model)}
-    if any(shape[1] == 1 for shape in read.values()):
-        gradients = temperature_gradients(model, places, centre.levers, noise=True)
-        for sensor, column in gradients.items():
-            # The noise of one reading a cell is in neither.
-            if read[sensor][1] == 1:
-                (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
+    gradients = temperature_gradients(model, places, centre.levers, noise=True)
+    for sensor, column in gradients.items():
+        # The noise of one reading a cell is in neither.
+        if read[sensor][1] == 1:
+            (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
     size = (len(places), len(model.axes))
     factors = (np.concatenate(columns, axis=1).reshape(*size, -1) for columns in (shared, drawn))
-    tables = (cells.table(cells.means(F), 0.0) for F in factors)
-    common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
+    there = cells.repeats > 0
+    common, of_part = (compressed(filled(cells.means(F, 0.0), there)) for F in factors)
     return mean.reshape(size), common, of_part
 
 
@@ -341,3 +342,180 @@ def compressed(factor: FloatArray) -> FloatArray:
     size, vectors = np.linalg.eigh(flat.T @ flat)
     nonzero = size > NEGLIGIBLE * max(float(size[-1]), 0.0)
     return (flat @ vectors[:, nonzero]).reshape(*factor.shape[:-1], int(nonzero.sum()))
+
+
+# The tables of readings.
+
+
+def reading_tables(
+    machine: LoadedMachine, estimates: Estimates, readings: Readings
+) -> tuple[tuple[ResidualTable, ...], tuple[Finding, ...]]:
+    """One table for each component that was read: its readings minus its prediction. `estimates`
+    are those that these readings took no part in: of a components report, or of the machine file.
+    Of a component without an estimate the readings are taken minus their least-squares polynomial,
+    whose degree is `fitted_degree`: then neither factor has a column, and what the polynomial may
+    hold cannot be seen. Effects of the machine that were found in readings of a component are
+    subtracted, too.
+
+    Forward and reverse of a pass share that part of D which the fit estimated for both; the rest
+    each draws anew.
+    """
+    tables, warnings = [], text_warnings(readings)
+    for code, name in enumerate(readings.components):
+        rows = np.flatnonzero(readings.code == code)
+        if len(rows):
+            series = component_readings(machine, readings, name, rows)
+            cells = reading_cells(readings, series, name)
+            columns = {key: x for key, x in series.columns.items() if key != f"dir_{series.axis}"}
+            groups = (cells.part, cells.column, readings.file_index[rows])
+            mask, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
+            warnings += gaps
+            series = component_readings(machine, readings, name, rows[~mask]) if gaps else series
+            tables.append(_table(machine, name, estimates, readings, series, warnings))
+    return tuple(tables), tuple(warnings)
+
+
+def _table(
+    machine: LoadedMachine,
+    name: str,
+    estimates: Estimates,
+    readings: Readings,
+    series: ComponentReadings,
+    warnings: list[Finding],
+) -> ResidualTable:
+    """The table of the readings of one component."""
+    entry, estimate = machine.machine.components[name], estimates.components.get(name)
+    of, unit, rows, columns = series.of, UNITS[entry.unit], series.rows, series.columns
+    cells = reading_cells(readings, series, name)
+    covariates, gaps = table_covariates(columns, cells, readings, rows)
+    warnings += gaps
+    if (drift := estimates.thermal.get(name)) is not None:
+        # It needs its temperatures, and the times where it lags.
+        needed = [*drift.sensors, *((TIME,) if drift.time_constants.any() else ())]
+        whole = {k for k, x in columns.items() if x.dtype != object and np.isfinite(x).all()}
+        if lacks := [key for key in needed if key not in whole]:
+            warnings.append(finding("drift-not-removed", component=name, columns=", ".join(lacks)))
+            drift = None
+    effects, left_out = effects_on_readings(machine, name, cells.nominal, columns)
+    warnings += left_out
+    errors, degree = readings.error[rows] - effects, -1
+    common = of_part = np.zeros((1, len(cells.features), 1, 0))
+    if estimate is not None or drift is not None:
+        of_pass, of_run = (None, None) if estimate is None else _by_run(estimate)
+        model = component_alone(name, of or AXES[0], of_pass, drift)
+        names = [*model.covariates(), *((TIME,) if drift is not None else ())]
+        values = {key: columns[key] for key in names if key in columns}
+        warnings += temperature_warnings(model, cells.nominal, values)
+        mean, common, drawn = cell_model(model, cells, values, covariates)
+        errors = errors - mean[:, 0]
+        if estimate is not None and np.any(estimate.pass_covariance):
+            # Forward and reverse draw with separate columns.
+            direction = np.zeros(len(cells.features))
+            direction[cells.column] = readings.direction[rows]
+            signs = direction[None, :, None, None]
+            parts = [np.where(signs == sign, drawn, 0.0) for sign in np.unique(signs)]
+            if of_run is not None:
+                model = component_alone(name, of or AXES[0], of_run)
+                parts.append(cell_model(model, cells, {}, {})[2])
+            of_part = np.concatenate(parts, axis=3)
+    if estimate is None:
+        # Of a table or `degree: auto` the bends of the highest degree are declared already.
+        declared = isinstance(entry.degree, int) and not entry.is_table
+        degree = int(entry.degree) if declared else MOST_AUTO
+        position = np.zeros(len(errors)) if of is None else cells.nominal[:, AXES.index(of)]
+        degree = min(degree, len(cells.features) - 1, len(np.unique(position)) - 1)
+        # A residual does not depend on where the powers are counted from; its digits do.
+        errors = least_squares(polynomial(position - position.mean(), degree), errors).residuals
+    return table_of(
+        cells,
+        errors[:, None],
+        axes=(of or name,),
+        component=name,
+        unit="arcsec" if unit.dimension == ANGLE else "um",
+        covariates=covariates,
+        common=common,
+        of_part=of_part,
+        fitted_degree=degree,
+        pass_dof=np.inf if estimate is None else estimate.pass_dof or np.inf,
+        resolution=(float(np.sqrt(12 * reading_rounding(readings, rows, unit))),),
+    )
+
+
+def _by_run(estimate: ComponentEstimate) -> tuple[ComponentEstimate, ComponentEstimate | None]:
+    """The component with what each pass draws anew of D, and what forward and reverse of a run
+    share of it, K = S_m - S_h (`stats.mixed_model`), None where passes are independent. Of several
+    instruments D is of all, K of those that ran both ways.
+    """
+    in_run, C = covariance_in_run(estimate), estimate.covariance
+    if in_run is None:
+        return estimate, None
+    D, zero = drawable_passes(estimate.pass_covariance, C), np.zeros_like(estimate.coefficients)
+    K = bounded(drawable_passes(in_run, C), D)
+    of_pass = replace(estimate, pass_covariance=drawable_passes(D - K, C))
+    of_run = replace(of_pass, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
+    return of_pass, of_run
+
+
+SAME = 1e-4
+"""Positions within this share of the travel are one target, recorded as it was reached."""
+SIGNS = {1: " +", -1: " -", 0: ""}
+
+
+def reading_cells(readings: Readings, series: ComponentReadings, name: str) -> Cells:
+    """The cells of the readings `series` of the component `name`.
+
+    A pass is one number of one file, in one direction where it is not a run there and back.
+    """
+    target, labels = np.zeros(len(series.rows), np.int64), [name]
+    if series.of is not None:
+        target, labels = _targets(series.places[:, AXES.index(series.of)])
+    sign = readings.direction[series.rows].astype(np.int64)
+    # Forward first, as the passes of a fit are.
+    columns, column = np.unique(target * 3 + (1 - sign), return_inverse=True)
+    signs = 1 - columns % 3
+    several = len(np.unique(signs)) > 1
+    return Cells(
+        parts=_row_names(readings, series.passes),
+        features=tuple(
+            labels[code // 3] + SIGNS[int(way)] * several
+            for code, way in zip(columns.tolist(), signs, strict=True)
+        ),
+        operation=np.zeros(len(columns), np.int64),
+        part=series.passes.runs[series.group],
+        column=column.reshape(-1),
+        nominal=series.places,
+    )
+
+
+def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
+    """The passes of each run by their numbers; with their file or direction where these alone
+    differ.
+    """
+    numbered = {key[:2] for key in passes.keys}
+    twice = len({number for _, number in numbered}) < len(numbered)
+    runs: list[dict[str, str]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
+    for g in np.argsort(passes.order).tolist():
+        file, number, way = passes.keys[g]
+        label = f"{readings.sources[file].shown} " * twice + str(number)
+        runs[passes.runs[g]][label] = SIGNS[way]
+    names = ["/".join(labels) for labels in runs]
+    if len(set(names)) < len(names):
+        names = [name + [*labels.values()][-1] for name, labels in zip(names, runs, strict=True)]
+    return tuple(names)
+
+
+def _targets(position: FloatArray) -> tuple[IntArray, list[str]]:
+    """The target of each reading (n,), ascending, and their names, with as many digits as make them
+    differ. Each position is a target of its own where neighbours would merge.
+    """
+    distinct, code = np.unique(position, return_inverse=True)
+    near = SAME * float(np.ptp(distinct))
+    group = np.cumsum(np.r_[0, np.diff(distinct) > near])
+    first = np.unique(group, return_index=True)[1]
+    last = np.r_[first[1:], len(distinct)] - 1
+    if (distinct[last] - distinct[first] > 3 * near).any():
+        group = np.arange(len(distinct))
+    target = group[code.reshape(-1)]
+    means = np.bincount(target, position) / np.bincount(target)
+    named = ([f"{value:.{digits}g}" for value in means] for digits in (6, 9, 12, 17))
+    return target, next(labels for labels in named if len(set(labels)) == len(labels))

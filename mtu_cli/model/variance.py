@@ -17,14 +17,14 @@ from mtu_cli.stats.least_squares import FloatArray
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block:
     """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns; `C`, `D`
-    (k, k); `noise` (rows, c) lever arms times s_repeat of its c components, `columns` their
+    (k, k); `noise` (rows, c) lever arms times s_repeat of its c components `names`, `columns` their
     coefficients among the k, `repeat_dof` the degrees of freedom of their s_repeat. `between` (k,
     k) is the mean square S between `n_passes` passes that C and D come from; None, 0 where they do
     not come from one. `half_differences` (k, k) is S_h, the part of S that is of runs there and
     back (`stats.mixed_model`); None where passes are independent.
     """
 
-    names: tuple[str, ...]
+    names: tuple[str, ...] = ()
     columns: tuple[slice, ...]
     G: FloatArray
     C: FloatArray
@@ -68,7 +68,7 @@ class MeanSquares(NamedTuple):
     passes: list[PassSquare | None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Shares:
     """The shares of a variance by its nature, 1 in all.
 
@@ -96,11 +96,8 @@ class Variance:
 
     def shares(self, i: int) -> Shares | None:
         """The shares of measurand i; None where it has no variance."""
-        names = ("coefficients", "passes", "repeatability")
-        total = float(self.total[i])
-        if not total > 0:
-            return None
-        return Shares(**{name: float(getattr(self, name)[i]) / total for name in names})
+        total, parts = float(self.total[i]), (self.coefficients, self.passes, self.repeatability)
+        return Shares(*(float(part[i]) / total for part in parts)) if total > 0 else None
 
 
 def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[FloatArray, MeanSquares]:
@@ -195,21 +192,20 @@ def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
     return positive_part(D, np.diag(variances))
 
 
-def normal_block(name: str, F: FloatArray, *, of_part: bool = False) -> Block:
-    """Standard normal quantities times F (rows, K), known or drawn anew for every part; or one a
-    point, times F (rows,).
+def normal_block(F: FloatArray, *, of_part: bool = False, dof: float = np.inf) -> Block:
+    """Standard normal quantities times F (rows, K), known or, with `dof` degrees of freedom, drawn
+    anew for every part; or one a point, times F (rows,).
     """
     each = F.ndim == 1
     G = np.zeros((len(F), 1)) if each else F
     identity = np.eye(G.shape[1])
     return Block(
-        names=(name,),
         columns=(slice(0, len(identity)),),
         G=G,
         C=0 * identity if of_part else identity,
         D=identity if of_part else 0 * identity,
         noise=F[:, None] if each else np.zeros((len(F), 1)),
-        pass_dof=np.inf if of_part else 0.0,
+        pass_dof=dof if of_part else 0.0,
         repeat_dof=(np.inf,),
     )
 
@@ -235,17 +231,16 @@ def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> 
         inside = tuple(slice(*pair) for pair in pairwise(ends))
         squares = [between_passes(x) for x in estimates]
         of = shared or estimates[0]
-        C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, squares[0]
+        C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, None
         if shared is not None:
             owners = np.repeat(np.array(shared.components, object), shared.widths)
             rows = np.ix_(*[np.flatnonzero(np.isin(owners, names))] * 2)
             C, D, halves = C[rows], D[rows], None if halves is None else halves[rows]
-            between = None
-            if shared.n_passes is not None and all(S is not None for S in squares):
-                # Between components C is of their level and slope alone, whatever their degree.
-                between = from_mean(C, shared.n_passes, halves)
-                for part, S in zip(inside, squares, strict=True):
-                    between[part, part] = S
+        if of.n_passes is not None and all(S is not None for S in squares):
+            # Between components C is of their level and slope alone, whatever their degree.
+            between = from_mean(C, of.n_passes, halves)
+            for part, S in zip(inside, squares, strict=True):
+                between[part, part] = S
         sides = [J[:, columns[t]] for t in terms]
         visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, estimates, strict=True)]
         block = Block(

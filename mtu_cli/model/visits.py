@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,7 @@ from mtu_cli.files.headers import LISTED_FAULTS
 from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.stats.least_squares import FloatArray
-
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
 
 def axes_of(points: Points) -> tuple[int, ...]:
@@ -111,15 +109,7 @@ def only_features(points: Points, names: Iterable[str]) -> Points:
     feature = code[points.feature]
     rows = np.flatnonzero(feature >= 0)
     features = tuple(points.features[i] for i in codes)
-    return replace(only_rows(points, rows), features=features, feature=feature[rows])
-
-
-def only_rows(points: Points, rows: NDArray[Any]) -> Points:
-    """Some of the points, by index (k,) or mask (n,); all parts and features keep their codes."""
-    columns = {field.name: getattr(points, field.name) for field in fields(points)}
-    arrays = {name: value[rows] for name, value in columns.items() if isinstance(value, np.ndarray)}
-    covariates = {name: column[rows] for name, column in points.covariates.items()}
-    return replace(points, covariates=covariates, **arrays)
+    return replace(points.where(rows), features=features, feature=feature[rows])
 
 
 def occurrence(codes: IntArray) -> IntArray:
@@ -147,11 +137,10 @@ def check_repeats(points: Points) -> None:
         finding(
             "appears-twice",
             what=what,
-            file=points.sources[points.file_index[i]].shown,
-            row=int(points.row[i]),
             column="feature",
             value=points.features[points.feature[i]],
             expected=expected,
+            **points.place(i),
         )
         for i in rows[occurrence(place) > 0][:LISTED_FAULTS]
     )
@@ -216,8 +205,7 @@ def projector(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatA
     return without(Q, np.eye(len(Q)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Motions:
+class Motions(NamedTuple):
     """Motions of `rows` (m,) of a table in their `columns` (h,): `Q` (h * A, k) orthonormal."""
 
     rows: IntArray
@@ -247,7 +235,7 @@ def motions_of(
             if len(columns):
                 rows = np.flatnonzero(kind.reshape(-1) == k)
                 Q = basis(np.nan_to_num(places[row, columns]), axes, datum)
-                result.append(Motions(rows=rows, columns=columns, Q=Q))
+                result.append(Motions(rows, columns, Q))
     return tuple(result)
 
 
@@ -257,15 +245,15 @@ def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -
     """
     if not motions:
         return values
-    alike = all(len(motion.rows) == rows for motion in motions)
+    alike = all(len(those) == rows for those, *_ in motions)
     if len(values) == 1 < rows and not alike:
         values = np.broadcast_to(values, (rows, *values.shape[1:]))
     result = values.copy()
-    for motion in motions:
-        index = np.ix_(np.arange(1) if len(values) == 1 else motion.rows, motion.columns)
+    for those, columns, Q in motions:
+        index = np.ix_(np.arange(1) if len(values) == 1 else those, columns)
         m, h, a, r = (block := result[index]).shape
         flat = block.transpose(1, 2, 0, 3).reshape(h * a, m * r)
-        result[index] = without(motion.Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
+        result[index] = without(Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
     return result
 
 
@@ -301,8 +289,8 @@ def datum_errors(
     one = np.zeros(there.shape[1], np.int64)
     motions = motions_of(datum, places, one, axes, there)
     mask = np.zeros(there.shape, bool)
-    for motion in motions:
-        mask[np.ix_(motion.rows, motion.columns)] = motion.Q.shape[0] == motion.Q.shape[1]
+    for rows, columns, Q in motions:
+        mask[np.ix_(rows, columns)] = Q.shape[0] == Q.shape[1]
     complete = True
     for operation in np.unique(visits.operation):
         of_it = there[visits.operation == operation]
@@ -312,19 +300,27 @@ def datum_errors(
 
 @dataclass(frozen=True, kw_only=True)
 class Cells:
-    """The cells of `parts` x `columns` that n measurements fall into, each by its codes `part` and
-    `column` (n,).
+    """The cells of P `parts` x H `features` that n measurements fall into, each by its codes `part`
+    and `column` (n,); their `nominal` places (n, 3) mm. `operation` (H,) are codes of `operations`.
     """
 
-    parts: int
-    columns: int
+    parts: tuple[str, ...]
+    features: tuple[str, ...]
+    operations: tuple[str, ...] = ("",)
+    operation: IntArray
     part: IntArray
     column: IntArray
+    nominal: FloatArray
+
+    @cached_property
+    def shape(self) -> tuple[int, int]:
+        """(P, H)."""
+        return len(self.parts), len(self.features)
 
     @cached_property
     def cell(self) -> IntArray:
         """The number of the cell (n,) of each measurement, part by part."""
-        return self.part.astype(np.int64) * self.columns + self.column
+        return self.part.astype(np.int64) * len(self.features) + self.column
 
     @cached_property
     def sorted(self) -> tuple[IntArray, IntArray, IntArray]:
@@ -335,25 +331,22 @@ class Cells:
         there, starts = np.unique(self.cell[order], return_index=True)
         return order, starts, there
 
-    def means(self, values: FloatArray) -> FloatArray:
-        """Means (m, ...) of values (n, ...); equal values keep their digits."""
-        order, starts, _ = self.sorted
-        ordered, origin = values[order], values[order[starts]]
-        if len(starts) == len(order):
-            return origin
-        count = np.diff(np.r_[starts, len(order)])
-        away = ordered - np.repeat(origin, count, axis=0)
-        weight = count.reshape(-1, *(1,) * (values.ndim - 1))
-        return origin + np.add.reduceat(away, starts, axis=0) / weight
-
-    def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
-        """Values (m, ...) of the cells as (parts, columns, ...), `fill` where there is none."""
-        result = np.full((self.parts * self.columns, *means.shape[1:]), fill, means.dtype)
-        result[self.sorted[2]] = means
-        return result.reshape(self.parts, self.columns, *means.shape[1:])
+    def means(self, values: FloatArray, fill: float = np.nan) -> FloatArray:
+        """Means (P, H, ...) of values (n, ...), `fill` where there are none; equal values keep
+        their digits.
+        """
+        order, starts, numbers = self.sorted
+        means = origin = values[order[starts]]
+        if len(starts) < len(order):
+            count = np.diff(np.r_[starts, len(order)])
+            away = values[order] - np.repeat(origin, count, axis=0)
+            weight = count.reshape(-1, *(1,) * (values.ndim - 1))
+            means = origin + np.add.reduceat(away, starts, axis=0) / weight
+        result = np.full((math.prod(self.shape), *values.shape[1:]), fill, means.dtype)
+        result[numbers] = means
+        return result.reshape(*self.shape, *values.shape[1:])
 
     @cached_property
     def repeats(self) -> IntArray:
-        """Measurements in every cell, (parts, columns)."""
-        size = self.parts * self.columns
-        return np.bincount(self.cell, minlength=size).reshape(self.parts, self.columns)
+        """Measurements in every cell, (P, H)."""
+        return np.bincount(self.cell, minlength=math.prod(self.shape)).reshape(self.shape)

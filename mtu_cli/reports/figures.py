@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec
 import numpy as np
 
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.visits import IntArray
 from mtu_cli.reports.numbers import cut, significant, spread
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes as Axes  # for modules that draw

@@ -36,9 +36,9 @@ from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_sp
 from mtu_cli.model.machine_model import AXES, TIME, MachineModel
 from mtu_cli.model.measured import roundings
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.visits import IntArray, only_features, operations_of, visits_of
+from mtu_cli.model.visits import only_features, operations_of, visits_of
 from mtu_cli.stats.coverage import ENDLESS, PROBABILITY, coverage_factor, welch_satterthwaite
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.units import UM
 
@@ -343,9 +343,8 @@ def measured_sizes(
                 problem = finding(
                     "too-little-data",
                     what=f"no {item.kind} goes through {of}",
-                    file=points.sources[points.file_index[indices[0]]].shown,
-                    row=int(points.row[indices[0]]),
                     expected="two ends apart" if item.kind == "length" else around,
+                    **points.place(indices[0]),
                 )
                 problems.append(problem)
         if entries and not problems:

@@ -140,18 +140,14 @@ def load_graph(path: Path) -> MeasurementGraph:
 
     Raises InputError with all faults of the file, each with its line.
     """
-    document = read_yaml(path, "graph")
-    nets: list[_Net] = []
-
-    def check(graph: Graph, faults: Faults) -> None:
-        nets.append(_Net(graph, faults))
-        nets[0].check()
-
-    graph = check_contract(document, Graph, "graph", check)
-    units = {name: unit or "mm" for name, unit in nets[0].units.items()}
-    rounds, nominal = nets[0].rounds, nets[0].nominal
+    document, nets = read_yaml(path, "graph"), list[_Net]()
+    graph = check_contract(document, Graph, "graph", lambda *of: nets.append(_Net(*of)))
     return MeasurementGraph(
-        document=document, graph=graph, rounds=rounds, nominal=nominal, units=units
+        document=document,
+        graph=graph,
+        rounds=nets[0].rounds,
+        nominal=nets[0].nominal,
+        units={name: unit or "mm" for name, unit in nets[0].units.items()},
     )
 
 
@@ -171,7 +167,8 @@ def firing_order(steps: Iterable[Step], marked: Iterable[str]) -> Rounds:
 
 class _Net:
     """The checks of one file, of the sound part of its contract; `place_names` are those of all
-    places, faulty ones included; the places of transitions that cannot be read are unknown.
+    places, faulty ones included; the places of transitions that cannot be read are unknown. Checks
+    that take a calculation see the sound part in firing order.
     """
 
     def __init__(self, graph: Graph, faults: Faults) -> None:
@@ -188,10 +185,6 @@ class _Net:
         self.units: dict[str, Unit] = {
             n: p.unit if p.kind == "constant" else "mm" for n, p in self.places.items()
         }
-        self.rounds: Rounds = ()
-
-    def check(self) -> None:
-        """All of them; those that take a calculation see the sound part in firing order."""
         steps = [self.step(index, item) for index, item in self.transitions.items()]
         marked = [name for name, place in self.places.items() if place.marked]
         self.rounds = firing_order([step for step in steps if step is not None], marked)

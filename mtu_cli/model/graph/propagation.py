@@ -152,30 +152,21 @@ class GraphTrials:
                 result[name] = result.get(name, 0.0) + part
         return result
 
-    def start(self, X: FloatArray) -> Values:
-        """The start places of inputs X (k, m); what is not random is constant."""
-        values: Values = {}
-        for name, rows in self._rows.items():
-            values[name] = X[rows] if rows.stop - rows.start > 1 else X[rows.start]
-        for name, value in self._fixed.items():
-            values[name] = np.broadcast_to(value, (*value.shape[:-1], X.shape[1]))
-        return values
-
     def run(self, X: FloatArray, into: FloatArray | None = None) -> FloatArray:
         """Outputs (n, m) for inputs X (k, m); frames are compared with their nominal."""
-        values, m = self.start(X), X.shape[1]
+        values, m = Values(), X.shape[1]
+        for name, of in self._rows.items():
+            values[name] = X[of] if of.stop - of.start > 1 else X[of.start]
+        for name, value in self._fixed.items():
+            values[name] = np.broadcast_to(value, (*value.shape[:-1], m))
         for step in self.steps:
             step.run(values)
         rows = np.empty((len(self.outputs), m)) if into is None else into
-        rotations: dict[str, FloatArray] = {}
+        for name in {item.place for item in self.outputs if item.kind == "frame"}:
+            frame = values[name]
+            values[name] = np.concatenate([frame[0], rotation(frame, self.graph.nominal[name])])
         for row, item in zip(rows, self.outputs, strict=True):
-            value = values[item.place]
-            if item.kind == "frame" and item.index >= 3:
-                if item.place not in rotations:
-                    rotations[item.place] = rotation(value, self.graph.nominal[item.place])
-                row[:] = rotations[item.place][item.index - 3]
-            else:
-                row[:] = value.reshape(-1, m)[item.index]
+            row[:] = values[item.place].reshape(-1, m)[item.index]
         return rows
 
     def inputs(self, rng: np.random.Generator, m: int) -> tuple[FloatArray, FloatArray]:

@@ -148,25 +148,24 @@ Points = Sequence[FloatArray]
 Construction = Callable[..., FloatArray | tuple[FloatArray, ...]]
 
 
-def plane_through(nominal: Points) -> Construction:
+def plane_through(nominal: FloatArray) -> Construction:
     """Exact of three points, their normal being (P2 - P1) x (P3 - P1): Stryczek, eqs. (20)-(27).
 
-    Raises GeometryError, as the others do, for nominal points that do not determine it.
+    Raises GeometryError, as the others do, for `nominal` points (n, 3) that do not determine it.
     """
-    normal = _orientation(_stacked(nominal))
+    normal = _orientation(nominal)
     if len(nominal) == 3:
         return lambda a, b, c: along(a, cross(b - a, c - a))
     return lambda *points: plane(points, normal)
 
 
-def circle_through(nominal: Points) -> Construction:
+def circle_through(nominal: FloatArray) -> Construction:
     """Centre (3, m) and radius (m,), exact of three points.
 
     That of least squared distances lies in the least-squares plane of the points; distances are
     those within the plane.
     """
-    places = _stacked(nominal)
-    reference, start = _orientation(places), fit_circle(places)
+    reference, start = _orientation(nominal), fit_circle(nominal)
 
     def circle(*points: FloatArray) -> tuple[FloatArray, FloatArray]:
         middle, normal = plane(points, reference)
@@ -178,24 +177,19 @@ def circle_through(nominal: Points) -> Construction:
         (x, y), radius = round_figure(flat, inside, start.radius, free=True)
         return middle + x * first + y * second, radius
 
-    return circumcircle if len(places) == 3 else circle
+    return circumcircle if len(nominal) == 3 else circle
 
 
-def sphere_through(nominal: Points) -> Construction:
+def sphere_through(nominal: FloatArray) -> Construction:
     """Centre and radius."""
-    start = fit_sphere(_stacked(nominal))
+    start = fit_sphere(nominal)
     return lambda *points: sphere(points, start.centre, start.radius)
 
 
-def sphere_of_radius_through(nominal: Points) -> Construction:
+def sphere_of_radius_through(nominal: FloatArray) -> Construction:
     """The centre; the last input is the radius."""
-    centre = fit_sphere(_stacked(nominal[:-1])).centre
+    centre = fit_sphere(nominal).centre
     return lambda *places: sphere(places[:-1], centre, places[-1], free=False)[0]
-
-
-def _stacked(nominal: Points) -> FloatArray:
-    """Nominal points as (n, 3)."""
-    return np.array([place[:, 0] for place in nominal])
 
 
 def _orientation(points: FloatArray) -> FloatArray:
@@ -261,9 +255,9 @@ class Use:
 
     `takes`, `makes`: its places in their order, as people read it: ``2 coordinate x, optional
     constant``. `construct`: the arrays of its outputs from those of its inputs; of a `fit` from the
-    nominal inputs, where it starts. `unit` of what it makes: "same" as its first input, a "product"
-    of both, or that of a "formula". `guard`: a test of nominal inputs (.., ), and what is wrong
-    where they pass it: they determine nothing.
+    nominal points (n, 3), where it starts. `unit` of what it makes: "same" as its first input, a
+    "product" of both, or that of a "formula". `guard`: a test of nominal inputs (.., ), and what is
+    wrong where they pass it: they determine nothing.
     """
 
     takes: str
@@ -271,7 +265,7 @@ class Use:
     construct: Callable[..., Any] | None = None
     unit: str = "mm"
     guard: tuple[Callable[..., Any], str] | None = None
-    fit: Callable[[Sequence[FloatArray]], Construction] | None = None
+    fit: Callable[[FloatArray], Construction] | None = None
 
 
 def described(kind: str, axis: str | None) -> str:
@@ -430,7 +424,9 @@ class Step:
         use, inputs = self.use, [nominal[name] for name in self.inputs]
         if use.guard is not None and use.guard[0](*(place[..., 0] for place in inputs)):
             raise GeometryError(use.guard[1])
-        self.construct = use.construct if use.fit is None else use.fit(inputs)
+        self.construct = use.construct
+        if use.fit is not None:
+            self.construct = use.fit(np.array([place[:, 0] for place in inputs if place.ndim == 2]))
         made = {name: nominal[name] for name in self.inputs}
         with np.errstate(all="ignore"):
             self.run(made)

@@ -34,7 +34,6 @@ from mtu_cli.model.geometry import fit_circle
 from mtu_cli.model.machine_model import MachineModel, drift_terms
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import only_rows
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.serial import first_order_lag
 from mtu_cli.units import UNITS
@@ -264,7 +263,7 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=ROUNDING_MM)
     other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"
                     "lengths: [{from: q, to: w}]\n")  # fmt: skip
-    for part, of in ((ring, only_rows(points, np.arange(11) != 4)), (other, points)):
+    for part, of in ((ring, points.where(np.arange(11) != 4)), (other, points)):
         found = correct(model, part, of, SETTINGS)
         assert (codes(found), found.sizes) == (["not-measured", "no-scatter-known"], ())
 

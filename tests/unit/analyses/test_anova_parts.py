@@ -16,7 +16,6 @@ from mtu_cli.analyses.anova.tables import noncentrality, radial_quantile
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import only_rows
 from mtu_cli.stats import outliers
 
 SETTINGS = Settings()
@@ -67,7 +66,7 @@ def test_uncertainties_of_mean_and_future_part_hold(s_part: float, s_repeat: flo
     expected = s_part**2 * sum(n * n for n in UNEVEN) / N**2 + s_repeat**2 / N
     for seed in range(STUDIES):
         found = uneven(seed, s_part, s_repeat)
-        one = analysed(only_rows(found, found.part < 8)).features
+        one = analysed(found.where(found.part < 8)).features
         means.append(one.one_way.mean)
         u2_future.append(one.u_future**2)
         last = found.measured[found.part == 8] - found.nominal[found.part == 8]
@@ -156,7 +155,7 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
     half = (features.interval_future[:, 1] - features.interval_future[:, 0]) / 2
     np.testing.assert_allclose(half, 4.303 * features.u_future, rtol=1e-4)
     found = study(8, 2, 1)
-    gaps = analysed(only_rows(found, ~((found.part == 2) & (found.feature == 1))))
+    gaps = analysed(found.where(~((found.part == 2) & (found.feature == 1))))
     assert codes(gaps) == ["missing-values"]
     assert (gaps.warnings[0].facts["part"], gaps.warnings[0].facts["label"]) == ("P2", "b x")
     assert gaps.features.one_way.parts.tolist().count(7) == 2
@@ -177,20 +176,20 @@ def test_parts_are_due_where_most_parts_of_their_operation_are(tmp_path: Path) -
     drilled, milled = study(6, 2, 1), study(6, 2, 2)
     of = np.repeat([0, 1], len(drilled.part))
     rows = np.tile(np.arange(len(drilled.part)), 2)
-    both = replace(only_rows(drilled, rows), operations=("drilled", "milled"), operation=of,
+    both = replace(drilled.where(rows), operations=("drilled", "milled"), operation=of,
                    measured=np.concatenate([drilled.measured, milled.measured]))  # fmt: skip
     assert missing(both) == []
-    gap = only_rows(both, ~((both.part == 3) & (both.operation == 1)))
+    gap = both.where(~((both.part == 3) & (both.operation == 1)))
     assert missing(gap) == [
         ("6 of 72 measurements by part", "first: part 'P3' at milled a x"),
     ]
     # Milled is a single control part of another machine, or a selection.
     for few in ((0,), (0, 1)):
-        selected = only_rows(both, (both.operation == 0) | np.isin(both.part, few))
+        selected = both.where((both.operation == 0) | np.isin(both.part, few))
         assert missing(selected) == []
     path = tmp_path / "part.yaml"
     path.write_text(measured_examples.PART.replace(", {from: c, to: a}", ""), "utf-8")
-    no_b = only_rows(drilled, ~((drilled.part == 3) & (drilled.feature == 1)))
+    no_b = drilled.where(~((drilled.part == 3) & (drilled.feature == 1)))
     found = missing(no_b, load_part(path))
     assert ("1 of 6 lengths by part", "first: part 'P3' at a-b") in found
 

@@ -31,7 +31,7 @@ from mtu_cli.files.readings import Points
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import only_features, only_rows
+from mtu_cli.model.visits import only_features
 from mtu_cli.reports.compare import verdict_text
 from mtu_cli.stats.anova import cells_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -136,7 +136,7 @@ def test_every_missing_figure_has_a_warning(tmp_path: Path) -> None:
     assert told(three_holes(4, 2, 1)) == always | {"few-parts"}
     assert told(three_holes(6, 1, 1)) == always | {"no-repeats"}
     keep = np.arange(len(whole)) != 5
-    assert told(only_rows(whole, keep)) == always
+    assert told(whole.where(keep)) == always
     assert told(only_features(whole, "ab")) == always | {"not-measured"}
     alone = compare(model, part, only_features(whole, "a"), Settings(), "offset,rotation")
     assert set(alone.features.verdicts) == {None}

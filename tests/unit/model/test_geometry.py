@@ -162,12 +162,12 @@ def drawn(nominal: Floats, noise: float, trials: int = TRIALS) -> list[Floats]:
 
 
 def circle(points: list[Floats], nominal: Floats) -> tuple[Floats, Floats]:
-    centre, radius = transitions.circle_through([point[:, None] for point in nominal])(*points)
+    centre, radius = transitions.circle_through(nominal)(*points)
     return centre, radius
 
 
 def sphere(points: list[Floats], nominal: Floats) -> tuple[Floats, Floats]:
-    centre, radius = transitions.sphere_through([point[:, None] for point in nominal])(*points)
+    centre, radius = transitions.sphere_through(nominal)(*points)
     return centre, radius
 
 
@@ -216,8 +216,7 @@ def test_sphere_of_radius_against_an_optimiser(n: int, reach: float, noise: floa
     nominal = cap(n, 12.5, reach)
     points = drawn(nominal, noise)
     radius = 12.5 + noise * np.linspace(-1, 1, TRIALS)
-    given = [*(p[:, None] for p in nominal), radius]
-    centre = np.asarray(transitions.sphere_of_radius_through(given)(*points, radius))
+    centre = np.asarray(transitions.sphere_of_radius_through(nominal)(*points, radius))
     for trial in range(TRIALS):
         p = one(points, trial)
 

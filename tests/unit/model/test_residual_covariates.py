@@ -21,7 +21,6 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.covariates import FEW_ROWS, without_gaps, without_repeated
 from mtu_cli.model.residuals import residual_table
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import only_rows
 from mtu_cli.stats.least_squares import FloatArray
 
 Floats = NDArray[np.float64]
@@ -128,7 +127,7 @@ def test_few_gaps_cost_their_rows(tmp_path: Path) -> None:
     kept = np.ones(len(points), bool)
     kept[[17, 40]] = False
     table, warned = residual_table(model, points)
-    other, _ = residual_table(model, only_rows(points, kept))
+    other, _ = residual_table(model, points.where(kept))
     np.testing.assert_array_equal(table.errors, other.errors)
     np.testing.assert_array_equal(table.repeats, other.repeats)
     for name in ("T_room_degC", "tool_parts"):

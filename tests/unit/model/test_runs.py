@@ -16,7 +16,7 @@ from mtu_cli.model.fit import component_readings, estimates_from_fit, fit_machin
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.passes import pairs_of_passes
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.reading_residuals import reading_layout
+from mtu_cli.model.residuals import reading_cells
 
 P = np.linspace(0.0, 90.0, 4)
 RUNS = 5
@@ -196,5 +196,5 @@ def test_runs_are_the_same_whatever_files_their_passes_stand_in(
     assert several.pass_dof == one.pass_dof
     np.testing.assert_allclose(several.covariance, one.covariance, rtol=1e-9)
     seen = component_readings(known, split, "a", np.arange(len(WAY)))
-    layout = reading_layout(split, seen, "a")
-    assert layout.parts == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))
+    cells = reading_cells(split, seen, "a")
+    assert cells.parts == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))

@@ -18,7 +18,7 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import agreement, combine
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
-from mtu_cli.model.reading_residuals import reading_tables
+from mtu_cli.model.residuals import reading_tables
 from mtu_cli.reports.fit_components import document
 from mtu_cli.stats.pass_tests import Shift
 
