@@ -54,7 +54,7 @@ def effect_text(effect: FoundEffect, item: TableResult) -> str:
 
 def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
     """What sentences may name of an effect (`files.effects.Family`)."""
-    row, column = item.nouns
+    row, column = item.table.nouns
     words = {"says": effect.candidate.says, "row": row, "column": column}
     axis = effect.candidate.axis
     subjects = tuple(axis.upper()) if axis else ("all axes",)
@@ -134,10 +134,9 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         return
     tentative = ""
     if item.verdict == "unexplained":
-        row, (rows, columns), p = item.nouns[0], item.plurals, dict(item.checks)
+        (rows, columns), p = item.table.plurals, dict(item.checks)
         reasons = [
-            f"{CHECKS[name].format(row=row, rows=rows, columns=columns)} "
-            f"({name}, p {p_value(p.get(name))})"
+            f"{CHECKS[name].format(rows=rows, columns=columns)} ({name}, p {p_value(p.get(name))})"
             for name in item.fired
         ]
         reasons += [NAMELESS] if item.nameless else []

@@ -47,7 +47,7 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     grid = page.add_gridspec(len(ratios), 1, height_ratios=ratios)
     *upper, lower = (page.add_subfigure(grid[i]) for i in range(len(ratios)))
     if sheet is not None:
-        sheet.draw(upper[0], f"Mean errors of the {item.nouns[1]}s")
+        sheet.draw(upper[0], f"Mean errors of the {item.table.plurals[1]}")
     effects = item.effects[:EFFECTS] or (None,)
     panels = lower.subplots(1, len(effects) + 1, squeeze=False)[0]
     for panel, effect in zip(panels, effects, strict=False):
@@ -102,7 +102,7 @@ def _errors(
     """
     table = item.table
     P, H = table.there.shape
-    label, x, a = f"{item.nouns[0]}, in order", np.arange(1.0, P + 1)[:, None], 0
+    label, x, a = f"{item.table.nouns[0]}, in order", np.arange(1.0, P + 1)[:, None], 0
     if effect is not None:
         axis, names = effect.candidate.axis, {p.name for p in effect.parameters}
         a = table.axes.index(axis) if axis in table.axes else 0

@@ -21,10 +21,8 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
-from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.held_out import contribution, held_out, model_average, remainder
-from mtu_cli.analyses.close_loop.likelihood import Fit
 from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
@@ -110,7 +108,7 @@ def _large_enough(
     for table in tables:
         P, H = table.there.shape
         of = "" if table.component is None else f" of {table.component}"
-        part, feature = ("passes", "positions") if of else ("parts", "features")
+        part, feature = table.plurals
         single = int((table.there.sum(axis=1) == 1).sum())
         if max(P, H) < FEWEST_ENTRIES:
             expected = f"{FEWEST_ENTRIES} or more of one or the other"
@@ -136,14 +134,14 @@ def _result(
     tables: int,
 ) -> TableResult:
     """The diagnosis of one of `tables` at its rate, with the held-out errors as `validation`."""
-    sizes = estimates_of(diagnosis.models, diagnosis.model)
-    effects = effects_of(diagnosis, sizes, compare=True)
+    covariance = diagnosis.sizes.covariance
+    effects = effects_of(diagnosis, compare=True)
     effects = tuple(replace(e, p_familywise=min(1.0, e.p_familywise * tables)) for e in effects)
     valid = table.there & ~diagnosis.outliers.any(axis=2)
     after = remainder(table, contribution(effects, table, written=True), valid)
     mean = remainder(table, model_average(diagnosis, effects, table), valid)
     by, errors = (None, (table.errors, after, mean)) if validation is None else validation
-    variance, floor = _scatter(diagnosis, sizes.fit)
+    variance, floor = _scatter(diagnosis)
 
     def rms(errors: FloatArray) -> float:
         return float(np.sqrt(np.mean(errors**2)))
@@ -177,20 +175,20 @@ def _result(
         after_averaged=scores(errors[2]),
         in_sample_before=scores(table.errors),
         in_sample_after=scores(after),
-        held_out_by=by,
+        held_out=by,
         floor=floor,
-        crossings=crossings(effects, sizes.covariance, table),
-        covariance=sizes.covariance,
+        crossings=crossings(effects, covariance, table),
+        covariance=covariance,
         stopped=diagnosis.models.stopped,
     )
 
 
-def _scatter(diagnosis: Diagnosis, fit: Fit) -> tuple[FloatArray, float | None]:
-    """The residuals of a fit: the variance (A,) of one coordinate by all that scatters, and the
+def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
+    """What the effects leave: the variance (A,) of one coordinate by all that scatters, and the
     repeatability, of single entries about the means of parts and of features alone, at least that
     of rounding; None where there are no such entries.
     """
-    design, strata = diagnosis.design, diagnosis.design.strata
+    design, strata, fit = diagnosis.design, diagnosis.design.strata, diagnosis.sizes.fit
     P, H, A = strata.shape
     axis, live = np.array(strata.axis), fit.weights > 0
     total = np.bincount(axis[live], strata.sizes[live] / fit.weights[live], minlength=A)
@@ -233,7 +231,7 @@ def _candidate_tests(diagnosis: Diagnosis, rate: float, tables: int) -> tuple[Ju
 def _warnings(results: Sequence[TableResult], datum: str, most: int) -> Iterator[Finding]:
     """What a user has to know of a search for `most` effects in each table."""
     for item in results:
-        component, row = item.table.component, item.nouns[0]
+        component, row = item.table.component, item.table.nouns[0]
         of = "" if component is None else f" of {component}"
         if len(item.table.parts) < FEW_PARTS:
             number = counted(len(item.table.parts), row, "passes" if row == "pass" else "")

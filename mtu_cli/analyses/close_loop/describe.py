@@ -16,11 +16,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtri
 
-from mtu_cli.analyses.close_loop.design import Design, Member
+from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import COVERED, Estimates, estimates_of, smooth_effect
+from mtu_cli.analyses.close_loop.estimate import COVERED, smooth_effect
 from mtu_cli.analyses.close_loop.experiment import experiment
-from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import SHARE, Entry
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect, Parameter, SmoothEffect
 from mtu_cli.files.covariates import is_temperature
@@ -37,13 +36,11 @@ ALIAS = 0.999
 """R^2 of the columns of two effects from which on they are the same whatever the errors."""
 
 
-def effects_of(
-    diagnosis: Diagnosis, sizes: Estimates, *, compare: bool = False
-) -> tuple[FoundEffect, ...]:
+def effects_of(diagnosis: Diagnosis, *, compare: bool = False) -> tuple[FoundEffect, ...]:
     """All effects of a diagnosis, the strongest first; `compare`: with the share of squares that
     each explains, its aliases and the experiment that separates it from its rivals.
     """
-    design, table = diagnosis.design, diagnosis.design.table
+    design, table, sizes = diagnosis.design, diagnosis.design.table, diagnosis.sizes
     candidates = {candidate.name: candidate for candidate in design.candidates}
     pairs = zip(sizes.effects, sizes.members, strict=True)
     estimates = dict(zip(diagnosis.models.members(diagnosis.model), pairs, strict=True))
@@ -54,9 +51,9 @@ def effects_of(
             if compare:
                 effect = replace(
                     effect,
-                    explained_share=_explained(diagnosis.likelihood, sizes, member),
-                    aliases=aliases(design, sizes.fit.weights, member),
-                    experiment=experiment(diagnosis, entry, sizes.fit.weights),
+                    explained_share=_explained(diagnosis, member),
+                    aliases=_aliases(diagnosis, member),
+                    experiment=experiment(diagnosis, entry),
                 )
             effect = _as_table(effect, table)
         else:
@@ -86,7 +83,7 @@ def effects_of(
                 class_names=tuple(offset.credible),
             )
         )
-    effects = _with_levels(diagnosis, sizes, effects, {key for x in offsets for key in x.equations})
+    effects = _with_levels(diagnosis, effects, {key for x in offsets for key in x.equations})
     for name, p, ratio in diagnosis.scatter:
         # Of operations that which scatters more.
         chosen = table.operations[1 if ratio > 1 else 0] if name == "operation-scatter" else None
@@ -100,12 +97,13 @@ def effects_of(
 
 
 def _with_levels(
-    diagnosis: Diagnosis, sizes: Estimates, effects: list[FoundEffect], offsets: set[str]
+    diagnosis: Diagnosis, effects: list[FoundEffect], offsets: set[str]
 ) -> list[FoundEffect]:
     """The effects with the level of each axis that is no offset by itself: with the effect that it
     goes with most, as in the file of a machine effects have no covariance with others.
     """
-    table, C = diagnosis.design.table, sizes.covariance
+    table, sizes = diagnosis.design.table, diagnosis.sizes
+    C = sizes.covariance
     if table.fitted_degree >= 0 or table.datum != "none":
         return effects
     u, first = np.sqrt(np.maximum(np.diag(C), 1e-300)), len(C) - len(table.axes)
@@ -164,22 +162,23 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
     )
 
 
-def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> float:
+def _explained(diagnosis: Diagnosis, member: Member) -> float:
     """The share of the errors' weighted squares that an effect explains with its margins, but for
     those that are other effects.
     """
-    fit, strata = sizes.fit, likelihood.design.strata
-    foreign = {i for x in sizes.members if x is not member for i in x.terms}
+    fit, design = diagnosis.sizes.fit, diagnosis.design
+    foreign = {i for x in diagnosis.sizes.members if x is not member for i in x.terms}
     closure = {*member.terms, *member.low} - (foreign - {*member.terms})
     at = [k for k, i in enumerate(fit.columns) if i in closure]
-    x = fit.beta[at] @ likelihood.design.columns.dense([fit.columns[i] for i in at])
-    w = np.repeat(fit.weights, strata.sizes.astype(int))
-    total = float(np.sum(w * likelihood.y**2))
+    x = fit.beta[at] @ design.columns.dense([fit.columns[i] for i in at])
+    w = fit.weights[design.strata.labels()]
+    total = float(np.sum(w * diagnosis.likelihood.y**2))
     return float(np.sum(w * x**2)) / total if total > 0 else 0.0
 
 
-def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, ...]:
+def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
     """Other candidates with a member whose columns span the same, whatever the errors."""
+    design, weights = diagnosis.design, diagnosis.sizes.fit.weights
     cross, terms = design.columns.cross, np.array(member.terms)
     members = design.members[: design.tested]
     rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == len(terms)]
@@ -215,7 +214,7 @@ def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
         says=f"a smooth error of {(kernel.axis or '')[:1]} along {kernel.along}",
         sentence=f"{{A}} has a smooth error along {kernel.along}, {{value}} rms",
     )
-    axis = design.table.axes[design.strata.axis[kernel.strata[0]]]
+    axis = design.table.axes[design.strata.axis[next(iter(kernel.directions))]]
     return FoundEffect(
         candidate=candidate,
         parameters=(rms,),
@@ -251,8 +250,7 @@ def without_references(diagnosis: Diagnosis) -> Diagnosis:
     values = TableData.of(table).values
     for offset in diagnosis.offsets if diagnosis.entries else ():
         rest = replace(diagnosis, offsets=tuple(x for x in diagnosis.offsets if x is not offset))
-        sizes = estimates_of(rest.models, rest.model)
-        for zero in crossings(effects_of(rest, sizes), sizes.covariance, table):
+        for zero in crossings(effects_of(rest), rest.sizes.covariance, table):
             column, (low, high) = values[zero.covariate], zero.interval95
             inside = low <= column.max() and high >= column.min()
             inside |= is_temperature(zero.covariate) and low <= REFERENCE_DEGC <= high

@@ -84,13 +84,11 @@ class Member:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kernel:
-    """A random function: in each of `strata` covariance V diag(k) V' of its coordinates, V and k
-    its `directions`, the mean of the eigenvalues over the stratum's coordinates 1; a profile
-    `along` a coordinate has a name.
+    """A random function: in each stratum of its `directions` V and k covariance V diag(k) V' of the
+    coordinates, the mean of the eigenvalues over them 1; a profile `along` one has a name.
     """
 
-    strata: tuple[int, ...]
-    directions: tuple[tuple[FloatArray, FloatArray], ...]
+    directions: dict[int, tuple[FloatArray, FloatArray]]
     name: str = ""
     axis: str | None = None
     along: str = ""
@@ -407,7 +405,7 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
     for of_kind, K in nameless:
         bases = {s: _directions(strata, s, K) for s in of_kind}
         for group in [[s] for s in of_kind] + [of_kind] * (len(of_kind) > 1):
-            yield Kernel(strata=tuple(group), directions=tuple(bases[s] for s in group))
+            yield Kernel(directions={s: bases[s] for s in group})
     for i in axes:
         if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
             continue
@@ -421,8 +419,7 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
                     name=f"profile-{name}" if positioning else f"profile-{name}-{along}",
                     axis=name if positioning else f"{name}{along}",
                     along=along,
-                    strata=(s,),
-                    directions=((V, k),),
+                    directions={s: (V, k)},
                     informed=len(V) / float(np.any(V != 0.0, axis=1).sum()),
                 )
 

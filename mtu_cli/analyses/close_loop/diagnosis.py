@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design
-from mtu_cli.analyses.close_loop.estimate import without_aliases
+from mtu_cli.analyses.close_loop.estimate import Estimates, estimates_of, without_aliases
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
@@ -51,6 +52,11 @@ class Diagnosis:
     def design(self) -> Design:
         """Of the table, its candidates and strata."""
         return self.likelihood.design
+
+    @cached_property
+    def sizes(self) -> Estimates:
+        """The sizes of the effects of its model."""
+        return estimates_of(self.models, self.model)
 
     @property
     def names(self) -> list[str]:

@@ -28,6 +28,7 @@ from mtu_cli.analyses.close_loop.model_set import WINDOW, Model, ModelSet
 from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.strata import NONE
 from mtu_cli.language.tree import filled_text
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.kernels import averaged, smooth_root
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -357,18 +358,13 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     its posterior, so that future values between the places are covered at any amplitude.
     """
     design, strata = likelihood.design, likelihood.design.strata
-    P, H, A = strata.shape
-    (s,) = kernel.strata
-    along = kernel.along
-    places = np.nan_to_num(design.table.mean_places)[:, "xyz".index(along)]
+    (s,) = kernel.directions
+    places = np.nan_to_num(design.table.mean_places)[:, AXES.index(kernel.along)]
     knots, at = np.unique(np.round(places, 6), return_inverse=True)
-    part = strata.slices[s]
-    _a, i, j = np.unravel_index(strata.place[part], (A, P, H))
-    shared = np.flatnonzero(i == 0)
-    basis = strata.of_features[strata.axis[s]][:, j[shared]] / strata.spread[part][shared]
+    part, (shared, basis) = strata.slices[s], strata.directions(s)
     centred = places - places.mean()
     line = basis.T @ centred
-    N = np.sqrt(P) * basis.T @ np.eye(len(knots))[at]
+    N = np.sqrt(strata.shape[0]) * basis.T @ np.eye(len(knots))[at]
     y = fit.residual[part][shared]
     # Of readings the lines of the passes hold it: the rest of it is rounding.
     if np.linalg.norm(line) > 1e-9 * np.linalg.norm(centred):
@@ -389,7 +385,7 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     # The level is estimated with those of all other effects: here it is taken out.
     centring = np.eye(len(knots)) - np.bincount(at) / len(at)
     return SmoothEffect(
-        along=along,
+        along=kernel.along,
         knots=knots,
         values=centring @ values * design.scale,
         covariance=centring @ covariance @ centring.T * variance,

@@ -39,13 +39,12 @@ COUNTING = ("sequence", "tool_parts", "time_min")
 Change = Callable[[FloatArray], FloatArray]
 
 
-def experiment(diagnosis: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
+def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
     """The follow-up that separates the first of the class of an entry, as it was estimated, best
     from its rivals, weighted by their posteriors; None where none does, or the effect is alone in
-    it. Of follow-ups that do as well, the one that is less work stands first; `weights` (S,) of
-    strata.
+    it. Of follow-ups that do as well, the one that is less work stands first.
     """
-    design, like = diagnosis.design, diagnosis.likelihood
+    design, like, weights = diagnosis.design, diagnosis.likelihood, diagnosis.sizes.fit.weights
     posteriors = {m: max(p, 1e-300) for _, m, p in entry.credible if m >= 0}
     items, rivals = [*posteriors], [design.members[m] for m in posteriors]
     if len(rivals) < 2:
@@ -96,8 +95,8 @@ def follow_ups(
     table: ResidualTable, rivals: Sequence[Member]
 ) -> Iterator[tuple[str, ResidualTable]]:
     """Further parts as before, then made otherwise in what the rivals depend on."""
-    readings = table.component is not None
-    noun, make = ("passes", "run") if readings else ("parts", "make and measure")
+    readings, noun = table.component is not None, table.plurals[0]
+    make = "run" if readings else "make and measure"
     forms = [rival.form for rival in rivals]
     used = {name for form in forms for name in form.used}
     used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}

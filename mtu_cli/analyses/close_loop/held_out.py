@@ -12,7 +12,6 @@ import numpy as np
 from mtu_cli.analyses.close_loop.describe import effects_of
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import estimates_of
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.strata import BoolArray
 from mtu_cli.files.effects import CHOSEN
@@ -24,8 +23,8 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.threads import available_threads, workers
 
-FOLDS = {"parts": 7, "columns": 5}
-"""Blocks of parts are short: what changes with time has to be followed across them."""
+FOLDS = (7, 5)
+"""Of parts, of columns; blocks of parts are short: what changes with time has to be followed."""
 FEWEST = 4
 """Parts from which on parts are held out, else columns of the table."""
 
@@ -35,25 +34,24 @@ def held_out(
     diagnose: Callable[[ResidualTable], Diagnosis],
     progress: Callable[[int, int], None],
 ) -> tuple[Diagnosis, tuple[str, FloatArray] | None]:
-    """The diagnosis of all; and what was held out, ``parts`` in blocks that follow each other or,
-    of few parts, every n-th of the ``columns``, with its errors (3, P, H, A), mm: before, after the
-    correction by the machine as it would be written, and by the model average. None where there
-    are too few of both.
+    """The diagnosis of all; and what was held out, parts in blocks that follow each other or, of
+    few parts, every n-th column, with its errors (3, P, H, A), mm: before, after the correction by
+    the machine as it would be written, and by the model average. None where there are too few of
+    both.
     """
-    P, H, _ = table.errors.shape
-    by = "parts" if P >= FEWEST else "columns"
-    size = P if by == "parts" else H
+    axis = 0 if len(table.parts) >= FEWEST else 1
+    size = table.errors.shape[axis]
     if size < FEWEST:
         return diagnose(table), None
-    count = min(FOLDS[by], size)
-    number = np.arange(size) * count // size if by == "parts" else np.arange(size) % count
+    count = min(FOLDS[axis], size)
+    number = np.arange(size) * count // size if axis == 0 else np.arange(size) % count
     errors = np.full((3, *table.errors.shape), np.nan)
 
     def predict(fold: int) -> None:
         test = number == fold
-        cells = np.broadcast_to(test[:, None] if by == "parts" else test, (P, H))
-        diagnosis = diagnose(subset(table, ~test, by))
-        effects = effects_of(diagnosis, estimates_of(diagnosis.models, diagnosis.model))
+        cells = np.broadcast_to(np.expand_dims(test, 1 - axis), table.there.shape)
+        diagnosis = diagnose(subset(table, ~test, axis))
+        effects = effects_of(diagnosis)
         predicted = (np.zeros(table.errors.shape), contribution(effects, table, written=True))
         for i, values in enumerate((*predicted, model_average(diagnosis, effects, table))):
             errors[i][cells] = remainder(table, values, ~cells)[cells]
@@ -62,7 +60,7 @@ def held_out(
         future = executor.submit(diagnose, table)
         for fold, _ in enumerate(executor.map(predict, range(count))):
             progress(fold + 1, count)
-    return future.result(), (by, errors)
+    return future.result(), (table.plurals[axis], errors)
 
 
 def remainder(table: ResidualTable, predicted: FloatArray, cells: BoolArray) -> FloatArray:
@@ -80,9 +78,9 @@ def remainder(table: ResidualTable, predicted: FloatArray, cells: BoolArray) -> 
     return rest
 
 
-def subset(table: ResidualTable, mask: BoolArray, by: str) -> ResidualTable:
-    """The table of some of its parts, or of its columns."""
-    axis, names = (0, "parts") if by == "parts" else (1, "features")
+def subset(table: ResidualTable, mask: BoolArray, axis: int) -> ResidualTable:
+    """The table of some of its parts (axis 0), or of its columns (1)."""
+    name = ("parts", "features")[axis]
 
     def cut(values: FloatArray) -> FloatArray:
         full = values.shape[axis] == len(mask)  # Or alike in all parts, or columns.
@@ -90,9 +88,9 @@ def subset(table: ResidualTable, mask: BoolArray, by: str) -> ResidualTable:
 
     of_cells = ("errors", "repeats", "places", "common", "of_part")
     fields: dict[str, Any] = {name: cut(getattr(table, name)) for name in of_cells}
-    fields[names] = tuple(compress(getattr(table, names), mask))
+    fields[name] = tuple(compress(getattr(table, name), mask))
     fields["covariates"] = {name: cut(values) for name, values in table.covariates.items()}
-    if by != "parts":
+    if axis == 1:
         fields["operation"] = table.operation[mask]
     return replace(table, **fields)
 
@@ -140,6 +138,5 @@ def model_average(
             entries = list(diagnosis.entries)
             entries[i] = replace(entry, item=item, name=name)
             rival = replace(diagnosis, model=model, entries=tuple(entries))
-            alternative = effects_of(rival, estimates_of(diagnosis.models, model))
-            total += p / norm * (contribution(alternative, table) - best)
+            total += p / norm * (contribution(effects_of(rival), table) - best)
     return total

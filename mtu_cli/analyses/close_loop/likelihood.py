@@ -99,7 +99,7 @@ class Likelihood:
         """
         _, amplitude = self.kernel_gain(fit, kernel)
         columns, result = self.design.columns, list[int]()
-        for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
+        for s, (V, k) in kernel.directions.items():
             part = self.design.strata.slices[s]
             at, means = np.arange(part.start, part.stop), np.zeros((len(k), len(self.grand)))
             precisions = fit.weights[s] / (amplitude * k)
@@ -210,7 +210,7 @@ class Likelihood:
         model, on coordinates Y (B, N), at some variances (c,) over the stratum's.
         """
         result = np.zeros((len(variances), len(Y)))
-        for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
+        for s, (V, k) in kernel.directions.items():
             part = Y[:, self.design.strata.slices[s]]
             least = fit.dof[s] * self.least[s] + TINY**2
             total = np.maximum((part**2).sum(axis=1) + self.extra[s], least)

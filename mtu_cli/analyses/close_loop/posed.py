@@ -61,7 +61,7 @@ def likelihood_of(
         lost += np.bincount(strata.labels(), share, len(n)) * len(motion.rows) / P
     # A stratum that the datum takes whole is rounding.
     n = np.where(n - lost > 1e-6 * n, np.maximum(n - lost, 1.0), 0.0)
-    design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
+    design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.directions))
     y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
     variance = np.zeros(len(steps))
     for s in strata.of(INTERACTION):
