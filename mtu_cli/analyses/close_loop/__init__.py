@@ -1,11 +1,11 @@
 """What does the model lack? The residual traced to effects, with error rates that hold.
 
 1. Too small tables are left out; errors are split into strata, each with one variance (`strata`,
-   `posed`); single entries far off are excluded (`missing`).
-2. Every candidate of the library is evaluated as columns with its margins (`design`, `columns`).
+   `diagnosis`); single entries far off are excluded.
+2. Every candidate of the library is evaluated as columns with its margins (`design`).
 3. One family-wise test says whether anything is there (`gate`); a set of models is searched through
    it, and evidence says what (`likelihood`, `model_set`, `diagnosis`). An offset that says no more
-   than where an effect is counted from is none (`crossings`).
+   than where an effect is counted from is none (`describe`).
 4. Sizes, margins, levels and what was searched are estimated together (`estimate`) and stated as
    equations of the machine (`describe`).
 5. Everything is done again without each block of parts, which scores the written machine
@@ -20,10 +20,9 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, steps_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.held_out import contribution, held_out, model_average, remainder
-from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,

@@ -68,19 +68,19 @@ def effects_of(diagnosis: Diagnosis, *, compare: bool = False) -> tuple[FoundEff
                 nameless=entry.nameless > 1 - SHARE,
             )
         )
-    for offset in diagnosis.offsets:
-        a = design.axis(candidates[offset.name])
+    for name, (p, credible) in diagnosis.offsets.items():
+        a = design.axis(candidates[name])
         level = replace(sizes.levels[a], name="shift", role="own")
         offsets.append(
             FoundEffect(
-                candidate=candidates[offset.name],
+                candidate=candidates[name],
                 parameters=(level,),
                 covariance=np.array([[level.u**2]]),
                 rows=(len(sizes.covariance) - len(table.axes) + a,),
                 equations={f"E{table.axes[a]}": level.name},
-                p_familywise=offset.p,
-                posterior=offset.credible[offset.name],
-                class_names=tuple(offset.credible),
+                p_familywise=p,
+                posterior=credible[name],
+                class_names=tuple(credible),
             )
         )
     effects = _with_levels(diagnosis, effects, {key for x in offsets for key in x.equations})
@@ -248,13 +248,14 @@ def without_references(diagnosis: Diagnosis) -> Diagnosis:
     """
     table = diagnosis.design.table
     values = TableData.of(table).values
-    for offset in diagnosis.offsets if diagnosis.entries else ():
-        rest = replace(diagnosis, offsets=tuple(x for x in diagnosis.offsets if x is not offset))
+    for offset in tuple(diagnosis.offsets) if diagnosis.entries else ():
+        others = {name: x for name, x in diagnosis.offsets.items() if name != offset}
+        rest = replace(diagnosis, offsets=others)
         for zero in crossings(effects_of(rest), rest.sizes.covariance, table):
             column, (low, high) = values[zero.covariate], zero.interval95
             inside = low <= column.max() and high >= column.min()
             inside |= is_temperature(zero.covariate) and low <= REFERENCE_DEGC <= high
-            if inside and zero.covariate not in AXES and offset.name == f"offset-{zero.axis}":
+            if inside and zero.covariate not in AXES and offset == f"offset-{zero.axis}":
                 diagnosis = rest
     return diagnosis
 

@@ -9,22 +9,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import EMPTY, PADDING, Columns
 from mtu_cli.analyses.close_loop.strata import (
+    EMPTY,
     FEATURE,
     INTERACTION,
     NONE,
+    PADDING,
     PART,
-    BoolArray,
-    IntArray,
-    Levers,
+    Columns,
     Missing,
     Strata,
 )
-from mtu_cli.model.effect_library import BoundTemplate, Candidate
+from mtu_cli.model.effect_library import BoundTemplate, Candidate, Levers
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import line, wiener
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""

@@ -242,7 +242,7 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
     parts = np.abs(J) * np.sqrt(np.diag(fit.covariance))
     dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
     for a, row in enumerate(range(starts[-1], len(labels))):
-        mean, variance, nu = mean_of(like, fit.weights, fit.dof, a)
+        mean, variance, nu = mean_of(like, fit, a)
         values[row] += mean
         covariance[row, row] += np.nan_to_num(variance)
         dof[row] = float(np.nan_to_num(nu, nan=np.inf))

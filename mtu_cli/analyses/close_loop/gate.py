@@ -15,9 +15,9 @@ from scipy.special import gammaincc, log_ndtr, stdtr
 
 from mtu_cli.analyses.close_loop.design import Design, Group
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
-from mtu_cli.analyses.close_loop.posed import lever_of
-from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 PERMUTATIONS = 299
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
@@ -195,10 +195,10 @@ class Gate:
             if candidate.kind != "offset" or candidate.unavailable:
                 continue
             a = self.design.axis(candidate)
-            mean, variance, nu = mean_of(self.likelihood, fit.weights, fit.dof, a)
+            mean, variance, nu = mean_of(self.likelihood, fit, a)
             if not np.isfinite(variance):
                 continue
-            level, u, _ = level_of(self.likelihood, fit, a)
+            level, u = level_of(self.likelihood, fit, a)
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
             lp = self.rng.exponential(size=rows)
             lp[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
@@ -301,6 +301,20 @@ class Gate:
         return result
 
 
+def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
+    """The unit pattern (H, A) of a small turn or growth of a whole part."""
+    if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
+        return None
+    q = places[:, [AXES.index(axis) for axis in axes]]
+    q = q - q.mean(axis=0)
+    if "rotation" in name:
+        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
+        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
+        q = rotation
+    size = np.linalg.norm(q)
+    return q / size if size > 0 else None
+
+
 class Partial(NamedTuple):
     """Members' `terms` x (M, k) less what `nuisance` columns z (M or 1, z) explain in all strata at
     once, by `slopes` (M, k, z): their `information` (S, M, k, k) in the strata, `unadjusted` (M, k)
@@ -340,19 +354,17 @@ def partial_out(design: Design, group: Group, base: Columns, w: FloatArray) -> P
     return Partial(closures[:, :k], z, slopes, information, unadjusted, rest, zz, inverse)
 
 
-def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
+def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float]:
     """What a fit leaves of the mean over the table along axis `a`, in units of the scale, with u
-    and degrees of freedom (nan: not testable).
+    (nan: not testable).
     """
-    mean, u2, nu = mean_of(likelihood, fit.weights, fit.dof, a)
+    mean, u2, _ = mean_of(likelihood, fit, a)
     slopes = likelihood.design.columns.means[np.array(fit.columns, int), a]
     u2 += float(slopes @ fit.covariance @ slopes)
-    return mean - float(slopes @ fit.beta), float(np.sqrt(u2)), nu
+    return mean - float(slopes @ fit.beta), float(np.sqrt(u2))
 
 
-def mean_of(
-    likelihood: Likelihood, weights: FloatArray, dof: FloatArray, a: int
-) -> tuple[float, float, float]:
+def mean_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
     """The mean over the table along axis `a`, in units of the scale, its variance and degrees of
     freedom: parts and features both scatter, v = m_part + m_feature - m_interaction over P H
     (Satterthwaite 1946), and the coefficients are uncertain.
@@ -361,8 +373,8 @@ def mean_of(
     P, H, _ = strata.shape
     m: dict[str, tuple[float, float]] = {}
     for s, kind in enumerate(strata.kinds):
-        if strata.axis[s] == a and kind != LINE and weights[s] > 0:
-            m[kind] = (1 / weights[s], dof[s])
+        if strata.axis[s] == a and kind != LINE and fit.weights[s] > 0:
+            m[kind] = (1 / fit.weights[s], fit.dof[s])
     mean = float(likelihood.grand[a])
     if PART not in m:
         return mean, np.nan, np.nan

@@ -13,14 +13,13 @@ from mtu_cli.analyses.close_loop.describe import effects_of
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.strata import BoolArray
 from mtu_cli.files.effects import CHOSEN
 from mtu_cli.language import evaluate, parse
 from mtu_cli.model.effect_library import choices
 from mtu_cli.model.estimates import TableShape
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.threads import available_threads, workers
 
 FOLDS = (7, 5)

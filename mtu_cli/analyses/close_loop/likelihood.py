@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from mtu_cli.analyses.close_loop.columns import PADDING
 from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
-from mtu_cli.analyses.close_loop.strata import IntArray
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.analyses.close_loop.strata import PADDING
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 QUANTILES = (np.arange(12) + 0.5) / 12
 ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)

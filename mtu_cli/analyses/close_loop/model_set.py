@@ -13,10 +13,10 @@ from itertools import combinations
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import PADDING
 from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Columns, Likelihood
+from mtu_cli.analyses.close_loop.strata import PADDING
 from mtu_cli.files.effects import SCATTERS
 from mtu_cli.stats.least_squares import FloatArray
 

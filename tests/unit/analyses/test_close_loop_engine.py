@@ -17,11 +17,10 @@ from scipy.stats import binom, invgamma
 from mtu_cli.analyses.close_loop import estimate
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.design import members_at
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, likelihood_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.posed import likelihood_of
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.strata import Missing, interaction
 from mtu_cli.language import evaluate, linear_form, parse
@@ -214,7 +213,7 @@ def test_growth_from_the_first_temperature_is_no_shift() -> None:
         found = diagnosis(own, "offset", "scale", "thermal-drift", "thermal-growth")
         found = without_references(found)
         shifts += "offset-x" in found.names
-        found = replace(found, offsets=())
+        found = replace(found, offsets={})
         sizes = found.sizes
         told = crossings(effects_of(found), sizes.covariance, own)
         low, high = next((c.interval95 for c in told if c.covariate == "T_a_degC"), (0.0, 0.0))
