@@ -22,7 +22,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, steps_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
-from mtu_cli.analyses.close_loop.held_out import contribution, held_out, model_average, remainder
+from mtu_cli.analyses.close_loop.held_out import corrected, held_out
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -137,9 +137,8 @@ def _result(
     effects = effects_of(diagnosis, compare=True)
     effects = tuple(replace(e, p_familywise=min(1.0, e.p_familywise * tables)) for e in effects)
     valid = table.there & ~diagnosis.outliers.any(axis=2)
-    after = remainder(table, contribution(effects, table, written=True), valid)
-    mean = remainder(table, model_average(diagnosis, effects, table), valid)
-    by, errors = (None, (table.errors, after, mean)) if validation is None else validation
+    _, after, mean = corrected(diagnosis, effects, table, valid)
+    by, errors = validation or (None, np.array([table.errors, after, mean]))
     variance, floor = _scatter(diagnosis)
 
     def rms(errors: FloatArray) -> float:

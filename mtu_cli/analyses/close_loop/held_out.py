@@ -34,9 +34,8 @@ def held_out(
     progress: Callable[[int, int], None],
 ) -> tuple[Diagnosis, tuple[str, FloatArray] | None]:
     """The diagnosis of all; and what was held out, parts in blocks that follow each other or, of
-    few parts, every n-th column, with its errors (3, P, H, A), mm: before, after the correction by
-    the machine as it would be written, and by the model average. None where there are too few of
-    both.
+    few parts, every n-th column, with its errors (3, P, H, A) as they are `corrected`. None where
+    there are too few of both.
     """
     axis = 0 if len(table.parts) >= FEWEST else 1
     size = table.errors.shape[axis]
@@ -50,10 +49,7 @@ def held_out(
         test = number == fold
         cells = np.broadcast_to(np.expand_dims(test, 1 - axis), table.there.shape)
         diagnosis = diagnose(subset(table, ~test, axis))
-        effects = effects_of(diagnosis)
-        predicted = (np.zeros(table.errors.shape), contribution(effects, table, written=True))
-        for i, values in enumerate((*predicted, model_average(diagnosis, effects, table))):
-            errors[i][cells] = remainder(table, values, ~cells)[cells]
+        errors[:, cells] = corrected(diagnosis, effects_of(diagnosis), table, ~cells)[:, cells]
 
     with workers(min(count + 1, available_threads())) as executor:
         future = executor.submit(diagnose, table)
@@ -62,19 +58,59 @@ def held_out(
     return future.result(), (table.plurals[axis], errors)
 
 
-def remainder(table: ResidualTable, predicted: FloatArray, cells: BoolArray) -> FloatArray:
-    """Errors (P, H, A) less what is predicted, and less the components' polynomial fitted anew to
-    the rest in the `cells` (P, H): the residuals of readings that were fitted are too small.
+def corrected(
+    diagnosis: Diagnosis, effects: Sequence[FoundEffect], table: ResidualTable, cells: BoolArray
+) -> FloatArray:
+    """Errors (3, P, H, A), mm, less nothing, what the machine as it would be written predicts, and
+    the model average; and less the components' polynomial fitted anew to the rest in the `cells`
+    (P, H): the residuals of readings that were fitted are too small.
+
+    The average is over the names of each effect's class by their posteriors (Hoeting, Madigan,
+    Raftery & Volinsky, Stat. Sci. 14 (1999) 382), the other effects as they are.
     """
-    rest = table.errors - predicted
+    # A feature or an operation is known as well; of several ranges that fit none is written.
+    written = [x for x in effects if x.table is not None or not x.ambiguous]
+    best = _predicted(effects, table)
+    averaged = best.copy()
+    for entry in diagnosis.entries:
+        norm = sum(p for _, _, p in entry.credible)
+        for name, item, p in entry.credible:
+            if item != entry.item:
+                rival = replace(entry, item=item, name=name)
+                other = replace(
+                    diagnosis,
+                    model=tuple(item if x == entry.item else x for x in diagnosis.model),
+                    entries=tuple(rival if x is entry else x for x in diagnosis.entries),
+                )
+                averaged += p / norm * (_predicted(effects_of(other), table) - best)
+    predicted = np.array([np.zeros(best.shape), _predicted(written, table), averaged])
+    result = table.errors - predicted
     powers = fitted_powers(table)
-    if powers.shape[1]:
+    for rest in result if powers.shape[1] else ():
         valid = cells & table.there & np.isfinite(rest).all(axis=2)
         count = valid.sum(axis=0)
         mean = np.where(valid[..., None], rest, 0.0).sum(axis=0)[count > 0]
         sizes = np.linalg.lstsq(powers[count > 0], mean / count[count > 0, None], rcond=None)[0]
-        rest = rest - powers @ sizes
-    return rest
+        rest -= powers @ sizes
+    return result
+
+
+def _predicted(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArray:
+    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees."""
+    total = np.zeros(table.errors.shape)
+    columns: dict[str, Any] = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True))
+    columns |= table.covariates
+    for effect in effects:
+        variables = columns | {p.name: p.value for p in effect.parameters}
+        if (over := effect.candidate.over) is not None:
+            variables[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
+        if effect.table is not None:
+            along = columns[effect.table.along]
+            values = TableShape(at=effect.table.knots).columns(along.ravel()) @ effect.table.values
+            variables[effect.component] = values.reshape(along.shape)
+        for key, text in effect.equations.items():
+            total[..., table.axes.index(key[1:])] += evaluate(parse(text), variables)
+    return table.without_datum(total[..., None])[..., 0]
 
 
 def subset(table: ResidualTable, mask: BoolArray, axis: int) -> ResidualTable:
@@ -92,50 +128,3 @@ def subset(table: ResidualTable, mask: BoolArray, axis: int) -> ResidualTable:
     if axis == 1:
         fields["operation"] = table.operation[mask]
     return replace(table, **fields)
-
-
-def contribution(
-    effects: Sequence[FoundEffect], table: ResidualTable, *, written: bool = False
-) -> FloatArray:
-    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees; only
-    of those that are `written`, or off by themselves: a feature or an operation is known as well.
-    """
-    total = np.zeros(table.errors.shape)
-    columns: dict[str, Any] = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True))
-    columns |= table.covariates
-    for effect in effects:
-        if written and effect.ambiguous and effect.table is None:
-            continue
-        variables = columns | {p.name: p.value for p in effect.parameters}
-        if (over := effect.candidate.over) is not None:
-            variables[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
-        if effect.table is not None:
-            shape = TableShape(at=effect.table.knots)
-            along = columns[effect.table.along]
-            values = shape.columns(along.ravel()) @ effect.table.values
-            variables[effect.component] = values.reshape(along.shape)
-        for key, text in effect.equations.items():
-            total[..., table.axes.index(key[1:])] += evaluate(parse(text), variables)
-    return table.without_datum(total[..., None])[..., 0]
-
-
-def model_average(
-    diagnosis: Diagnosis, effects: Sequence[FoundEffect], table: ResidualTable
-) -> FloatArray:
-    """The contribution (P, H, A) of the effects averaged over the names of each one's class by
-    their posteriors (Hoeting, Madigan, Raftery & Volinsky, Stat. Sci. 14 (1999) 382), the other
-    effects as they are.
-    """
-    best = contribution(effects, table)
-    total = best.copy()
-    for i, entry in enumerate(diagnosis.entries):
-        norm = sum(p for _, _, p in entry.credible)
-        for name, item, p in entry.credible:
-            if item == entry.item:
-                continue
-            model = tuple(item if x == entry.item else x for x in diagnosis.model)
-            entries = list(diagnosis.entries)
-            entries[i] = replace(entry, item=item, name=name)
-            rival = replace(diagnosis, model=model, entries=tuple(entries))
-            total += p / norm * (contribution(effects_of(rival), table) - best)
-    return total
