@@ -273,10 +273,11 @@ def crossings(
         name: np.broadcast_to(v, table.there.shape)[table.there][cells]
         for name, v in TableData.of(table).values.items()
     }
+    # Where a polynomial or the datum took the level, it is none that is missing.
+    no_level = table.fitted_degree >= 0 or table.datum != "none"
     for axis in table.axes:
-        groups = [
-            _terms(effect, f"E{axis}") for effect in effects if f"E{axis}" in effect.equations
-        ]
+        key = f"E{axis}"
+        groups = [_terms(effect, key) for effect in effects if key in effect.equations]
         if len(groups) > 1:
             groups.insert(0, [x for terms in groups for x in terms] if all(groups) else [])
         for name in (name for name in columns if not name.startswith("dir_")):
@@ -284,25 +285,12 @@ def crossings(
                 levels = [
                     x.size.role == "level" or x.effect.candidate.kind == "offset" for x in group
                 ]
-                no_level = table.fitted_degree >= 0 or table.datum != "none"
                 classes = [x for term in group for x in term.effect.class_names[1:]]
                 if not group or classes or not (no_level or any(levels)):
                     continue
-                rows = [x.row for x in group]
-                zero = _zero(group, covariance[np.ix_(rows, rows)], columns, name)
+                zero = _zero(group, covariance, columns, name)
                 if zero is not None:
-                    value, u, ends = zero
-                    result.append(
-                        Crossing(
-                            axis=axis,
-                            covariate=name,
-                            effect=group[0].effect.name,
-                            whole=i == 0,
-                            value=value,
-                            u=u,
-                            interval95=ends,
-                        )
-                    )
+                    result.append(Crossing(axis, name, *zero, group[0].effect.name, whole=i == 0))
                     break
     return tuple(result)
 
@@ -318,9 +306,9 @@ def _terms(effect: FoundEffect, key: str) -> list[Term]:
 
 
 def _zero(
-    group: Sequence[Term], C: FloatArray, columns: dict[str, FloatArray], name: str
+    group: Sequence[Term], covariance: FloatArray, columns: dict[str, FloatArray], name: str
 ) -> tuple[float, float, tuple[float, float]] | None:
-    """Where the sum of sizes with covariance C is zero, with u and the 95 % interval: the values t
+    """Where the sum of sizes is zero, with u and the 95 % interval: the values t
     at which v(t) = 0 is not rejected (of one number that of Fieller, 1954). None where there is no
     such value, or none that is known to within the range of the data, at most that from its middle.
     """
@@ -329,25 +317,24 @@ def _zero(
     if not half > SAME * max(abs(low), abs(high)):
         return None
     u = np.array([x.size.u for x in group])
-    ends = [
-        np.array(
-            [
-                evaluate(x.lever, columns | {name: centre + t * half}) + np.zeros(CELLS)
-                for x in group
-            ]
-        )
-        for t in (-1, 0, 1)
-    ]
-    M, R = ends[1].T * u, (ends[2] - ends[0]).T / 2 * u
+
+    def levers(t: float) -> FloatArray:
+        values = columns | {name: centre + t * half}
+        return np.array([evaluate(x.lever, values) + np.zeros(CELLS) for x in group])
+
+    before, middle, after = map(levers, (-1, 0, 1))
+    M, R = middle.T * u, (after - before).T / 2 * u
     largest = np.abs(M) + np.abs(R)
-    if np.abs((ends[2] - 2 * ends[1] + ends[0]).T * u).max() > 1e-6 * largest.max():
+    if np.abs((after - 2 * middle + before).T * u).max() > 1e-6 * largest.max():
         return None
     U, s, _ = np.linalg.svd(np.hstack([M, R]), full_matrices=False)
     M, R = (U[:, s > 1e-6 * s[0]].T @ X for X in (M, R))
     # A sum that is zero there whatever the sizes has no zero to estimate.
     if np.linalg.matrix_rank(np.array([M.ravel(), R.ravel()]), tol=1e-6 * s[0]) < 2:
         return None
-    b, C = np.array([x.size.value for x in group]) / u, C / u / u[:, None]
+    rows = [x.row for x in group]
+    b, C = np.array([x.size.value for x in group]) / u, covariance[np.ix_(rows, rows)]
+    C = C / u / u[:, None]
 
     def tests(t: FloatArray) -> FloatArray:
         """v' V^-1 v, and the inverse of the variance of t."""
@@ -370,9 +357,9 @@ def _zero(
         return None
     inner, outer = np.repeat(t, 2), t[0] + np.array([-2.0, 2.0])
     for _ in range(50):
-        middle = (inner + outer) / 2
-        accept = tests(middle)[0] <= limit
-        inner, outer = np.where(accept, middle, inner), np.where(accept, outer, middle)
+        between = (inner + outer) / 2
+        accept = tests(between)[0] <= limit
+        inner, outer = np.where(accept, between, inner), np.where(accept, outer, between)
     if np.ptp(inner) > 2:
         return None
     first, last = (centre + half * inner).tolist()

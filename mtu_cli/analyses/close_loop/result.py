@@ -180,8 +180,7 @@ class Scores:
     chi2_per_dof: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Crossing:
+class Crossing(NamedTuple):
     """Where effects cancel: "right at T = 22.2 degC", "turns about y = 134 mm"; the interval is
     Fieller's. `whole`: all errors along the axis do, not only what `effect` makes of a further
     column or coordinate.
