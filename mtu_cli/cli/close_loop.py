@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -206,19 +207,14 @@ def joint(additions: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
     """The joint covariance of the parameters of the effects in order, in internal units: of
     those estimated jointly that of their table.
     """
-
-    def block(
-        one: FoundEffect, item: TableResult, other: FoundEffect, peer: TableResult
-    ) -> FloatArray:
-        if one is other:
-            return one.covariance[np.ix_(one.written, one.written)]
-        if item is peer and one.table is None and other.table is None:
-            return item.covariance[np.ix_(one.rows, other.rows)]
-        return np.zeros((len(one.written), len(other.written)))
-
-    if not additions:
-        return np.zeros((0, 0))
-    whole = np.block([[block(*pair, *other) for other in additions] for pair in additions])
+    ends = np.cumsum([0, *(len(effect.written) for effect, _ in additions)]).tolist()
+    whole = np.zeros((ends[-1], ends[-1]))
+    places = [slice(*pair) for pair in pairwise(ends)]
+    for (i, (one, item)), (j, (other, peer)) in product(enumerate(additions), repeat=2):
+        if i == j:
+            whole[places[i], places[i]] = one.covariance[np.ix_(one.written, one.written)]
+        elif item is peer and one.table is None and other.table is None:
+            whole[places[i], places[j]] = item.covariance[np.ix_(one.rows, other.rows)]
     return np.asarray((whole + whole.T) / 2)
 
 

@@ -63,8 +63,14 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
         root = 1 / np.sqrt(of_strata)[strata.labels()]
         data, signal, distances = TableData.of(table), np.zeros(len(root)), list[float]()
         for m in items:
-            levers = levers_on(design.members[m], data)
-            at, X = strata.of_levers([{a: v[None] for a, v in x.items()} for x in levers], 1)
+            member = design.members[m]
+            value = None if member.value is None else np.array([member.value])
+            levers = [
+                {a: v[[(member.chosen or 0) if len(v) > 1 else 0]] for a, v in lever.items()}
+                for form in (member.form, *member.form.margins)
+                for lever in replace(form, data=data).columns(value)
+            ]
+            at, X = strata.of_levers(levers, 1)
             columns = np.zeros((len(levers), len(root)))
             columns[:, at] = X[0] * root[at]
             if m == items[0]:
@@ -78,17 +84,6 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
         if not best.do or d > ENOUGH * best.predicted_d:
             best = Experiment(do, d)
     return best if best.predicted_d > 0 else None
-
-
-def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
-    """Levers of all parameters of a member on other data, the numbers of its data in place."""
-    value = None if member.value is None else np.array([member.value])
-    result = []
-    for bound in (member.form, *member.form.margins):
-        for lever in replace(bound, data=data).columns(value):
-            g = member.chosen or 0
-            result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
-    return result
 
 
 def follow_ups(
