@@ -95,12 +95,23 @@ class Kernel:
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
 
 
-class Group(NamedTuple):
-    """Members (M,) with `k` columns each, and their margins `low` (M, l), or (1, l) if alike."""
+class Partial(NamedTuple):
+    """`members` (M,) with columns `terms` x (M, k), less what `nuisance` columns z (M or 1, z)
+    explain in all strata at once, by `slopes` (M, k, z): their `information` (S, M, k, k) in the
+    strata, `unadjusted` (M, k) in all, and the products `rest` (S, M, k, z) with z there. The
+    columns z have the products `inner` (S, M or 1, z, z), by the weights of the strata, and the
+    covariance `inverse`.
+    """
 
-    k: int
     members: IntArray
-    low: IntArray
+    terms: IntArray
+    nuisance: IntArray
+    slopes: FloatArray
+    information: FloatArray
+    unadjusted: FloatArray
+    rest: FloatArray
+    inner: FloatArray
+    inverse: FloatArray
 
 
 class Design:
@@ -176,15 +187,34 @@ class Design:
         """The axis of a candidate of one; the first of errors that have none."""
         return self.table.axes.index(candidate.axis or self.table.axes[0])
 
-    def groups(self, base: Sequence[int] = ()) -> Iterator[Group]:
-        """The tested members with a column that those of a model, `base`, lack."""
+    def partials(self, base: Sequence[int], w: FloatArray) -> Iterator[Partial]:
+        """The tested members with a column that those of a model, `base`, lack, by their number of
+        columns: less what those of the model, the common ones and their margins explain, with the
+        weights w (S,) of the strata.
+        """
         for k, width in np.unique(self._widths, axis=0).tolist():
             members = np.flatnonzero((self._widths == (k, width)).all(axis=1))
             members = members[~np.isin(self.closures[members, :k], base).all(axis=1)]
-            if len(members):
-                low = self.closures[members, k : k + width]
-                low = np.where(np.isin(low, base), PADDING, low)
-                yield Group(k, members, low[:1] if (low == low[0]).all() else low)
+            if not len(members):
+                continue
+            closures = self.closures[members, : k + width]
+            terms, low = closures[:, :k], closures[:, k:]
+            low[np.isin(low, base)] = PADDING
+            inner = self.inner[:, members, : k + width, : k + width]
+            models, G = self.columns.crossed(closures, (*base, *self.common), inner)
+            G *= w[:, None, None, None]
+            # Margins that are alike are partialled out once.
+            once = slice(1 if (low == low[0]).all() else None)
+            z, zz = models[once, k:], G[:, once, k:, k:]
+            xx, xz = G[:, :, :k, :k], G[:, :, :k, k:]
+            A = zz.sum(axis=0)
+            diagonal = 1e-10 * np.einsum("mzz->mz", A) + self.columns.precisions[z]
+            inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
+            slopes = xz.sum(axis=0) @ inverse
+            rest = xz - slopes @ zz
+            information = xx - rest @ transposed(slopes) - transposed(xz @ transposed(slopes))
+            unadjusted = np.einsum("smkk->mk", xx)
+            yield Partial(members, terms, z, slopes, information, unadjusted, rest, zz, inverse)
 
     def around(self, m: int) -> tuple[int, ...]:
         """Finer members around one of the grid."""
@@ -194,6 +224,11 @@ class Design:
             finer = members_at(self, parent.form, values) if parent.around else []
             self._around[m] = add(self, parent.candidate, finer)
         return self._around[m]
+
+
+def transposed(matrices: FloatArray) -> FloatArray:
+    """Matrices (..., m, n) as (..., n, m)."""
+    return np.asarray(np.swapaxes(matrices, -1, -2))
 
 
 def fitted_powers(table: ResidualTable) -> FloatArray:

@@ -16,7 +16,6 @@ from scipy.special import chdtri, ndtri
 
 from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.gate import partial_out
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Experiment
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, strata_of
@@ -167,8 +166,8 @@ def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
     counts = np.bincount(of)
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
-    for group in design.groups():
-        k, partials = group.k, partial_out(design, group, (), fit.weights)
+    for partials in design.partials((), fit.weights):
+        k = partials.terms.shape[1]
         # The coefficients are uncertain as far as is known beforehand.
         prior = np.sum(
             partials.slopes**2 * design.columns.precisions[partials.nuisance][:, None], axis=(1, 2)
@@ -177,13 +176,13 @@ def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
         crossed = design.columns.cross(partials.terms, partials.terms).sum(axis=-1)
         shares = fit.weights[:, None] * crossed
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
-        p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group.members]]
+        p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[partials.members]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
         z = np.sqrt(c2) * (1 - 0.25 / v) + ndtri(0.8) * np.sqrt(1 + c2 / (2 * v))
         axes = [np.bincount(strata.axis, share) > 0 for share in shares.T]
         cells = P * H * np.sum(axes, axis=1)
         estimable = signal * k > 1e-9 * partials.unadjusted.sum(axis=1)
-        sizes[group.members] = np.where(
+        sizes[partials.members] = np.where(
             estimable, z / np.sqrt(np.where(estimable, signal, 1.0) * cells), np.nan
         )
     of_candidates = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}

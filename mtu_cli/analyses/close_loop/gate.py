@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
-from mtu_cli.analyses.close_loop.design import Design, Group
+from mtu_cli.analyses.close_loop.design import Design, transposed
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART
 from mtu_cli.model.machine_model import AXES
@@ -151,8 +150,8 @@ class Gate:
         # Prior knowledge of a stratum turns with its coordinates on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
-        for group in design.groups(base):
-            k, partials = group.k, partial_out(design, group, base, w)
+        for partials in design.partials(base, w):
+            k = partials.terms.shape[1]
             whole = partials.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
             scale = size[:, :, None] * size[:, None, :]
@@ -175,14 +174,14 @@ class Gate:
                 score = w[s] * U[s][partials.terms[i]] - partials.slopes[i] @ y[s, m]
                 score = (score - partials.rest[s, i] @ sizes[m]) / size[i, :, None]
                 divisor = np.where(informative[s, i], values[s, i], np.inf)[:, :, None]
-                stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
+                stat = np.sum((transposed(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
                 residual = np.maximum(squares[:, s] - explained[s, m], least[s])
                 ratio = np.clip(stat / residual, 1e-300, ALMOST_ONE)
                 power = np.maximum(self.likelihood.n[s] - leverage[s, m] - 1 - k / 2, 0.5)
                 deviance = -power[:, None] * np.log1p(-ratio)
                 total[i] += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
             D = np.sum(total * (inverse @ total), axis=1).T[:, valid]
-            at.append(group.members[valid])
+            at.append(partials.members[valid])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
@@ -315,45 +314,6 @@ def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray
     return q / size if size > 0 else None
 
 
-class Partial(NamedTuple):
-    """Members' `terms` x (M, k) less what `nuisance` columns z (M or 1, z) explain in all strata at
-    once, by `slopes` (M, k, z): their `information` (S, M, k, k) in the strata, `unadjusted` (M, k)
-    in all, and the products `rest` (S, M, k, z) with z there. The columns z have the products
-    `inner` (S, M or 1, z, z), by the weights of the strata, and the covariance `inverse`.
-    """
-
-    terms: IntArray
-    nuisance: IntArray
-    slopes: FloatArray
-    information: FloatArray
-    unadjusted: FloatArray
-    rest: FloatArray
-    inner: FloatArray
-    inverse: FloatArray
-
-
-def partial_out(design: Design, group: Group, base: Columns, w: FloatArray) -> Partial:
-    """The columns of members less what those of `base`, the common ones and their margins explain,
-    with the weights w (S,) of the strata.
-    """
-    k, members, low = group
-    width = k + low.shape[1]
-    closures, inner = design.closures[members, :width], design.inner[:, members, :width, :width]
-    closures[:, k:] = low
-    models, G = design.columns.crossed(closures, (*base, *design.common), inner)
-    G *= w[:, None, None, None]
-    z, zz = models[: len(low), k:], G[:, : len(low), k:, k:]
-    xx, xz = G[:, :, :k, :k], G[:, :, :k, k:]
-    A = zz.sum(axis=0)
-    diagonal = 1e-10 * np.einsum("mzz->mz", A) + design.columns.precisions[z]
-    inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
-    slopes = xz.sum(axis=0) @ inverse
-    rest = xz - slopes @ zz
-    information = xx - rest @ _t(slopes) - _t(xz @ _t(slopes))
-    unadjusted = np.einsum("smkk->mk", xx)
-    return Partial(closures[:, :k], z, slopes, information, unadjusted, rest, zz, inverse)
-
-
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float]:
     """What a fit leaves of the mean over the table along axis `a`, in units of the scale, with u
     (nan: not testable).
@@ -415,7 +375,3 @@ def _adjusted_p(T: FloatArray) -> FloatArray:
     null = np.sort(family[1:].max(axis=1, initial=0.0))
     B = len(null)
     return np.asarray((B - np.searchsorted(null, family[0], side="left") + 1) / (B + 1))
-
-
-def _t(matrices: FloatArray) -> FloatArray:
-    return np.asarray(np.swapaxes(matrices, -1, -2))
