@@ -1,10 +1,10 @@
 """The report of close-loop: what the model lacks, in a machinist's words, and what correcting it is
 worth.
 
-`before` and `after` are scores of the held-out data (`held_out.by`; null: none could be held out,
-they are in sample): everything is refitted without them. `rms` pools all coordinates, `p95` and
-`max` are of the error vector's length. Keys of an angular component end in `_arcsec` in place of
-`_um`. Of several components the first with the verdict stands at the top, `tables` hold all.
+`before` and `after` are scores of the held-out data: everything is refitted without them. `rms`
+pools all coordinates, `p95` and `max` are of the error vector's length. Keys of an angular
+component end in `_arcsec` in place of `_um`. Of several components the first with the verdict
+stands at the top, `tables` hold all.
 """
 
 from __future__ import annotations
@@ -148,13 +148,12 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         rivals = f", or {listed(others)}" if others else ""
         texts.append(f"{effect_text(effect, item)} ({effect.name}{rivals})")
     if texts:
-        held_out = item.held_out
-        of = "all data (nothing could be held out)" if held_out is None else f"held-out {held_out}"
         before, after = (number(scores.rms) for scores in (item.before, item.after))
         moves = "falls" if item.after.rms < item.before.rms else "goes"
-        worth = f"with the correction the rms error of {of} {moves} from {before} to {after} {unit}"
+        rms = f"the rms error of held-out {item.held_out}"
+        worth = f"with the correction {rms} {moves} from {before} to {after} {unit}"
         if all(effect.ratio is not None for effect in item.effects):
-            worth = f"no equation corrects that: the rms error of {of} is {before} {unit}"
+            worth = f"no equation corrects that: {rms} is {before} {unit}"
         yield f"{tentative}{'; '.join(texts)}; {worth}{floor}."
     for effect in item.effects:
         if len(effect.class_names) > 1:
@@ -198,7 +197,7 @@ SCORED = """
     in_sample.before. | in_sample_before | *scores
     in_sample.after. | in_sample_after | *scores
     improvement_percent | improvement() | fall of the rms error of what was held out | -, unit=-
-    held_out.by | held_out | what was left out in turn; null: nothing, all scores are in sample
+    held_out.by | held_out | what was left out in turn
     unexplained.found | rest() | whether something is left that no effect of the library explains
     unexplained.without_name | nameless | whether a drift or field without a name explains more
     unexplained.checks[]. | checks()
@@ -422,7 +421,7 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     score_tables = [_before_after(first)] if len(result.tables) == 1 else []
     for unit in units if len(result.tables) > 1 else ():
         items = [item for item in result.tables if item.table.unit == unit]
-        data = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
+        data = dict.fromkeys(f"held-out {item.held_out}" for item in items)
         title = f"Rms error of {listed(data)}"
         score_tables.append(Table(title, _fields(SCORED_TABLE, items[0], checks=_checks), items))
     tables = [
@@ -463,10 +462,12 @@ def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
 
 
 def _before_after(item: TableResult) -> Table:
-    rows = [("all data, before", item.in_sample_before), ("all data, after", item.in_sample_after)]
-    if item.held_out is not None:
-        of = f"held-out {item.held_out}"
-        rows = [(f"{of}, before", item.before), (f"{of}, after", item.after), *rows]
+    rows = [
+        (f"held-out {item.held_out}, before", item.before),
+        (f"held-out {item.held_out}, after", item.after),
+        ("all data, before", item.in_sample_before),
+        ("all data, after", item.in_sample_after),
+    ]
     if not item.effects:
         rows = rows[::2]
     fields = declare("- | 0 | | errors, text\nscores. | 1 | *scores", scores=_scores(item))

@@ -247,8 +247,6 @@ def members_at(design: Design, form: BoundTemplate, values: FloatArray | None) -
     terms = form.columns(values)
     levers: list[Levers] = [*terms, *(lever for x in form.margins for lever in x.columns(values))]
     G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
-    if G == 0:
-        return []
     gaps = design.gaps
     means, norms = _means(levers, G, design.table)
     if design.table.motions:

@@ -200,7 +200,7 @@ class TableResult:
     """One table (all points, or the readings of one component).
 
     `explained` (P, H, A) is the effects' contribution; `before` and `after` are scores of what was
-    `held_out`, such as ``passes`` (None: in sample), without and with the correction of the machine
+    `held_out`, such as ``passes``, without and with the correction of the machine
     as it is written, or of the average over each class; `floor` the repeatability of one
     coordinate. `excluded` (feature, part, axis, error) are single entries, outliers.
     """
@@ -219,7 +219,7 @@ class TableResult:
     after_averaged: Scores
     in_sample_before: Scores
     in_sample_after: Scores
-    held_out: str | None
+    held_out: str
     floor: float | None
     crossings: tuple[Crossing, ...]
     covariance: FloatArray
