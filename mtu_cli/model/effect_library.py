@@ -245,10 +245,10 @@ class BoundTemplate:
     """A template of a family whose names are bound to a table's axes, columns and numbers.
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
-    of each parameter; `used` are the columns that these and `needs` name, `covariate` the one
-    that the effect depends on, `grid` (G,) the values of the searched parameter, if any, and `ends`
-    (D,) the data's values that it lies between. With it its `margins`; of a family `over` features,
-    parts or operations one member each is `chosen`.
+    of each parameter; `used` are the columns and positions that these and `needs` name, `covariate`
+    the column that the effect depends on, `grid` (G,) the values of the searched parameter, if any,
+    and `ends` (D,) the data's values that it lies between. With it its `margins`; of a family
+    `over` features, parts or operations one member each is `chosen`.
     """
 
     family: Family
@@ -381,8 +381,9 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
             raise NoMember(f"too few values of {along} to search {template.searched}")
         if along and search.grid == "between":
             ends = np.unique(data.values[along])
-    used = sorted(inputs - {*AXES})
+    used = sorted(inputs)
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
+    goes_with += [name for name in used if name not in AXES]
     whole = BoundTemplate(
         family=family,
         template=template,
@@ -391,7 +392,7 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         equations=equations,
         levers=levers,
         used=tuple(used),
-        covariate=next(iter([*goes_with, *used]), None),
+        covariate=next(iter(goes_with), None),
         grid=grid,
         ends=ends,
     )
@@ -486,7 +487,7 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
             try:
                 check_column(name, data)
             except NoMember as lack:
-                reasons[str(lack) or f"no column {name}"] = None
+                reasons[str(lack)] = None
     else:
         for form, item in (
             (x, item) for x in family.templates for item in of_members(x, binding, data)

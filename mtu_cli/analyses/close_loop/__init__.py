@@ -88,7 +88,7 @@ def close_loop(
 
         advance(0, 1)
         validation = _held_out(table, diagnose, lambda k, n: advance(1 + k, 1 + n))
-        return _result(*validation, table, rate=rate, tables=len(large))
+        return _result(*validation, table, len(large))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
         results = tuple(one_table(number, table) for number, table in enumerate(large))
@@ -135,11 +135,9 @@ def _result(
     held_out: str,
     errors: FloatArray,
     table: ResidualTable,
-    *,
-    rate: float,
     tables: int,
 ) -> TableResult:
-    """The diagnosis of one of `tables` at its rate, with the `errors` of what was held out."""
+    """The diagnosis of one of `tables`, with the `errors` of what was held out."""
     covariance = diagnosis.sizes.covariance
     effects = effects_of(diagnosis, compare=True)
     effects = tuple(replace(e, p_familywise=min(1.0, e.p_familywise * tables)) for e in effects)
@@ -165,7 +163,7 @@ def _result(
         table=table,
         verdict=diagnosis.verdict,
         effects=effects,
-        candidates=_candidate_tests(diagnosis, rate, tables),
+        candidates=_candidate_tests(diagnosis, tables),
         checks=tuple((name, min(1.0, p * tables)) for name, p in diagnosis.checks),
         fired=diagnosis.fired,
         nameless=diagnosis.nameless,
@@ -205,9 +203,9 @@ def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
     return variance, design.scale * float(np.sqrt(np.mean(mean_squares))) if mean_squares else None
 
 
-def _candidate_tests(diagnosis: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
+def _candidate_tests(diagnosis: Diagnosis, tables: int) -> tuple[Judged, ...]:
     """All candidates, each added alone to the model of the machine."""
-    models, smallest = diagnosis.models, minimum_detectable(diagnosis, rate)
+    models, smallest = diagnosis.models, minimum_detectable(diagnosis)
     p = models.gate(()) | {name: p for name, p, _ in diagnosis.scatter}
     total, _ = models.additions(())
     with np.errstate(over="ignore"):

@@ -172,7 +172,7 @@ def _explained(diagnosis: Diagnosis, member: Member) -> float:
     at = [k for k, i in enumerate(fit.columns) if i in closure]
     x = fit.beta[at] @ design.columns.dense([fit.columns[i] for i in at])
     w = fit.weights[design.strata.labels()]
-    total = float(np.sum(w * diagnosis.likelihood.y**2))
+    total = float(np.sum(w * diagnosis.models.likelihood.y**2))
     return float(np.sum(w * x**2)) / total if total > 0 else 0.0
 
 
@@ -198,7 +198,7 @@ def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
 
 
 def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
-    design, like = diagnosis.design, diagnosis.likelihood
+    design, like = diagnosis.design, diagnosis.models.likelihood
     kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in diagnosis.model if item != entry.item)
     table = smooth_effect(like, like.fit(diagnosis.models.columns(rest)), kernel)

@@ -38,7 +38,6 @@ class Diagnosis:
     and checks that fired.
     """
 
-    likelihood: Likelihood
     models: ModelSet
     model: Model
     entries: tuple[Entry, ...]
@@ -52,7 +51,7 @@ class Diagnosis:
     @property
     def design(self) -> Design:
         """Of the table, its candidates and strata."""
-        return self.likelihood.design
+        return self.models.design
 
     @cached_property
     def sizes(self) -> Estimates:
@@ -93,11 +92,11 @@ def diagnosis_of(
     table = replace(table, errors=errors)
     motion: list[tuple[str, float, float]] = []
     while True:
-        likelihood = likelihood_of(table, candidates, [name for name, _, _ in motion])
-        gate = Gate(likelihood, np.random.default_rng(seed))
-        models = ModelSet(likelihood, gate, alpha=alpha, most=most)
+        base = [name for name, _, _ in motion]
+        gate = Gate(likelihood_of(table, candidates, base), np.random.default_rng(seed))
+        models = ModelSet(gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
-        scatter = motion + models.scatter(model, [name for name, _, _ in motion])
+        scatter = motion + models.scatter(model, base)
         # What moves whole parts at random is no repeat of their features: all is sought anew.
         of_parts = [item for item in scatter if item[0] in OF_PARTS]
         if len(of_parts) == len(motion):
@@ -111,7 +110,6 @@ def diagnosis_of(
     }
     checks = tuple((name, p[name]) for name in CHECKS if name in p)
     return Diagnosis(
-        likelihood=likelihood,
         models=models,
         model=model,
         entries=entries,

@@ -43,7 +43,11 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
     from its rivals, weighted by their posteriors; None where none does, or the effect is alone in
     it. Of follow-ups that do as well, the one that is less work stands first.
     """
-    design, like, weights = diagnosis.design, diagnosis.likelihood, diagnosis.sizes.fit.weights
+    design, like, weights = (
+        diagnosis.design,
+        diagnosis.models.likelihood,
+        diagnosis.sizes.fit.weights,
+    )
     posteriors = {m: max(p, 1e-300) for _, m, p in entry.credible if m >= 0}
     items, rivals = [*posteriors], [design.members[m] for m in posteriors]
     if len(rivals) < 2:
@@ -91,9 +95,7 @@ def follow_ups(
     """Further parts as before, then made otherwise in what the rivals depend on."""
     readings, noun = table.component is not None, table.plurals[0]
     make = "run" if readings else "make and measure"
-    forms = [rival.form for rival in rivals]
-    used = {name for form in forms for name in form.used}
-    used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
+    used = {name for rival in rivals for name in rival.form.used}
     yield f"{make} {MORE} more {noun} as before", with_more_parts(table, {})
     names = [name for name in table.covariates if name in used]
     reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
@@ -148,7 +150,7 @@ def with_more_parts(
     )
 
 
-def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
+def minimum_detectable(diagnosis: Diagnosis) -> dict[str, float]:
     """Root mean square, mm or rad, over the cells of the smallest effect of each candidate that
     passes the gate four times in five; the median over its members. The effects of the diagnosis
     are in the model.
@@ -160,9 +162,9 @@ def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
     and the members of each.
     """
     design, strata = diagnosis.design, diagnosis.design.strata
-    fit = diagnosis.likelihood.fit(diagnosis.models.columns(diagnosis.model))
+    fit = diagnosis.models.likelihood.fit(diagnosis.models.columns(diagnosis.model))
     P, H, _ = strata.shape
-    of = design.owner[: design.tested]
+    of = design.owner
     counts = np.bincount(of)
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
@@ -176,7 +178,7 @@ def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
         crossed = design.columns.cross(partials.terms, partials.terms).sum(axis=-1)
         shares = fit.weights[:, None] * crossed
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
-        p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[partials.members]]
+        p = (1 - (1 - diagnosis.models.alpha) ** (1 / tests)) / counts[of[partials.members]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
         z = np.sqrt(c2) * (1 - 0.25 / v) + ndtri(0.8) * np.sqrt(1 + c2 / (2 * v))
         axes = [np.bincount(strata.axis, share) > 0 for share in shares.T]

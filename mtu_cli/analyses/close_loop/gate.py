@@ -233,7 +233,7 @@ class Gate:
                 else:
                     of_parts = flat[order].reshape(len(order), P, H * A) @ lever
                     result[rows, k] = (of_parts**2).sum(axis=1)
-        n = float(sum(self.likelihood.coordinate_dof[s] for s in inner))
+        n = float(sum(self.likelihood.n[s] for s in inner))
         total = max(float(squares.sum()), 1e-300)
         kurtosis = max(float(np.mean((flat * flat * (flat.size / total)) ** 2)) - 3, 0.0)
         result = np.clip(result, 1e-9 * total, ALMOST_ONE * total)

@@ -67,8 +67,6 @@ class Likelihood:
     ) -> None:
         self.design, self.y, self.grand = design, y, grand
         strata = design.strata
-        self.coordinate_dof = n
-        """Degrees of freedom (S,) of the coordinates themselves."""
         squares = np.array([y[part] @ y[part] for part in strata.slices])
         self.extra, self.extra_dof = prior
         self.n = n + self.extra_dof

@@ -13,9 +13,8 @@ from itertools import combinations
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.gate import Gate
-from mtu_cli.analyses.close_loop.likelihood import Columns, Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Columns
 from mtu_cli.analyses.close_loop.strata import PADDING
 from mtu_cli.files.effects import SCATTERS
 from mtu_cli.stats.least_squares import FloatArray
@@ -55,9 +54,8 @@ class Entry:
 class ModelSet:
     """Models of one table and what they say."""
 
-    def __init__(self, likelihood: Likelihood, gate: Gate, *, alpha: float, most: int) -> None:
-        self.likelihood, self.gate = likelihood, gate
-        self.design: Design = likelihood.design
+    def __init__(self, gate: Gate, *, alpha: float, most: int) -> None:
+        self.gate, self.likelihood, self.design = gate, gate.likelihood, gate.design
         self.alpha, self.most = alpha, most
         self.named = [k for k, kernel in enumerate(self.design.kernels) if kernel.name]
         self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.name]

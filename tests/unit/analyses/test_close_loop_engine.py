@@ -160,10 +160,10 @@ def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     common = np.zeros((P, H, 2, 1))
     common[..., 0, 0] = u * x / np.abs(x).max()
     found = [diagnosis(replace(own, common=known), "scale") for known in (common[..., :0], common)]
-    sizes = [minimum_detectable(each, 0.05)["scale-x"] for each in found]
+    sizes = [minimum_detectable(each)["scale-x"] for each in found]
     design = found[0].design
     (s,) = (s for s in design.strata.of("feature") if design.strata.axis[s] == 0)
-    S = np.sum(x**2) / np.abs(x).max() ** 2 * found[0].likelihood.fit(()).weights[s]
+    S = np.sum(x**2) / np.abs(x).max() ** 2 * found[0].models.likelihood.fit(()).weights[s]
     # The coefficients take a degree of freedom of five, too.
     assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
 
