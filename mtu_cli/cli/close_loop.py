@@ -17,7 +17,8 @@ from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.cli.emit import Outcome, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import drift_estimates, modelled
-from mtu_cli.files.extend_machine import ExtendedMachine, extended_machine
+from mtu_cli.files.extend_machine import extended_machine
+from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.language import to_text
@@ -121,7 +122,20 @@ def _written_files(
     if path := paths.get("write_machine"):
         files[path] = extended.content
     if path := paths.get("write_components"):
-        files[path] = _components(inputs, earlier, settings, extended, joint(additions))
+        results, of_fit = _components(inputs, extended.machine)
+        effects = joint_effects(extended.machine, earlier, extended.parameters, joint(additions))
+        results.pop("effects", None)
+        if effects is not None:
+            f = np.array([unit.to_internal for unit in effects.units])
+            results["effects"] = {
+                "parameters": list(effects.names),
+                "units": [unit.name for unit in effects.units],
+                "values": plain(effects.values / f),
+                "covariance": plain(effects.covariance / np.outer(f, f)),
+            }
+        facts: dict[str, Any] = {"inputs": inputs.sources, "warnings": of_fit}
+        content = envelope("fit-components", settings=settings, results=results, **facts)
+        files[path] = report_bytes(content)
     warnings = [
         finding("effect-not-written", effect=effect.name, reason=effect.not_written)
         for effect, _ in pairs
@@ -218,37 +232,16 @@ def joint(additions: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
     return np.asarray((whole + whole.T) / 2)
 
 
-def _components(
-    inputs: Inputs,
-    earlier: EffectEstimates | None,
-    settings: Settings,
-    extended: ExtendedMachine,
-    covariance: FloatArray,
-) -> bytes:
-    """The fit-components report of the call's components, with the effects of the machine:
-    components are fitted to readings less these effects.
+def _components(inputs: Inputs, machine: LoadedMachine) -> tuple[dict[str, Any], Sequence[Finding]]:
+    """Results and warnings of the fit-components report of the call's components: these are fitted
+    to readings less the effects of the machine.
     """
-    fit_report, machine = inputs.reports.components, extended.machine
-    warnings: Sequence[Finding] = ()
-    if fit_report is not None:
-        results = dict(fit_report.document["results"])
-    else:
-        readings = inputs.readings
-        none = MachineFit(components={}, joint=())
-        fit = none if readings is None else fit_machine(machine, readings)
-        says = {name: x.says for name, x in machine.machine.components.items() if x.says}
-        estimates = estimates_from_fit(machine, fit)
-        result = fit_result(machine.machine.name, fit, estimates, says=says)
-        results, warnings = fit_components.document(result).record(), result.warnings
-    effects = joint_effects(machine, earlier, extended.parameters, covariance)
-    results.pop("effects", None)
-    if effects is not None:
-        f = np.array([unit.to_internal for unit in effects.units])
-        results["effects"] = {
-            "parameters": list(effects.names),
-            "units": [unit.name for unit in effects.units],
-            "values": plain(effects.values / f),
-            "covariance": plain(effects.covariance / np.outer(f, f)),
-        }
-    context: dict[str, Any] = {"inputs": inputs.sources, "settings": settings, "warnings": warnings}
-    return report_bytes(envelope("fit-components", results=results, **context))
+    if (given := inputs.reports.components) is not None:
+        return dict(given.document["results"]), ()
+    readings = inputs.readings
+    none = MachineFit(components={}, joint=())
+    fit = none if readings is None else fit_machine(machine, readings)
+    says = {name: x.says for name, x in machine.machine.components.items() if x.says}
+    estimates = estimates_from_fit(machine, fit)
+    result = fit_result(machine.machine.name, fit, estimates, says=says)
+    return fit_components.document(result).record(), result.warnings

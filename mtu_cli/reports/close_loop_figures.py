@@ -53,7 +53,14 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     for panel, effect in zip(panels, effects, strict=False):
         _errors(panel, item, errors, effect)
     figures.legend(lower)
-    _ranking(panels[-1], item, result.alpha / len(result.tables))
+    best, panel = ranked(item)[:CANDIDATES], panels[-1]
+    in_class = {name for effect in item.effects for name in effect.class_names}
+    labels = [cut(x.name, NAME) + ("*" if x.name in in_class else "") for x in best]
+    values = [max(x.log_bayes_factor or 0.0, LEAST) for x in best]
+    figures.bars(panel, labels, values, [f"p {p_value(x.p_familywise)}" for x in best])
+    alpha = result.alpha / len(result.tables)
+    panel.set_xlabel(f"natural log of the Bayes factor (gate: p {alpha:.2g})")
+    panel.set_title("candidates" + ("; *: found, or in its class" if in_class else ""))
     names = "; ".join(" or ".join(e.class_names) for e in item.effects)
     of = "" if item.table.component is None else f" of {item.table.component}"
     text = f"Undeclared effects{of}: {item.verdict}{f' ({names})' if names else ''}"
@@ -131,14 +138,3 @@ def ranked(item: TableResult) -> list[Judged]:
     """The candidates that could be tested, the likeliest first."""
     candidates = [x for x in item.candidates if x.log_bayes_factor is not None]
     return sorted(candidates, key=lambda x: -(x.log_bayes_factor or 0.0))
-
-
-def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
-    """Log Bayes factors of the likeliest candidates, each added to the machine's model alone."""
-    best = ranked(item)[:CANDIDATES]
-    class_names = {name for effect in item.effects for name in effect.class_names}
-    labels = [cut(x.name, NAME) + ("*" if x.name in class_names else "") for x in best]
-    values = [max(x.log_bayes_factor or 0.0, LEAST) for x in best]
-    figures.bars(panel, labels, values, [f"p {p_value(x.p_familywise)}" for x in best])
-    panel.set_xlabel(f"natural log of the Bayes factor (gate: p {alpha:.2g})")
-    panel.set_title("candidates" + ("; *: found, or in its class" if class_names else ""))

@@ -197,33 +197,19 @@ def likelihood_of(
     means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
     shared = means & (variance[axis] < steps[axis] ** 2 / 4)
     least = np.where(shared, P * least, least)
-    prior = _prior(design, len(scatter), variance, n)
-    return Likelihood(design, y, errors.mean(axis=(0, 1)), n, prior, least)
-
-
-def _prior(
-    design: Design, moving: int, variance: FloatArray, n: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Sums of squares and degrees of freedom (S,) of the parts' scatter by the model's D, but for
-    the last lines of each axis, which are `moving`.
-    """
-    strata, table = design.strata, design.table
+    # What the model's D tells of the parts' scatter, but for the lines of `scatter`.
     squares, dof = np.zeros((2, len(n)))
-    if not table.of_part.shape[3]:
-        return squares, dof
-    nu = min(float(table.pass_dof), 1e4)
-    F = table.of_part / design.scale
-    for s in (*strata.of(PART), *strata.of(LINE)):
-        a, first = strata.axis[s], strata.place[strata.slices[s].start]
-        line = int(first) % strata.shape[1]
-        lines = sum(strata.axis[t] == a for t in strata.of(LINE))
-        if n[s] == 0 or line > lines - moving:
+    F, nu = table.of_part / scale, min(float(table.pass_dof), 1e4)
+    lines = [sum(axis[t] == a for t in strata.of(LINE)) - len(scatter) for a in range(A)]
+    for s in (*strata.of(PART), *strata.of(LINE)) if F.shape[3] else ():
+        a, line = strata.axis[s], int(strata.place[strata.slices[s].start]) % strata.shape[1]
+        if n[s] == 0 or line > lines[a]:
             continue
         direction = strata.of_features[a][:, line]
         size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
         if size > 0:
             dof[s], squares[s] = nu, nu * (variance[a] + size)
-    return squares, dof
+    return Likelihood(design, y, errors.mean(axis=(0, 1)), n, (squares, dof), least)
 
 
 def steps_of(table: ResidualTable) -> FloatArray:
