@@ -350,12 +350,10 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
             name = f"own_{name}"
         return name if number is None else data.number(name, number)
 
-    fillings = [
-        {raw: fill(raw, scope) for raw in (*template.columns, *template.units)}
-        for _, _, scope in entries
-    ]
-    equations, levers = dict[int, Node](), dict[int, dict[str, Node]]()
-    for (a, key, _), filling in zip(entries, fillings, strict=True):
+    equations, levers, fillings = dict[int, Node](), dict[int, dict[str, Node]](), []
+    for a, key, scope in entries:
+        filling = {raw: fill(raw, scope) for raw in (*template.columns, *template.units)}
+        fillings.append(filling)
         equations[a] = filled_tree(template.trees[key], filling)
         levers[a] = {
             str(filling[raw]): filled_tree(lever, filling)

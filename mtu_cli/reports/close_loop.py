@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Parameter, TableResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_figures import figure, ranked
@@ -61,7 +61,7 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         subjects = (item.table.component,)
     words |= dict(zip("AB", subjects, strict=False))
     sizes = effect.of_role("own")
-    words["values"] = ", ".join(f"{p.name} {_size(p)}" for p in sizes)
+    words["values"] = ", ".join(f"{p.name} {_size(p.unit, p.value, p.u)}" for p in sizes)
     if effect.ratio is not None:
         words["values"] = f"{significant(effect.ratio)} times the rest"
     if effect.chosen is not None:
@@ -82,24 +82,23 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         words["at"] = item.table.parts[parts[0]] if len(parts) else significant(searched.value, 3)
     if len(sizes) == 1:
         (size,) = sizes
-        words["value"] = _size(size)
-        words["size"] = _size(size, abs(size.value))
+        words["value"] = _size(size.unit, size.value, size.u)
+        words["size"] = _size(size.unit, abs(size.value), size.u)
         # The reversal value is twice the parameter, which acts both ways (ISO 230-2, 2.13).
-        words["twice"] = _size(size, 2 * abs(size.value), 2 * size.u)
+        words["twice"] = _size(size.unit, 2 * abs(size.value), 2 * size.u)
     elif len({p.unit for p in sizes}) == 1:
         # The root of the sum of squares, with its u (JCGM 100, 5.2.2).
         amplitudes = np.array([p.value for p in sizes])
         k, length = len(amplitudes), float(np.linalg.norm(amplitudes))
         J = amplitudes / length if length > 0 else np.full(k, k**-0.5)
         u = float(np.sqrt(J @ effect.covariance[:k, :k] @ J))
-        words["wave"] = _size(sizes[0], length, u)
+        words["wave"] = _size(sizes[0].unit, length, u)
     return words
 
 
-def _size(parameter: Parameter, value: float | None = None, u: float | None = None) -> str:
-    scale = PARAMETER_UNITS[parameter.unit].to_internal
-    value, u = (parameter.value if value is None else value), (parameter.u if u is None else u)
-    return f"{plus_minus(value / scale, u / scale)} {parameter.unit}"
+def _size(unit: str, value: float, u: float) -> str:
+    scale = PARAMETER_UNITS[unit].to_internal
+    return f"{plus_minus(value / scale, u / scale)} {unit}"
 
 
 def verdict_text(item: TableResult, alpha: float) -> str:
