@@ -230,12 +230,14 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
     J, labels, starts = _map(design, fit.columns, optima)
     covariance, values = J @ fit.covariance @ J.T, J @ fit.beta
-    bounded = [
-        end - 1
-        for (best, _), end in zip(optima, starts[1:], strict=True)
-        if labels[end - 1][2] == "searched" and _beyond(design.members[best], values[end - 1])
-    ]
-    # The estimates given that these do not change; u is kept as if they could.
+    bounded = list[int]()
+    for (best, _), end in zip(optima, starts[1:], strict=True):
+        value, grid = design.members[best].value, design.members[best].form.grid
+        if labels[end - 1][2] == "searched" and value is not None and grid is not None:
+            change, low, high = values[end - 1], grid.min() * (1 + 1e-9), grid.max() * (1 - 1e-9)
+            if (value <= low and change < 0) or (value >= high and change > 0):
+                bounded.append(end - 1)
+    # What was searched does not leave its range; u is kept as if it could.
     cross = covariance[:, bounded]
     values = values - cross @ np.linalg.solve(cross[bounded], values[bounded])
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
@@ -281,15 +283,6 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
         covariance=covariance,
         fit=fit,
     )
-
-
-def _beyond(member: Member, change: float) -> bool:
-    """Whether what was searched is at an end of its range and a `change` leads out of it."""
-    assert member.value is not None
-    assert member.form.grid is not None
-    low, high = float(member.form.grid.min()), float(member.form.grid.max())
-    at_low, at_high = member.value <= low * (1 + 1e-9), member.value >= high * (1 - 1e-9)
-    return (at_low and change < 0) or (at_high and change > 0)
 
 
 def _map(

@@ -88,7 +88,23 @@ class Gate:
         Y = np.zeros((PERMUTATIONS + 1, len(fit.residual)))
         crossed = bool(strata.of(FEATURE))
         for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
-            self._rotate(Y[1:], strata.of(kind), fit, ratio)
+            group = strata.of(kind)
+            # Strata of one size turn alike: an orthonormal basis of g vectors to a random g-frame.
+            alike = len({int(strata.sizes[s]) for s in group}) == 1
+            for block in [group] if alike else [[s] for s in group]:
+                Z = np.stack([fit.residual[strata.slices[s]] * ratio[s] for s in block])
+                if count := round(like.extra_dof[block].max()):
+                    extra = rng.normal(size=(len(block), count))
+                    sizes = np.sqrt(like.extra[block]) * ratio[block]
+                    sizes = sizes / np.linalg.norm(extra, axis=1)
+                    Z = np.concatenate([Z, extra * sizes[:, None]], axis=1)
+                g, n = Z.shape
+                R = np.linalg.qr(Z.T)[1]
+                frame = np.linalg.qr(rng.normal(size=(PERMUTATIONS, n, min(g, n))))[0]
+                signs = rng.choice([-1.0, 1.0], size=(PERMUTATIONS, 1, frame.shape[2]))
+                rotations = np.swapaxes((frame * signs) @ R, 1, 2)
+                for i, s in enumerate(block):
+                    Y[1:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
         inner = np.isin(strata.labels(), strata.of(INTERACTION))
         cells = strata.table(np.where(inner, fit.residual * ratio[strata.labels()], 0.0))
         w = fit.weights[strata.labels()]
@@ -112,26 +128,6 @@ class Gate:
         step = max(1, AT_HAND // int(np.prod(self.strata.shape)))
         for first in range(1, PERMUTATIONS + 1, step):
             yield slice(first, min(first + step, PERMUTATIONS + 1))
-
-    def _rotate(self, null: FloatArray, group: list[int], fit: Fit, ratio: FloatArray) -> None:
-        """Fills strata of null tables, those of one size alike: a random rotation takes an
-        orthonormal basis of g vectors to a random g-frame.
-        """
-        strata, like, rng = self.strata, self.likelihood, self.rng
-        same_size = len({int(strata.sizes[s]) for s in group}) == 1
-        for block in [group] if same_size else [[s] for s in group]:
-            Z = np.stack([fit.residual[strata.slices[s]] * ratio[s] for s in block])
-            if count := round(like.extra_dof[block].max()):
-                extra = rng.normal(size=(len(block), count))
-                sizes = np.sqrt(like.extra[block]) * ratio[block] / np.linalg.norm(extra, axis=1)
-                Z = np.concatenate([Z, extra * sizes[:, None]], axis=1)
-            g, n = Z.shape
-            R = np.linalg.qr(Z.T)[1]
-            frame = np.linalg.qr(rng.normal(size=(len(null), n, min(g, n))))[0]
-            signs = rng.choice([-1.0, 1.0], size=(len(null), 1, frame.shape[2]))
-            rotations = np.swapaxes((frame * signs) @ R, 1, 2)
-            for i, s in enumerate(block):
-                null[:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
 
     # Tests.
 
