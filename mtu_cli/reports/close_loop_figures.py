@@ -8,7 +8,6 @@ from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Judged, TableResult
 from mtu_cli.model.machine_model import AXES
@@ -77,7 +76,8 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
     means = []
     for values in errors:
         mean = np.full((len(table.features), len(AXES)), np.nan)
-        mean[:, at] = _mean(values, table.there[..., None])
+        missing = np.broadcast_to(~table.there[..., None], values.shape)
+        mean[:, at] = np.ma.masked_array(values, missing).mean(axis=0).filled(np.nan)
         means.append(mean)
     groups = []
     for code, operation in enumerate(table.operations):
@@ -89,16 +89,10 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
         groups.append((operation, sides))
     return Maps(
         ids=table.features,
-        places=_mean(table.places, np.isfinite(table.places)),
+        places=table.mean_places,
         axes=table.axes,
         groups=tuple(groups),
     )
-
-
-def _mean(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
-    """The mean over the parts, of the measured values; nan where there is none."""
-    mask = ~np.broadcast_to(there, values.shape)
-    return np.asarray(np.ma.masked_array(values, mask).mean(axis=0).filled(np.nan))
 
 
 def _errors(
