@@ -20,7 +20,7 @@ from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.estimate import COVERED, smooth_effect
 from mtu_cli.analyses.close_loop.experiment import experiment
-from mtu_cli.analyses.close_loop.model_set import SHARE, Entry
+from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect, Parameter, SmoothEffect
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.extend_machine import free_name
@@ -65,7 +65,7 @@ def effects_of(diagnosis: Diagnosis, *, compare: bool = False) -> tuple[FoundEff
                 log_bayes_factor=entry.gain,
                 posterior=entry.posterior,
                 class_names=tuple(name for name, _, _ in entry.credible),
-                nameless=entry.nameless > 1 - SHARE,
+                nameless=entry.nameless,
             )
         )
     for name, (p, credible) in diagnosis.offsets.items():

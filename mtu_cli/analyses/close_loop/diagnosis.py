@@ -12,7 +12,7 @@ from mtu_cli.analyses.close_loop.design import Design, smooth_covariance
 from mtu_cli.analyses.close_loop.estimate import Estimates, estimates_of, without_aliases
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of, lever_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
+from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet, Scatter
 from mtu_cli.analyses.close_loop.strata import (
     INTERACTION,
     LINE,
@@ -41,7 +41,7 @@ class Diagnosis:
     models: ModelSet
     model: Model
     entries: tuple[Entry, ...]
-    scatter: tuple[tuple[str, float, float], ...]
+    scatter: tuple[Scatter, ...]
     offsets: dict[str, tuple[float, dict[str, float]]]
     checks: tuple[tuple[str, float], ...]
     fired: tuple[str, ...]
@@ -73,7 +73,7 @@ class Diagnosis:
             return "none"
         several = any(len(x.credible) > 1 for x in self.entries)
         several |= any(len(credible) > 1 for _, credible in self.offsets.values())
-        several |= any(entry.nameless > 1 - SHARE for entry in self.entries)
+        several |= any(entry.nameless for entry in self.entries)
         return "class" if several else "named"
 
 
@@ -90,13 +90,13 @@ def diagnosis_of(
     mask = outliers(table.errors, measured, free_lines(table), steps_of(table))
     errors = np.where(mask.any(axis=2, keepdims=True), np.nan, table.errors)
     table = replace(table, errors=errors)
-    motion: list[tuple[str, float, float]] = []
+    motion = list[Scatter]()
     while True:
-        base = [name for name, _, _ in motion]
-        gate = Gate(likelihood_of(table, candidates, base), np.random.default_rng(seed))
+        likelihood = likelihood_of(table, candidates, [name for name, _, _ in motion])
+        gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
-        scatter = motion + models.scatter(model, base)
+        scatter = models.scatter(model, motion)
         # What moves whole parts at random is no repeat of their features: all is sought anew.
         of_parts = [item for item in scatter if item[0] in OF_PARTS]
         if len(of_parts) == len(motion):
