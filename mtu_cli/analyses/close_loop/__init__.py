@@ -87,7 +87,7 @@ def close_loop(
             return without_references(diagnosis)
 
         advance(0, 1)
-        validation = _held_out(table, diagnose, lambda k, n: advance(1 + k, 1 + n))
+        validation = _held_out(table, diagnose, advance)
         return _result(*validation, table, len(large))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
@@ -278,7 +278,7 @@ def _held_out(
     with workers(min(count + 1, available_threads())) as executor:
         future = executor.submit(diagnose, table)
         for fold, _ in enumerate(executor.map(predict, range(count))):
-            progress(fold + 1, count)
+            progress(fold + 2, count + 1)
     return future.result(), table.plurals[axis], errors
 
 

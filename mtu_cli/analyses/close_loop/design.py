@@ -220,9 +220,8 @@ class Design:
         """Finer members around one of the grid."""
         if m not in self._around:
             parent = self.members[m]
-            values = np.array(parent.around)
-            finer = members_at(self, parent.form, values) if parent.around else []
-            self._around[m] = add(self, parent.candidate, finer)
+            finer = members_at(self, parent.form, np.array(parent.around)) if parent.around else []
+            self._around[m] = add(self, parent.candidate, finer) if finer else ()
         return self._around[m]
 
 
@@ -307,8 +306,6 @@ def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
     """The indices of members of one form of candidate c among those of the design, their columns
     among its.
     """
-    if not members:
-        return ()
     names = ("columns", "means", "norms")
     arrays = (np.concatenate([getattr(member, name) for member in members]) for name in names)
     indices, factors = design.columns.add(members[0].at, *arrays)

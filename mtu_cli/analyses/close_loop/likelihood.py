@@ -128,15 +128,16 @@ class Likelihood:
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
         R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))
         for _ in range(5):
-            w = self.weights(R, np.broadcast_to(n, R.shape))
-            diagonal = ridge + TINY * np.einsum("sm,smi->mi", w, squares)
+            w = self.weights(R, n)
+            information = np.einsum("sm,smi->mi", w, squares)
+            diagonal = ridge + TINY * information
             A = np.einsum("sm,smij->mij", w, G) + diagonal[:, None] * np.eye(models.shape[1])
             beta = np.linalg.solve(A, np.einsum("sm,smi->mi", w, b)[..., None])[..., 0]
             reduction = 2 * b - np.einsum("smij,mj->smi", G, beta)
-            penalty = beta**2 * ridge / np.maximum(np.einsum("sm,smi->mi", w, squares), 1e-300)
+            penalty = beta**2 * ridge / np.maximum(information, 1e-300)
             R = self.R0[:, None] - np.einsum("mi,smi->sm", beta, reduction)
             R = np.maximum(R + np.einsum("mi,smi->sm", penalty, squares), floor)
-        info = self.weights(R, np.broadcast_to(n, R.shape))[..., None] * squares[:, :, :k]
+        info = self.weights(R, n)[..., None] * squares[:, :, :k]
         number = np.einsum("smi,s->mi", info, self.n) / np.maximum(info.sum(0), 1e-300)
         return R, number
 
