@@ -184,9 +184,7 @@ def minimum_detectable(diagnosis: Diagnosis) -> dict[str, float]:
         axes = [np.bincount(strata.axis, share) > 0 for share in shares.T]
         cells = P * H * np.sum(axes, axis=1)
         estimable = signal * k > 1e-9 * partials.unadjusted.sum(axis=1)
-        sizes[partials.members] = np.where(
-            estimable, z / np.sqrt(np.where(estimable, signal, 1.0) * cells), np.nan
-        )
+        sizes[partials.members] = z / np.sqrt(np.where(estimable, signal, np.nan) * cells)
     of_candidates = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {
         design.candidates[c].name: float(np.median(values)) * diagnosis.design.scale
