@@ -168,7 +168,7 @@ def on_table(
         after_averaged=after,
         in_sample_before=before,
         in_sample_after=after,
-        held_out_by="parts",
+        held_out=own.plurals[0],
         floor=1.8 * scale,
         crossings=(),
         covariance=np.diag([1.0, 2.0, 3.0]) * 1e-8,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Tab
 from mtu_cli.cli.emit import Outcome, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import drift_estimates, fitted, modelled
-from mtu_cli.files.extend_machine import ExtendedMachine, extended_machine
+from mtu_cli.files.extend_machine import extended_machine
+from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.language import to_text
@@ -112,7 +114,20 @@ def _written_files(
     if path := paths.get("write_machine"):
         files[path] = extended.content
     if path := paths.get("write_components"):
-        files[path] = _components(inputs, earlier, settings, extended, joint(additions))
+        results, of_fit = _components(inputs, extended.machine)
+        effects = joint_effects(extended.machine, earlier, extended.parameters, joint(additions))
+        results.pop("effects", None)
+        if effects is not None:
+            f = np.array([unit.to_internal for unit in effects.units])
+            results["effects"] = {
+                "parameters": list(effects.names),
+                "units": [unit.name for unit in effects.units],
+                "values": plain(effects.values / f),
+                "covariance": plain(effects.covariance / np.outer(f, f)),
+            }
+        facts: dict[str, Any] = {"inputs": inputs.sources, "warnings": of_fit}
+        content = envelope("fit-components", settings=settings, results=results, **facts)
+        files[path] = report_bytes(content)
     warnings = [
         finding("effect-not-written", effect=effect.name, reason=effect.not_written)
         for effect, _ in pairs
@@ -198,48 +213,22 @@ def joint(additions: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
     """The joint covariance of the parameters of the effects in order, in internal units: of
     those estimated jointly that of their table.
     """
-
-    def block(
-        one: FoundEffect, item: TableResult, other: FoundEffect, peer: TableResult
-    ) -> FloatArray:
-        if one is other:
-            return one.covariance[np.ix_(one.written, one.written)]
-        if item is peer and one.table is None and other.table is None:
-            return item.covariance[np.ix_(one.rows, other.rows)]
-        return np.zeros((len(one.written), len(other.written)))
-
-    if not additions:
-        return np.zeros((0, 0))
-    whole = np.block([[block(*pair, *other) for other in additions] for pair in additions])
+    ends = np.cumsum([0, *(len(effect.written) for effect, _ in additions)]).tolist()
+    whole = np.zeros((ends[-1], ends[-1]))
+    places = [slice(*pair) for pair in pairwise(ends)]
+    for (i, (one, item)), (j, (other, peer)) in product(enumerate(additions), repeat=2):
+        if i == j:
+            whole[places[i], places[i]] = one.covariance[np.ix_(one.written, one.written)]
+        elif item is peer and one.table is None and other.table is None:
+            whole[places[i], places[j]] = item.covariance[np.ix_(one.rows, other.rows)]
     return np.asarray((whole + whole.T) / 2)
 
 
-def _components(
-    inputs: Inputs,
-    earlier: EffectEstimates | None,
-    settings: Settings,
-    extended: ExtendedMachine,
-    covariance: FloatArray,
-) -> bytes:
-    """The fit-components report of the call's components, with the effects of the machine:
-    components are fitted to readings less these effects.
+def _components(inputs: Inputs, machine: LoadedMachine) -> tuple[dict[str, Any], Sequence[Finding]]:
+    """Results and warnings of the fit-components report of the call's components: these are fitted
+    to readings less the effects of the machine.
     """
-    fit_report, machine = inputs.reports.components, extended.machine
-    warnings: Sequence[Finding] = ()
-    if fit_report is not None:
-        results = dict(fit_report.document["results"])
-    else:
-        result = fitted(inputs, machine)
-        results, warnings = fit_components.document(result).record(), result.warnings
-    effects = joint_effects(machine, earlier, extended.parameters, covariance)
-    results.pop("effects", None)
-    if effects is not None:
-        f = np.array([unit.to_internal for unit in effects.units])
-        results["effects"] = {
-            "parameters": list(effects.names),
-            "units": [unit.name for unit in effects.units],
-            "values": plain(effects.values / f),
-            "covariance": plain(effects.covariance / np.outer(f, f)),
-        }
-    context: dict[str, Any] = {"inputs": inputs.sources, "settings": settings, "warnings": warnings}
-    return report_bytes(envelope("fit-components", results=results, **context))
+    if (given := inputs.reports.components) is not None:
+        return dict(given.document["results"]), ()
+    result = fitted(inputs, machine)
+    return fit_components.document(result).record(), result.warnings

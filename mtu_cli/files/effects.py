@@ -283,7 +283,7 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
     searched, search = next(iter(form.search.items()), (None, None))
     if search is not None:
         _check_search(search, family, (*path, "search", str(searched)), faults)
-    trees: dict[str, Node] = {}
+    trees, levers = dict[str, Node](), dict[str, dict[str, Node]]()
     for key, text in form.equations.items():
         location = (*path, "equations", key)
         if not _EQUATION.fullmatch(key):
@@ -293,10 +293,9 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
             faults.add(location, "misplaced", key=key, where="an effect with no other equation")
         with faults.collected(location):
             trees[key] = parse(text, name=BRACED)
-            _check_equation(trees[key], key, form.parameters, searched, family)
-    levers, symbols = {}, dict.fromkeys(name for tree in trees.values() for name in names(tree))
+            levers[key] = _levers(trees[key], key, form.parameters, searched, family)
+    symbols = dict.fromkeys(name for tree in trees.values() for name in names(tree))
     if len(faults.findings) == before:
-        levers = {key: linear_form(x, form.parameters).coefficients for key, x in trees.items()}
         unused = [((*path, *place), place[1]) for place in places if place[1] not in symbols]
         if family.over is not None and CHOSEN not in symbols:
             unused.append(((*path, "equations"), CHOSEN))
@@ -320,12 +319,11 @@ def _is_column(raw: str, family: Family) -> bool:
     return plain in (*POSITIONS, *family.needs, STAND_INS["v"]) or is_covariate(plain)
 
 
-def _check_equation(
+def _levers(
     tree: Node, key: str, parameters: Mapping[str, str], searched: str | None, family: Family
-) -> None:
-    """An equation is linear in its parameters, which all its terms have, and these are lengths.
-
-    Raises InputError with its faults.
+) -> dict[str, Node]:
+    """The levers of the parameters of an equation that is linear in these, which all its terms
+    have, and its terms are lengths. Raises InputError with its faults.
     """
     symbols = {*parameters, searched} | ({CHOSEN} if family.over is not None else set())
     faults = []
@@ -350,6 +348,7 @@ def _check_equation(
     if form.remainder is not None:
         reason, expected = "a term without a parameter", "parameters in every term"
         raise error("not-applicable", reason=reason, column=1, expected=expected)
+    return form.coefficients
 
 
 def _check_search(search: Search, family: Family, path: YamlPath, faults: Faults) -> None:

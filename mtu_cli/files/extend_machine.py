@@ -50,8 +50,7 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
 
     Raises InputError for effects that no machine file can hold.
     """
-    covariates = _needed_covariates(machine, effects)
-    new_effects = _with_unique_names(machine, effects, covariates)
+    covariates, new_effects = _named(machine, effects)
     old, file = machine.document.data, machine.source.shown
     entries: list[Any] = [
         {key: x for key, x in effect.items() if key == "parameters" or x not in (None, {})}
@@ -86,8 +85,11 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
 # A unique name for every effect and parameter.
 
 
-def _needed_covariates(machine: LoadedMachine, effects: Sequence[Entry]) -> list[str]:
-    """Covariates that equations use and the machine does not know yet.
+def _named(
+    machine: LoadedMachine, effects: Sequence[Entry]
+) -> tuple[list[str], list[dict[str, Any]]]:
+    """Covariates that equations use and the machine does not know yet, and the effects with names
+    that it does not use yet.
 
     Raises InputError for a covariate whose name means something else to the machine.
     """
@@ -102,32 +104,22 @@ def _needed_covariates(machine: LoadedMachine, effects: Sequence[Entry]) -> list
         scope = {*symbols, *entry.covariates, *effect["parameters"], *effect.get("components", ())}
         used = [name for text in effect["equations"].values() for name in names(parse(text))]
         covariates |= {name: None for name in used if not (name in scope or is_covariate(name))}
-    return list(covariates)
-
-
-def _with_unique_names(
-    machine: LoadedMachine, effects: Sequence[Entry], covariates: Collection[str]
-) -> list[dict[str, Any]]:
-    """The effects with names that the machine does not use yet."""
-    entry = machine.machine
-    effect_names = {effect.name for effect in entry.effects}
-    symbols = {"pi", *MACHINE_FUNCTIONS, *POSITIONS, *COVARIATES, *entry.covariates, *covariates}
-    symbols |= {*entry.constants, *entry.components}
-    result = []
+    symbols |= {*MACHINE_FUNCTIONS, *COVARIATES, *entry.covariates, *covariates}
+    effect_names, result = {effect.name for effect in entry.effects}, []
     for effect in effects:
         name = free_name(effect["name"], effect_names, "-")
         effect_names.add(name)
         keys = [key for key in ("parameters", "components") if key in effect]
-        names, new = dict.fromkeys(item for key in keys for item in effect[key]), dict[str, str]()
-        for old in names:
-            new[old] = free_name(old, symbols | (names.keys() - {old}) | {*new.values()}, "_")
+        own, new = dict.fromkeys(item for key in keys for item in effect[key]), dict[str, str]()
+        for old in own:
+            new[old] = free_name(old, symbols | (own.keys() - {old}) | {*new.values()}, "_")
         equations = {
             axis: "".join(new.get(word, word) for word in WORD.split(text))
             for axis, text in effect["equations"].items()
         }
         entries = {key: {new[old]: x for old, x in effect[key].items()} for key in keys}
         result.append({**effect, "name": name, **entries, "equations": equations})
-    return result
+    return list(covariates), result
 
 
 def free_name(name: str, names: Collection[str], sign: str) -> str:

@@ -245,10 +245,10 @@ class BoundTemplate:
     """A template of a family whose names are bound to a table's axes, columns and numbers.
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
-    of each parameter; `used` are the columns that these and `needs` name, `covariate` the one
-    that the effect depends on, `grid` (G,) the values of the searched parameter, if any, and `ends`
-    (D,) the data's values that it lies between. With it its `margins`; of a family `over` features,
-    parts or operations one member each is `chosen`.
+    of each parameter; `used` are the columns and positions that these and `needs` name, `covariate`
+    the column that the effect depends on, `grid` (G,) the values of the searched parameter, if any,
+    and `ends` (D,) the data's values that it lies between. With it its `margins`; of a family
+    `over` features, parts or operations one member each is `chosen`.
     """
 
     family: Family
@@ -350,12 +350,10 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
             name = f"own_{name}"
         return name if number is None else data.number(name, number)
 
-    fillings = [
-        {raw: fill(raw, scope) for raw in (*template.columns, *template.units)}
-        for _, _, scope in entries
-    ]
-    equations, levers = dict[int, Node](), dict[int, dict[str, Node]]()
-    for (a, key, _), filling in zip(entries, fillings, strict=True):
+    equations, levers, fillings = dict[int, Node](), dict[int, dict[str, Node]](), []
+    for a, key, scope in entries:
+        filling = {raw: fill(raw, scope) for raw in (*template.columns, *template.units)}
+        fillings.append(filling)
         equations[a] = filled_tree(template.trees[key], filling)
         levers[a] = {
             str(filling[raw]): filled_tree(lever, filling)
@@ -381,8 +379,9 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
             raise NoMember(f"too few values of {along} to search {template.searched}")
         if along and search.grid == "between":
             ends = np.unique(data.values[along])
-    used = sorted(inputs - {*AXES})
+    used = sorted(inputs)
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
+    goes_with += [name for name in used if name not in AXES]
     whole = BoundTemplate(
         family=family,
         template=template,
@@ -391,7 +390,7 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         equations=equations,
         levers=levers,
         used=tuple(used),
-        covariate=next(iter([*goes_with, *used]), None),
+        covariate=next(iter(goes_with), None),
         grid=grid,
         ends=ends,
     )
@@ -486,7 +485,7 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
             try:
                 check_column(name, data)
             except NoMember as lack:
-                reasons[str(lack) or f"no column {name}"] = None
+                reasons[str(lack)] = None
     else:
         for form, item in (
             (x, item) for x in family.templates for item in of_members(x, binding, data)

@@ -53,69 +53,56 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
     """
     components: dict[str, ComponentEstimate] = {}
     tables: dict[str, ComponentEstimate] = {}
-    joint, renames, matches = [], [], list[str]()
+    covariances, renames, matches = dict[tuple[str, ...], FloatArray](), [], list[str]()
     recorded = () if reported is None else reported.names
     for effect in machine.machine.effects:
         names = (*effect.parameters, *effect.components)
         rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in names}
         renames.append(rename)
-        stated, covariance = _stated(effect, rename)
-        components |= stated
+        stated = {rename[name]: parameter for name, parameter in effect.parameters.items()}
+        f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in stated.values()])
+        # Where the file states a covariance, it replaces the parameters' u.
+        u2 = np.diag([p.u**2 for p in stated.values()])
+        C = u2 if effect.covariance is None else np.asarray(effect.covariance, float)
+        C = C * np.outer(f, f)
+        for i, (name, parameter) in enumerate(stated.items()):
+            components[name] = ComponentEstimate(
+                name=name,
+                of=None,
+                unit=PARAMETER_UNITS[parameter.unit],
+                coefficients=np.array([parameter.value * f[i]]),
+                covariance=C[i : i + 1, i : i + 1],
+                pass_covariance=np.zeros((1, 1)),
+                s_repeat=0.0,
+                pass_dof=0.0,
+                repeat_dof=np.inf,
+            )
         for name, entry in effect.components.items():
             tables[rename[name]] = known_component(rename[name], entry)
         if stated.keys() <= {*recorded}:
             matches += stated
         elif effect.covariance is not None:
-            joint.append(_joint_parameters(tuple(stated), covariance))
+            covariances[tuple(stated)] = C
     if reported is not None and matches:
         rows = [recorded.index(name) for name in matches]
         C = reported.covariance[np.ix_(rows, rows)]
         for i, (name, row) in enumerate(zip(matches, rows, strict=True)):
             value, variance = reported.values[row : row + 1], C[i : i + 1, i : i + 1]
             components[name] = replace(components[name], coefficients=value, covariance=variance)
-        joint.append(_joint_parameters(tuple(matches), C))
+        covariances[tuple(matches)] = C
+    joint = (
+        JointPasses(
+            components=names,
+            widths=(1,) * len(names),
+            covariance=C,
+            pass_covariance=np.zeros_like(C),
+            pass_dof=np.inf,
+            n_passes=None,
+        )
+        for names, C in covariances.items()
+    )
     return EffectParameters(
         components=components, tables=tables, joint=tuple(joint), renames=tuple(renames)
-    )
-
-
-def _stated(
-    effect: Effect, rename: Mapping[str, str]
-) -> tuple[dict[str, ComponentEstimate], FloatArray]:
-    """The parameters of an effect as components without an axis, known to their u, and their
-    covariance: where the file states one, it replaces the parameters' u.
-    """
-    units = {name: PARAMETER_UNITS[p.unit] for name, p in effect.parameters.items()}
-    f = np.array([unit.to_internal for unit in units.values()])
-    C = np.diag([p.u**2 for p in effect.parameters.values()])
-    if effect.covariance is not None:
-        C = np.asarray(effect.covariance, float)
-    C = C * np.outer(f, f)
-    estimates = {
-        rename[name]: ComponentEstimate(
-            name=rename[name],
-            of=None,
-            unit=units[name],
-            coefficients=np.array([parameter.value * f[i]]),
-            covariance=C[i : i + 1, i : i + 1],
-            pass_covariance=np.zeros((1, 1)),
-            s_repeat=0.0,
-            pass_dof=0.0,
-            repeat_dof=np.inf,
-        )
-        for i, (name, parameter) in enumerate(effect.parameters.items())
-    }
-    return estimates, C
-
-
-def _joint_parameters(names: tuple[str, ...], C: FloatArray) -> JointPasses:
-    return JointPasses(
-        components=names,
-        widths=(1,) * len(names),
-        covariance=C,
-        pass_covariance=np.zeros_like(C),
-        pass_dof=np.inf,
-        n_passes=None,
     )
 
 

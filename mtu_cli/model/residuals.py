@@ -114,6 +114,16 @@ class ResidualTable:
         """Which cells (P, H) were measured."""
         return self.repeats > 0
 
+    @property
+    def nouns(self) -> tuple[str, str]:
+        """What a row and a column are called."""
+        return ("part", "feature") if self.component is None else ("pass", "position")
+
+    @property
+    def plurals(self) -> tuple[str, str]:
+        """The same of several."""
+        return ("parts", "features") if self.component is None else ("passes", "positions")
+
     def without_datum(self, values: FloatArray) -> FloatArray:
         """Columns (P or 1, H, A, K) less the best-fit motions of the datum in each part, as the
         errors and factors are; cells that were not measured keep theirs.

@@ -1,10 +1,10 @@
 """The report of close-loop: what the model lacks, in a machinist's words, and what correcting it is
 worth.
 
-`before` and `after` are scores of the held-out data (`held_out.by`; null: none could be held out,
-they are in sample): everything is refitted without them. `rms` pools all coordinates, `p95` and
-`max` are of the error vector's length. Keys of an angular component end in `_arcsec` in place of
-`_um`. Of several components the first with the verdict stands at the top, `tables` hold all.
+`before` and `after` are scores of the held-out data: everything is refitted without them. `rms`
+pools all coordinates, `p95` and `max` are of the error vector's length. Keys of an angular
+component end in `_arcsec` in place of `_um`. Of several components the first with the verdict
+stands at the top, `tables` hold all.
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from functools import partial
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Parameter, TableResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_figures import figure, ranked
@@ -54,7 +53,7 @@ def effect_text(effect: FoundEffect, item: TableResult) -> str:
 
 def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
     """What sentences may name of an effect (`files.effects.Family`)."""
-    row, column = item.nouns
+    row, column = item.table.nouns
     words = {"says": effect.candidate.says, "row": row, "column": column}
     axis = effect.candidate.axis
     subjects = tuple(axis.upper()) if axis else ("all axes",)
@@ -62,7 +61,7 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         subjects = (item.table.component,)
     words |= dict(zip("AB", subjects, strict=False))
     sizes = effect.of_role("own")
-    words["values"] = ", ".join(f"{p.name} {_size(p)}" for p in sizes)
+    words["values"] = ", ".join(f"{p.name} {_size(p.unit, p.value, p.u)}" for p in sizes)
     if effect.ratio is not None:
         words["values"] = f"{significant(effect.ratio)} times the rest"
     if effect.chosen is not None:
@@ -83,24 +82,23 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         words["at"] = item.table.parts[parts[0]] if len(parts) else significant(searched.value, 3)
     if len(sizes) == 1:
         (size,) = sizes
-        words["value"] = _size(size)
-        words["size"] = _size(size, abs(size.value))
+        words["value"] = _size(size.unit, size.value, size.u)
+        words["size"] = _size(size.unit, abs(size.value), size.u)
         # The reversal value is twice the parameter, which acts both ways (ISO 230-2, 2.13).
-        words["twice"] = _size(size, 2 * abs(size.value), 2 * size.u)
+        words["twice"] = _size(size.unit, 2 * abs(size.value), 2 * size.u)
     elif len({p.unit for p in sizes}) == 1:
         # The root of the sum of squares, with its u (JCGM 100, 5.2.2).
         amplitudes = np.array([p.value for p in sizes])
         k, length = len(amplitudes), float(np.linalg.norm(amplitudes))
         J = amplitudes / length if length > 0 else np.full(k, k**-0.5)
         u = float(np.sqrt(J @ effect.covariance[:k, :k] @ J))
-        words["wave"] = _size(sizes[0], length, u)
+        words["wave"] = _size(sizes[0].unit, length, u)
     return words
 
 
-def _size(parameter: Parameter, value: float | None = None, u: float | None = None) -> str:
-    scale = PARAMETER_UNITS[parameter.unit].to_internal
-    value, u = (parameter.value if value is None else value), (parameter.u if u is None else u)
-    return f"{plus_minus(value / scale, u / scale)} {parameter.unit}"
+def _size(unit: str, value: float, u: float) -> str:
+    scale = PARAMETER_UNITS[unit].to_internal
+    return f"{plus_minus(value / scale, u / scale)} {unit}"
 
 
 def verdict_text(item: TableResult, alpha: float) -> str:
@@ -134,10 +132,9 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         return
     tentative = ""
     if item.verdict == "unexplained":
-        row, (rows, columns), p = item.nouns[0], item.plurals, dict(item.checks)
+        (rows, columns), p = item.table.plurals, dict(item.checks)
         reasons = [
-            f"{CHECKS[name].format(row=row, rows=rows, columns=columns)} "
-            f"({name}, p {p_value(p.get(name))})"
+            f"{CHECKS[name].format(rows=rows, columns=columns)} ({name}, p {p_value(p.get(name))})"
             for name in item.fired
         ]
         reasons += [NAMELESS] if item.nameless else []
@@ -149,13 +146,12 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         rivals = f", or {listed(others)}" if others else ""
         texts.append(f"{effect_text(effect, item)} ({effect.name}{rivals})")
     if texts:
-        held_out = item.held_out
-        of = "all data (nothing could be held out)" if held_out is None else f"held-out {held_out}"
         before, after = (number(scores.rms) for scores in (item.before, item.after))
         moves = "falls" if item.after.rms < item.before.rms else "goes"
-        worth = f"with the correction the rms error of {of} {moves} from {before} to {after} {unit}"
+        rms = f"the rms error of held-out {item.held_out}"
+        worth = f"with the correction {rms} {moves} from {before} to {after} {unit}"
         if all(effect.ratio is not None for effect in item.effects):
-            worth = f"no equation corrects that: the rms error of {of} is {before} {unit}"
+            worth = f"no equation corrects that: {rms} is {before} {unit}"
         yield f"{tentative}{'; '.join(texts)}; {worth}{floor}."
     for effect in item.effects:
         if len(effect.class_names) > 1:
@@ -199,7 +195,7 @@ SCORED = """
     in_sample.before. | in_sample_before | *scores
     in_sample.after. | in_sample_after | *scores
     improvement_percent | improvement() | fall of the rms error of what was held out | -, unit=-
-    held_out.by | held_out | what was left out in turn; null: nothing, all scores are in sample
+    held_out.by | held_out | what was left out in turn
     unexplained.found | rest() | whether something is left that no effect of the library explains
     unexplained.without_name | nameless | whether a drift or field without a name explains more
     unexplained.checks[]. | checks()
@@ -222,11 +218,11 @@ EFFECT = """
     says | sentence() | what it does, with its size
     equations | equations() | equations of the machine that it adds to; empty: none can hold it
     parameters{}. | parameters()
-        value | | estimate | -, size=size()
-        u | | standard uncertainty | -, size=size()
+        value | | estimate | -, size=size(unit)
+        u | | standard uncertainty | -, size=size(unit)
         unit | | unit of value, u and interval95
         dof | | degrees of freedom (Satterthwaite); null: inf
-        interval95 | | 95 % interval (Student's t) | -, interval, size=size()
+        interval95 | | 95 % interval (Student's t) | -, interval, size=size(unit)
     table. | one.table
         of | along | axis along which a smooth effect runs
         at_mm | knots | places of its values
@@ -279,21 +275,21 @@ RESULTS_OF = """
 """
 CANDIDATE = """
     component | item.table.component | whose readings; null: points
-    NAME | one.name | name of the effect | candidate, text, mark=star()
+    name | one.name | name of the effect | candidate, text, mark=star(), csv=candidate
     family | one.family | family of the library
     p_familywise | one.p_familywise | p among all tests | p family- / wise, p
     log_bayes_factor | one.log_bayes_factor | natural log of the Bayes factor against no effect \
         | ln Bayes / factor, fix1
     posterior | one.posterior | share among all candidates, each alone | posterior / %, percent1
     *smallest
-    found | found() | whether it is one of the effects
+    found | is_effect() | whether it is one of the effects
     in_class | in_class() | whether it is in the class of one
     unavailable | one.unavailable | why it could not be tested
     notes | one.notes | why some of its forms could not be
 """
 SMALLEST = """
-    minimum_detectable_UNIT | smallest() | rms over the data of an effect that would be found four \
-        times in five | would be found / from rms UNIT, sig2()
+    minimum_detectable_UNIT | smallest_UNIT() | rms over the data of an effect that would be found \
+        four times in five | would be found / from rms UNIT, sig2()
 """
 SHOWN = """
     - | effect | | effect, text
@@ -310,7 +306,7 @@ SCORED_TABLE = """
     before_UNIT | before.rms | | before, sig2()
     after_UNIT | after.rms | | after, sig2()
     floor_UNIT | floor | | repeatability, sig2()
-    - | checks() | | checks of / what is left, text, unit=, detail
+    - | checks_text() | | checks of / what is left, text, unit=, detail
 """
 
 
@@ -318,101 +314,79 @@ def _checks(item: TableResult) -> str:
     return ", ".join(f"{name} p {p:.2g}" for name, p in item.checks)
 
 
-def _sig2(value: Any, u: None, digits: int) -> str:
-    return significant(value, 2)
-
-
-def _fields(text: str, item: TableResult | None, **definitions: Any) -> Fields:
-    """The fields in the unit of the table; of points in um."""
-    unit = "um" if item is None else item.table.unit
-    return declare(text, UNIT=unit, sig2=_sig2, **definitions)
-
-
-def _scores(item: TableResult | None) -> Fields:
-    axes = ("x", "y") if item is None else item.table.axes
-    return _fields(SCORES, item, axes=[x for a in axes for x in _fields(AXIS, item, AXIS=a)])
-
-
-def _summary(item: TableResult | None) -> Fields:
-    return _fields(
-        SCORED,
-        item,
-        scores=_scores(item),
-        improvement=lambda x: 100 * (1 - x.after.rms / x.before.rms) if x.before.rms > 0 else None,
-        rest=lambda x: bool(x.fired) or x.nameless,
-        checks=lambda x: [Of(check, x) for check in x.checks],
-        fired=lambda x: x.one[0] in x.item.fired,
-    )
-
-
-def _size_of(unit: str) -> float:
-    entry = PARAMETER_UNITS.get(unit)
-    return 1.0 if entry is None else entry.to_internal
-
-
 def _ends(intervals: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return intervals[0][0], intervals[-1][1]
 
 
-def _effect(x: Of | None) -> Fields:
-    return _fields(
-        EFFECT,
-        x and x.item,
-        sentence=lambda x: effect_text(x.one, x.item),
-        equations=lambda x: x.one.equations if x.one.candidate.over is None else {},
-        parameters=lambda x: {p.name: p for p in x.one.parameters},
-        searched=lambda x: {} if x.one.searched is None else {x.one.searched.name: x.one.searched},
-        ends=_ends,
-        size=lambda p: _size_of(p.unit),
-        u=lambda table: np.sqrt(np.diag(table.covariance)),
-    )
+def _in_class(x: Of) -> bool:
+    return any(x.one.name in effect.class_names for effect in x.item.effects)
 
 
-def _candidate(name: str, *units: str) -> Fields:
-    """The fields of JSON, or with another `name` of CSV and table; a size in each of `units`."""
-
-    def in_class(x: Of) -> bool:
-        return any(x.one.name in effect.class_names for effect in x.item.effects)
-
-    def smallest(unit: str, x: Of) -> Any:
-        return x.one.minimum_detectable if x.item.table.unit == unit else None
-
-    sizes = (
-        declare(SMALLEST, UNIT=unit, smallest=partial(smallest, unit), sig2=_sig2) for unit in units
-    )
-    return declare(
-        CANDIDATE,
-        NAME=name,
-        smallest=list(chain(*sizes)),
-        found=lambda x: any(x.one.name == effect.name for effect in x.item.effects),
-        in_class=in_class,
-        star=lambda x: "*" if in_class(x) else "",
-    )
+def _smallest(unit: str, x: Of) -> Any:
+    return x.one.minimum_detectable if x.item.table.unit == unit else None
 
 
 def _items(name: str, result: CloseLoopResult) -> list[Of]:
     return [Of(one, item) for item in result.tables for one in getattr(item, name)]
 
 
-RESULTS_FIELDS = declare(
-    RESULTS_OF,
-    found=lambda result: result.verdict != "none",
-    sentences=lambda result: [verdict_text(item, result.alpha) for item in result.tables],
-    several=lambda result: result.tables if len(result.tables) > 1 else (),
-    effect=_effect,
-    candidate=lambda x: _candidate("name", x.item.table.unit if x else "um"),
-    crossing=declare(CROSSING),
-    outlier=lambda x: _fields(OUTLIER, x and x.item),
-    table=lambda item: _fields(
-        TABLE, item, scored=_summary(item), names=lambda x: [effect.name for effect in x.effects]
-    ),
-    effects=partial(_items, "effects"),
-    crossings=partial(_items, "crossings"),
-    candidates=partial(_items, "candidates"),
-    outliers=partial(_items, "excluded"),
-)
-RESULTS = [*RESULTS_FIELDS, *_summary(None)]
-ROW = _candidate("candidate", "um")
+DEFINITIONS: dict[str, Any] = {
+    "sig2": lambda value, u, digits: significant(value, 2),
+    "size": lambda unit: PARAMETER_UNITS[unit].to_internal if unit in PARAMETER_UNITS else 1.0,
+    # Of all tables.
+    "found": lambda result: result.verdict != "none",
+    "sentences": lambda result: [verdict_text(item, result.alpha) for item in result.tables],
+    "several": lambda result: result.tables if len(result.tables) > 1 else (),
+    "effects": partial(_items, "effects"),
+    "effect": lambda x: _fields(EFFECT, x and x.item),
+    "crossings": partial(_items, "crossings"),
+    "crossing": CROSSING,
+    "candidates": partial(_items, "candidates"),
+    "candidate": lambda x: _candidate(x.item.table.unit if x else "um"),
+    "outliers": partial(_items, "excluded"),
+    "outlier": lambda x: _fields(OUTLIER, x and x.item),
+    "table": lambda item: _fields(TABLE, item),
+    # Of one.
+    "names": lambda item: [effect.name for effect in item.effects],
+    "scored": SCORED,
+    "scores": SCORES,
+    "improvement": lambda x: 100 * (1 - x.after.rms / x.before.rms) if x.before.rms > 0 else None,
+    "rest": lambda item: bool(item.fired) or item.nameless,
+    "checks": lambda item: [Of(check, item) for check in item.checks],
+    "checks_text": _checks,
+    "fired": lambda x: x.one[0] in x.item.fired,
+    # Of an effect.
+    "sentence": lambda x: effect_text(x.one, x.item),
+    "equations": lambda x: x.one.equations if x.one.candidate.over is None else {},
+    "parameters": lambda x: {p.name: p for p in x.one.parameters},
+    "searched": lambda x: {} if x.one.searched is None else {x.one.searched.name: x.one.searched},
+    "ends": _ends,
+    "u": lambda table: np.sqrt(np.diag(table.covariance)),
+    # Of a candidate.
+    "is_effect": lambda x: any(x.one.name == effect.name for effect in x.item.effects),
+    "in_class": _in_class,
+    "star": lambda x: "*" if _in_class(x) else "",
+    "smallest_um": partial(_smallest, "um"),
+    "smallest_arcsec": partial(_smallest, "arcsec"),
+}
+
+
+def _fields(text: str, item: TableResult | None) -> Fields:
+    """The fields of a text in the unit and axes of the table; of points of a plane in um."""
+    unit, names = ("um", ("x", "y")) if item is None else (item.table.unit, item.table.axes)
+    axes = "\n".join(AXIS.replace("AXIS", name) for name in names)
+    return declare(text, UNIT=unit, axes=axes, **DEFINITIONS)
+
+
+def _candidate(*units: str) -> Fields:
+    """With the smallest size in each of `units`."""
+    smallest = "\n".join(SMALLEST.replace("UNIT", unit) for unit in units)
+    return declare(CANDIDATE, smallest=smallest, **DEFINITIONS)
+
+
+RESULTS_FIELDS = _fields(RESULTS_OF, None)
+RESULTS = [*RESULTS_FIELDS, *_fields(SCORED, None)]
+ROW = _candidate("um")
 
 
 def document(result: CloseLoopResult, digits: int = 2) -> Document:
@@ -423,12 +397,12 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     score_tables = [_before_after(first)] if len(result.tables) == 1 else []
     for unit in units if len(result.tables) > 1 else ():
         items = [item for item in result.tables if item.table.unit == unit]
-        data = dict.fromkeys(f"held-out {x.held_out}" if x.held_out else "all data" for x in items)
+        data = dict.fromkeys(f"held-out {item.held_out}" for item in items)
         title = f"Rms error of {listed(data)}"
-        score_tables.append(Table(title, _fields(SCORED_TABLE, items[0], checks=_checks), items))
+        score_tables.append(Table(title, _fields(SCORED_TABLE, items[0]), items))
     tables = [
-        Table("", _candidate("candidate", *units), _items("candidates", result), selection=()),
-        Table("Effects", declare(SHOWN, size=_size_of), rows),
+        Table("", _candidate(*units), _items("candidates", result), selection=()),
+        Table("Effects", _fields(SHOWN, None), rows),
         *score_tables,
         _candidates(first),
     ]
@@ -440,7 +414,7 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         partial(figure, result, first),
         "\n".join([f"Undeclared effects: {result.verdict}", *sentences]),
         digits,
-        extra=[(_summary(first), first)],
+        extra=[(_fields(SCORED, first), first)],
     )
 
 
@@ -464,13 +438,15 @@ def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
 
 
 def _before_after(item: TableResult) -> Table:
-    rows = [("all data, before", item.in_sample_before), ("all data, after", item.in_sample_after)]
-    if item.held_out is not None:
-        of = f"held-out {item.held_out}"
-        rows = [(f"{of}, before", item.before), (f"{of}, after", item.after), *rows]
+    rows = [
+        (f"held-out {item.held_out}, before", item.before),
+        (f"held-out {item.held_out}, after", item.after),
+        ("all data, before", item.in_sample_before),
+        ("all data, after", item.in_sample_after),
+    ]
     if not item.effects:
         rows = rows[::2]
-    fields = declare("- | 0 | | errors, text\nscores. | 1 | *scores", scores=_scores(item))
+    fields = _fields("- | 0 | | errors, text\nscores. | 1 | *scores", item)
     footer = "95 % and largest: of the error vector's length"
     return Table(
         "Before and after", fields, rows, footer, [f"checks of what is left: {_checks(item)}"]
@@ -484,7 +460,7 @@ def _candidates(item: TableResult) -> Table:
             reasons.setdefault(each.unavailable, []).append(each.name)
     notes = [f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()]
     of = "" if item.table.component is None else f" of {item.table.component}"
-    fields = _candidate("candidate", item.table.unit)
+    fields = _candidate(item.table.unit)
     candidates = ranked(item)
     footer = f"{len(candidates)} candidates tested, each alone beside the known model"
     footer += "; p: of the effect beyond its margins, ln BF: with them"

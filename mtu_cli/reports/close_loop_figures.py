@@ -8,7 +8,6 @@ from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Judged, TableResult
 from mtu_cli.model.machine_model import AXES
@@ -45,13 +44,20 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     grid = page.add_gridspec(len(ratios), 1, height_ratios=ratios)
     *upper, lower = (page.add_subfigure(grid[i]) for i in range(len(ratios)))
     if maps is not None:
-        maps.draw(upper[0], f"Mean errors of the {item.nouns[1]}s")
+        maps.draw(upper[0], f"Mean errors of the {item.table.plurals[1]}")
     effects = item.effects[:EFFECTS] or (None,)
     panels = lower.subplots(1, len(effects) + 1, squeeze=False)[0]
     for panel, effect in zip(panels, effects, strict=False):
         _errors(panel, item, errors, effect)
     figures.legend(lower)
-    _ranking(panels[-1], item, result.alpha / len(result.tables))
+    best, panel = ranked(item)[:CANDIDATES], panels[-1]
+    in_class = {name for effect in item.effects for name in effect.class_names}
+    labels = [cut(x.name, NAME) + ("*" if x.name in in_class else "") for x in best]
+    values = [max(x.log_bayes_factor or 0.0, LEAST) for x in best]
+    figures.bars(panel, labels, values, [f"p {p_value(x.p_familywise)}" for x in best])
+    alpha = result.alpha / len(result.tables)
+    panel.set_xlabel(f"natural log of the Bayes factor (gate: p {alpha:.2g})")
+    panel.set_title("candidates" + ("; *: found, or in its class" if in_class else ""))
     names = "; ".join(" or ".join(e.class_names) for e in item.effects)
     of = "" if item.table.component is None else f" of {item.table.component}"
     text = f"Undeclared effects{of}: {item.verdict}{f' ({names})' if names else ''}"
@@ -68,7 +74,8 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
     means = []
     for values in errors:
         mean = np.full((len(table.features), len(AXES)), np.nan)
-        mean[:, at] = _mean(values, table.there[..., None])
+        missing = np.broadcast_to(~table.there[..., None], values.shape)
+        mean[:, at] = np.ma.masked_array(values, missing).mean(axis=0).filled(np.nan)
         means.append(mean)
     groups = []
     for code, operation in enumerate(table.operations):
@@ -78,15 +85,8 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
             for (name, colour), mean in zip(SIDES, means, strict=False)
         ]
         groups.append((operation, sides))
-    places = _mean(table.places, np.isfinite(table.places))
     width = WIDTH if len(groups) > 1 else ALONE
-    return Maps(table.features, places, table.axes, groups, width=width)
-
-
-def _mean(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
-    """The mean over the parts, of the measured values; nan where there is none."""
-    mask = ~np.broadcast_to(there, values.shape)
-    return np.asarray(np.ma.masked_array(values, mask).mean(axis=0).filled(np.nan))
+    return Maps(table.features, table.mean_places, table.axes, groups, width=width)
 
 
 def _errors(
@@ -97,7 +97,7 @@ def _errors(
     """
     table = item.table
     P, H = table.there.shape
-    label, x, a = f"{item.nouns[0]}, in order", np.arange(1.0, P + 1)[:, None], 0
+    label, x, a = f"{item.table.nouns[0]}, in order", np.arange(1.0, P + 1)[:, None], 0
     if effect is not None:
         axis, names = effect.candidate.axis, {p.name for p in effect.parameters}
         a = table.axes.index(axis) if axis in table.axes else 0
@@ -126,14 +126,3 @@ def ranked(item: TableResult) -> list[Judged]:
     """The candidates that could be tested, the likeliest first."""
     candidates = [x for x in item.candidates if x.log_bayes_factor is not None]
     return sorted(candidates, key=lambda x: -(x.log_bayes_factor or 0.0))
-
-
-def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
-    """Log Bayes factors of the likeliest candidates, each added to the machine's model alone."""
-    best = ranked(item)[:CANDIDATES]
-    class_names = {name for effect in item.effects for name in effect.class_names}
-    labels = [cut(x.name, NAME) + ("*" if x.name in class_names else "") for x in best]
-    values = [max(x.log_bayes_factor or 0.0, LEAST) for x in best]
-    figures.bars(panel, labels, values, [f"p {p_value(x.p_familywise)}" for x in best])
-    panel.set_xlabel(f"natural log of the Bayes factor (gate: p {alpha:.2g})")
-    panel.set_title("candidates" + ("; *: found, or in its class" if class_names else ""))

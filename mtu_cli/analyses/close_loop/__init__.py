@@ -1,46 +1,49 @@
 """What does the model lack? The residual traced to effects, with error rates that hold.
 
 1. Too small tables are left out; errors are split into strata, each with one variance (`strata`,
-   `posed`); single entries far off are excluded (`missing`).
-2. Every candidate of the library is evaluated as columns with its margins (`design`, `columns`).
+   `diagnosis`); single entries far off are excluded.
+2. Every candidate of the library is evaluated as columns with its margins (`design`).
 3. One family-wise test says whether anything is there (`gate`); a set of models is searched through
    it, and evidence says what (`likelihood`, `model_set`, `diagnosis`). An offset that says no more
-   than where an effect is counted from is none (`crossings`).
+   than where an effect is counted from is none (`describe`).
 4. Sizes, margins, levels and what was searched are estimated together (`estimate`) and stated as
    equations of the machine (`describe`).
 5. Everything is done again without each block of parts, which scores the written machine
-   (`held_out`); the experiment that would separate a class is chosen (`experiment`).
+   (`_held_out`); the experiment that would separate a class is chosen (`experiment`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
+from itertools import compress
+from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
-from mtu_cli.analyses.close_loop.estimate import estimates_of
+from mtu_cli.analyses.close_loop.design import fitted_powers
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, steps_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
-from mtu_cli.analyses.close_loop.held_out import contribution, held_out, model_average, remainder
-from mtu_cli.analyses.close_loop.likelihood import Fit
-from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
+    FoundEffect,
     Judged,
     Scores,
     TableResult,
 )
 from mtu_cli.analyses.close_loop.strata import INTERACTION
-from mtu_cli.files.effects import EffectLibrary
+from mtu_cli.files.effects import CHOSEN, EffectLibrary
 from mtu_cli.findings import Finding, counted, error, finding
-from mtu_cli.model.effect_library import NOTHING_LEFT, candidates_of
+from mtu_cli.language import evaluate, parse
+from mtu_cli.model.effect_library import NOTHING_LEFT, candidates_of, choices
+from mtu_cli.model.estimates import TableShape
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.monte_carlo import Progress
-from mtu_cli.stats.threads import one_blas_thread
+from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
 
 FEW_PARTS, FEWEST_ENTRIES = 5, 4
 WITHIN = "drift and warm-up but for what changes within a part"
@@ -84,8 +87,8 @@ def close_loop(
             return without_references(diagnosis)
 
         advance(0, 1)
-        diagnosis, validation = held_out(table, diagnose, lambda k, n: advance(1 + k, 1 + n))
-        return _result(diagnosis, validation, table, rate=rate, tables=len(large))
+        validation = _held_out(table, diagnose, advance)
+        return _result(*validation, table, len(large))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
         results = tuple(one_table(number, table) for number, table in enumerate(large))
@@ -110,7 +113,7 @@ def _large_enough(
     for table in tables:
         P, H = table.there.shape
         of = "" if table.component is None else f" of {table.component}"
-        part, feature = ("passes", "positions") if of else ("parts", "features")
+        part, feature = table.plurals
         single = int((table.there.sum(axis=1) == 1).sum())
         if max(P, H) < FEWEST_ENTRIES:
             expected = f"{FEWEST_ENTRIES} or more of one or the other"
@@ -129,21 +132,18 @@ def _large_enough(
 
 def _result(
     diagnosis: Diagnosis,
-    validation: tuple[str, FloatArray] | None,
+    held_out: str,
+    errors: FloatArray,
     table: ResidualTable,
-    *,
-    rate: float,
     tables: int,
 ) -> TableResult:
-    """The diagnosis of one of `tables` at its rate, with the held-out errors as `validation`."""
-    sizes = estimates_of(diagnosis.models, diagnosis.model)
-    effects = effects_of(diagnosis, sizes, compare=True)
+    """The diagnosis of one of `tables`, with the `errors` of what was held out."""
+    covariance = diagnosis.sizes.covariance
+    effects = effects_of(diagnosis, compare=True)
     effects = tuple(replace(e, p_familywise=min(1.0, e.p_familywise * tables)) for e in effects)
     valid = table.there & ~diagnosis.outliers.any(axis=2)
-    after = remainder(table, contribution(effects, table, written=True), valid)
-    mean = remainder(table, model_average(diagnosis, effects, table), valid)
-    by, errors = (None, (table.errors, after, mean)) if validation is None else validation
-    variance, floor = _scatter(diagnosis, sizes.fit)
+    _, after, _ = _corrected(diagnosis, effects, table, valid)
+    variance, floor = _scatter(diagnosis)
 
     def rms(errors: FloatArray) -> float:
         return float(np.sqrt(np.mean(errors**2)))
@@ -163,7 +163,7 @@ def _result(
         table=table,
         verdict=diagnosis.verdict,
         effects=effects,
-        candidates=_candidate_tests(diagnosis, rate, tables),
+        candidates=_candidate_tests(diagnosis, tables),
         checks=tuple((name, min(1.0, p * tables)) for name, p in diagnosis.checks),
         fired=diagnosis.fired,
         nameless=diagnosis.nameless,
@@ -177,20 +177,20 @@ def _result(
         after_averaged=scores(errors[2]),
         in_sample_before=scores(table.errors),
         in_sample_after=scores(after),
-        held_out_by=by,
+        held_out=held_out,
         floor=floor,
-        crossings=crossings(effects, sizes.covariance, table),
-        covariance=sizes.covariance,
+        crossings=crossings(effects, covariance, table),
+        covariance=covariance,
         stopped=diagnosis.models.stopped,
     )
 
 
-def _scatter(diagnosis: Diagnosis, fit: Fit) -> tuple[FloatArray, float | None]:
-    """The residuals of a fit: the variance (A,) of one coordinate by all that scatters, and the
+def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
+    """What the effects leave: the variance (A,) of one coordinate by all that scatters, and the
     repeatability, of single entries about the means of parts and of features alone, at least that
     of rounding; None where there are no such entries.
     """
-    design, strata = diagnosis.design, diagnosis.design.strata
+    design, strata, fit = diagnosis.design, diagnosis.design.strata, diagnosis.sizes.fit
     P, H, A = strata.shape
     axis, live = np.array(strata.axis), fit.weights > 0
     total = np.bincount(axis[live], strata.sizes[live] / fit.weights[live], minlength=A)
@@ -203,9 +203,9 @@ def _scatter(diagnosis: Diagnosis, fit: Fit) -> tuple[FloatArray, float | None]:
     return variance, design.scale * float(np.sqrt(np.mean(mean_squares))) if mean_squares else None
 
 
-def _candidate_tests(diagnosis: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
+def _candidate_tests(diagnosis: Diagnosis, tables: int) -> tuple[Judged, ...]:
     """All candidates, each added alone to the model of the machine."""
-    models, smallest = diagnosis.models, minimum_detectable(diagnosis, rate)
+    models, smallest = diagnosis.models, minimum_detectable(diagnosis)
     p = models.gate(()) | {name: p for name, p, _ in diagnosis.scatter}
     total, _ = models.additions(())
     with np.errstate(over="ignore"):
@@ -233,10 +233,10 @@ def _candidate_tests(diagnosis: Diagnosis, rate: float, tables: int) -> tuple[Ju
 def _warnings(results: Sequence[TableResult], datum: str, most: int) -> Iterator[Finding]:
     """What a user has to know of a search for `most` effects in each table."""
     for item in results:
-        component, row = item.table.component, item.nouns[0]
+        component, row = item.table.component, item.table.nouns[0]
         of = "" if component is None else f" of {component}"
         if len(item.table.parts) < FEW_PARTS:
-            number = counted(len(item.table.parts), row, "passes" if row == "pass" else "")
+            number = counted(len(item.table.parts), row, item.table.plurals[0])
             hard = f"what changes from {row} to {row} can hardly be separated from its scatter"
             items = component or "all features"
             yield finding("few-parts", parts=number, items=items, consequence=hard)
@@ -247,3 +247,108 @@ def _warnings(results: Sequence[TableResult], datum: str, most: int) -> Iterator
             yield finding("max-effects", most=counted(most, "effect"), of=of)
     if datum in FREES:
         yield finding("datum-freed", datum=datum, unseen=FREES[datum])
+
+
+# Held out.
+
+FOLDS = (7, 5)
+"""Of parts, of columns; blocks of parts are short: what changes with time has to be followed."""
+
+
+def _held_out(
+    table: ResidualTable,
+    diagnose: Callable[[ResidualTable], Diagnosis],
+    progress: Callable[[int, int], None],
+) -> tuple[Diagnosis, str, FloatArray]:
+    """The diagnosis of all; what was held out, parts in blocks that follow each other or, of few
+    parts, every n-th column; and its errors (3, P, H, A) as they are `_corrected`.
+    """
+    axis = 0 if len(table.parts) >= FEWEST_ENTRIES else 1
+    size = table.errors.shape[axis]
+    count = min(FOLDS[axis], size)
+    number = np.arange(size) * count // size if axis == 0 else np.arange(size) % count
+    errors = np.full((3, *table.errors.shape), np.nan)
+
+    def predict(fold: int) -> None:
+        test = number == fold
+        cells = np.broadcast_to(np.expand_dims(test, 1 - axis), table.there.shape)
+        diagnosis = diagnose(_subset(table, ~test, axis))
+        errors[:, cells] = _corrected(diagnosis, effects_of(diagnosis), table, ~cells)[:, cells]
+
+    with workers(min(count + 1, available_threads())) as executor:
+        future = executor.submit(diagnose, table)
+        for fold, _ in enumerate(executor.map(predict, range(count))):
+            progress(fold + 2, count + 1)
+    return future.result(), table.plurals[axis], errors
+
+
+def _corrected(
+    diagnosis: Diagnosis, effects: Sequence[FoundEffect], table: ResidualTable, cells: BoolArray
+) -> FloatArray:
+    """Errors (3, P, H, A), mm, less nothing, what the machine as it would be written predicts, and
+    the model average; and less the components' polynomial fitted anew to the rest in the `cells`
+    (P, H): the residuals of readings that were fitted are too small.
+
+    The average is over the names of each effect's class by their posteriors (Hoeting, Madigan,
+    Raftery & Volinsky, Stat. Sci. 14 (1999) 382), the other effects as they are.
+    """
+    # A feature or an operation is known as well; of several ranges that fit none is written.
+    written = [x for x in effects if x.table is not None or not x.ambiguous]
+    best = _predicted(effects, table)
+    averaged = best.copy()
+    for entry in diagnosis.entries:
+        norm = sum(p for _, _, p in entry.credible)
+        for name, item, p in entry.credible:
+            if item != entry.item:
+                rival = replace(entry, item=item, name=name)
+                other = replace(
+                    diagnosis,
+                    model=tuple(item if x == entry.item else x for x in diagnosis.model),
+                    entries=tuple(rival if x is entry else x for x in diagnosis.entries),
+                )
+                averaged += p / norm * (_predicted(effects_of(other), table) - best)
+    predicted = np.array([np.zeros(best.shape), _predicted(written, table), averaged])
+    result = table.errors - predicted
+    powers = fitted_powers(table)
+    for rest in result if powers.shape[1] else ():
+        valid = cells & table.there & np.isfinite(rest).all(axis=2)
+        count = valid.sum(axis=0)
+        mean = np.where(valid[..., None], rest, 0.0).sum(axis=0)[count > 0]
+        sizes = np.linalg.lstsq(powers[count > 0], mean / count[count > 0, None], rcond=None)[0]
+        rest -= powers @ sizes
+    return result
+
+
+def _predicted(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArray:
+    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees."""
+    total = np.zeros(table.errors.shape)
+    columns: dict[str, Any] = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True))
+    columns |= table.covariates
+    for effect in effects:
+        variables = columns | {p.name: p.value for p in effect.parameters}
+        if (over := effect.candidate.over) is not None:
+            variables[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
+        if effect.table is not None:
+            along = columns[effect.table.along]
+            values = TableShape(at=effect.table.knots).columns(along.ravel()) @ effect.table.values
+            variables[effect.component] = values.reshape(along.shape)
+        for key, text in effect.equations.items():
+            total[..., table.axes.index(key[1:])] += evaluate(parse(text), variables)
+    return table.without_datum(total[..., None])[..., 0]
+
+
+def _subset(table: ResidualTable, mask: BoolArray, axis: int) -> ResidualTable:
+    """The table of some of its parts (axis 0), or of its columns (1)."""
+    name = ("parts", "features")[axis]
+
+    def cut(values: FloatArray) -> FloatArray:
+        full = values.shape[axis] == len(mask)  # Or alike in all parts, or columns.
+        return np.compress(mask, values, axis=axis) if full else values
+
+    of_cells = ("errors", "repeats", "places", "common", "of_part")
+    fields: dict[str, Any] = {name: cut(getattr(table, name)) for name in of_cells}
+    fields[name] = tuple(compress(getattr(table, name), mask))
+    fields["covariates"] = {name: cut(values) for name, values in table.covariates.items()}
+    if axis == 1:
+        fields["operation"] = table.operation[mask]
+    return replace(table, **fields)

@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtri
 
-from mtu_cli.analyses.close_loop.design import Design, Member
+from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import COVERED, Estimates, estimates_of, smooth_effect
+from mtu_cli.analyses.close_loop.estimate import COVERED, smooth_effect
 from mtu_cli.analyses.close_loop.experiment import experiment
-from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.model_set import SHARE, Entry
+from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect, Parameter, SmoothEffect
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.extend_machine import free_name
@@ -37,13 +36,11 @@ ALIAS = 0.999
 """R^2 of the columns of two effects from which on they are the same whatever the errors."""
 
 
-def effects_of(
-    diagnosis: Diagnosis, sizes: Estimates, *, compare: bool = False
-) -> tuple[FoundEffect, ...]:
+def effects_of(diagnosis: Diagnosis, *, compare: bool = False) -> tuple[FoundEffect, ...]:
     """All effects of a diagnosis, the strongest first; `compare`: with the share of squares that
     each explains, its aliases and the experiment that separates it from its rivals.
     """
-    design, table = diagnosis.design, diagnosis.design.table
+    design, table, sizes = diagnosis.design, diagnosis.design.table, diagnosis.sizes
     candidates = {candidate.name: candidate for candidate in design.candidates}
     pairs = zip(sizes.effects, sizes.members, strict=True)
     estimates = dict(zip(diagnosis.models.members(diagnosis.model), pairs, strict=True))
@@ -54,9 +51,9 @@ def effects_of(
             if compare:
                 effect = replace(
                     effect,
-                    explained_share=_explained(diagnosis.likelihood, sizes, member),
-                    aliases=aliases(design, sizes.fit.weights, member),
-                    experiment=experiment(diagnosis, entry, sizes.fit.weights),
+                    explained_share=_explained(diagnosis, member),
+                    aliases=_aliases(diagnosis, member),
+                    experiment=experiment(diagnosis, entry),
                 )
             effect = _as_table(effect, table)
         else:
@@ -68,25 +65,25 @@ def effects_of(
                 log_bayes_factor=entry.gain,
                 posterior=entry.posterior,
                 class_names=tuple(name for name, _, _ in entry.credible),
-                nameless=entry.nameless > 1 - SHARE,
+                nameless=entry.nameless,
             )
         )
-    for offset in diagnosis.offsets:
-        a = design.axis(candidates[offset.name])
+    for name, (p, credible) in diagnosis.offsets.items():
+        a = design.axis(candidates[name])
         level = replace(sizes.levels[a], name="shift", role="own")
         offsets.append(
             FoundEffect(
-                candidate=candidates[offset.name],
+                candidate=candidates[name],
                 parameters=(level,),
                 covariance=np.array([[level.u**2]]),
                 rows=(len(sizes.covariance) - len(table.axes) + a,),
                 equations={f"E{table.axes[a]}": level.name},
-                p_familywise=offset.p,
-                posterior=offset.credible[offset.name],
-                class_names=tuple(offset.credible),
+                p_familywise=p,
+                posterior=credible[name],
+                class_names=tuple(credible),
             )
         )
-    effects = _with_levels(diagnosis, sizes, effects, {key for x in offsets for key in x.equations})
+    effects = _with_levels(diagnosis, effects, {key for x in offsets for key in x.equations})
     for name, p, ratio in diagnosis.scatter:
         # Of operations that which scatters more.
         chosen = table.operations[1 if ratio > 1 else 0] if name == "operation-scatter" else None
@@ -100,12 +97,13 @@ def effects_of(
 
 
 def _with_levels(
-    diagnosis: Diagnosis, sizes: Estimates, effects: list[FoundEffect], offsets: set[str]
+    diagnosis: Diagnosis, effects: list[FoundEffect], offsets: set[str]
 ) -> list[FoundEffect]:
     """The effects with the level of each axis that is no offset by itself: with the effect that it
     goes with most, as in the file of a machine effects have no covariance with others.
     """
-    table, C = diagnosis.design.table, sizes.covariance
+    table, sizes = diagnosis.design.table, diagnosis.sizes
+    C = sizes.covariance
     if table.fitted_degree >= 0 or table.datum != "none":
         return effects
     u, first = np.sqrt(np.maximum(np.diag(C), 1e-300)), len(C) - len(table.axes)
@@ -164,22 +162,23 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
     )
 
 
-def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> float:
+def _explained(diagnosis: Diagnosis, member: Member) -> float:
     """The share of the errors' weighted squares that an effect explains with its margins, but for
     those that are other effects.
     """
-    fit, strata = sizes.fit, likelihood.design.strata
-    foreign = {i for x in sizes.members if x is not member for i in x.terms}
+    fit, design = diagnosis.sizes.fit, diagnosis.design
+    foreign = {i for x in diagnosis.sizes.members if x is not member for i in x.terms}
     closure = {*member.terms, *member.low} - (foreign - {*member.terms})
     at = [k for k, i in enumerate(fit.columns) if i in closure]
-    x = fit.beta[at] @ likelihood.design.columns.dense([fit.columns[i] for i in at])
-    w = np.repeat(fit.weights, strata.sizes.astype(int))
-    total = float(np.sum(w * likelihood.y**2))
+    x = fit.beta[at] @ design.columns.dense([fit.columns[i] for i in at])
+    w = fit.weights[design.strata.labels()]
+    total = float(np.sum(w * diagnosis.models.likelihood.y**2))
     return float(np.sum(w * x**2)) / total if total > 0 else 0.0
 
 
-def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, ...]:
+def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
     """Other candidates with a member whose columns span the same, whatever the errors."""
+    design, weights = diagnosis.design, diagnosis.sizes.fit.weights
     cross, terms = design.columns.cross, np.array(member.terms)
     members = design.members[: design.tested]
     rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == len(terms)]
@@ -199,7 +198,7 @@ def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, .
 
 
 def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
-    design, like = diagnosis.design, diagnosis.likelihood
+    design, like = diagnosis.design, diagnosis.models.likelihood
     kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in diagnosis.model if item != entry.item)
     table = smooth_effect(like, like.fit(diagnosis.models.columns(rest)), kernel)
@@ -215,7 +214,7 @@ def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
         says=f"a smooth error of {(kernel.axis or '')[:1]} along {kernel.along}",
         sentence=f"{{A}} has a smooth error along {kernel.along}, {{value}} rms",
     )
-    axis = design.table.axes[design.strata.axis[kernel.strata[0]]]
+    axis = design.table.axes[design.strata.axis[next(iter(kernel.directions))]]
     return FoundEffect(
         candidate=candidate,
         parameters=(rms,),
@@ -249,14 +248,14 @@ def without_references(diagnosis: Diagnosis) -> Diagnosis:
     """
     table = diagnosis.design.table
     values = TableData.of(table).values
-    for offset in diagnosis.offsets if diagnosis.entries else ():
-        rest = replace(diagnosis, offsets=tuple(x for x in diagnosis.offsets if x is not offset))
-        sizes = estimates_of(rest.models, rest.model)
-        for zero in crossings(effects_of(rest, sizes), sizes.covariance, table):
+    for offset in tuple(diagnosis.offsets) if diagnosis.entries else ():
+        others = {name: x for name, x in diagnosis.offsets.items() if name != offset}
+        rest = replace(diagnosis, offsets=others)
+        for zero in crossings(effects_of(rest), rest.sizes.covariance, table):
             column, (low, high) = values[zero.covariate], zero.interval95
             inside = low <= column.max() and high >= column.min()
             inside |= is_temperature(zero.covariate) and low <= REFERENCE_DEGC <= high
-            if inside and zero.covariate not in AXES and offset.name == f"offset-{zero.axis}":
+            if inside and zero.covariate not in AXES and offset == f"offset-{zero.axis}":
                 diagnosis = rest
     return diagnosis
 
@@ -274,10 +273,11 @@ def crossings(
         name: np.broadcast_to(v, table.there.shape)[table.there][cells]
         for name, v in TableData.of(table).values.items()
     }
+    # Where a polynomial or the datum took the level, it is none that is missing.
+    no_level = table.fitted_degree >= 0 or table.datum != "none"
     for axis in table.axes:
-        groups = [
-            _terms(effect, f"E{axis}") for effect in effects if f"E{axis}" in effect.equations
-        ]
+        key = f"E{axis}"
+        groups = [_terms(effect, key) for effect in effects if key in effect.equations]
         if len(groups) > 1:
             groups.insert(0, [x for terms in groups for x in terms] if all(groups) else [])
         for name in (name for name in columns if not name.startswith("dir_")):
@@ -285,25 +285,12 @@ def crossings(
                 levels = [
                     x.size.role == "level" or x.effect.candidate.kind == "offset" for x in group
                 ]
-                no_level = table.fitted_degree >= 0 or table.datum != "none"
                 classes = [x for term in group for x in term.effect.class_names[1:]]
                 if not group or classes or not (no_level or any(levels)):
                     continue
-                rows = [x.row for x in group]
-                zero = _zero(group, covariance[np.ix_(rows, rows)], columns, name)
+                zero = _zero(group, covariance, columns, name)
                 if zero is not None:
-                    value, u, ends = zero
-                    result.append(
-                        Crossing(
-                            axis=axis,
-                            covariate=name,
-                            effect=group[0].effect.name,
-                            whole=i == 0,
-                            value=value,
-                            u=u,
-                            interval95=ends,
-                        )
-                    )
+                    result.append(Crossing(axis, name, *zero, group[0].effect.name, whole=i == 0))
                     break
     return tuple(result)
 
@@ -319,9 +306,9 @@ def _terms(effect: FoundEffect, key: str) -> list[Term]:
 
 
 def _zero(
-    group: Sequence[Term], C: FloatArray, columns: dict[str, FloatArray], name: str
+    group: Sequence[Term], covariance: FloatArray, columns: dict[str, FloatArray], name: str
 ) -> tuple[float, float, tuple[float, float]] | None:
-    """Where the sum of sizes with covariance C is zero, with u and the 95 % interval: the values t
+    """Where the sum of sizes is zero, with u and the 95 % interval: the values t
     at which v(t) = 0 is not rejected (of one number that of Fieller, 1954). None where there is no
     such value, or none that is known to within the range of the data, at most that from its middle.
     """
@@ -330,25 +317,24 @@ def _zero(
     if not half > SAME * max(abs(low), abs(high)):
         return None
     u = np.array([x.size.u for x in group])
-    ends = [
-        np.array(
-            [
-                evaluate(x.lever, columns | {name: centre + t * half}) + np.zeros(CELLS)
-                for x in group
-            ]
-        )
-        for t in (-1, 0, 1)
-    ]
-    M, R = ends[1].T * u, (ends[2] - ends[0]).T / 2 * u
+
+    def levers(t: float) -> FloatArray:
+        values = columns | {name: centre + t * half}
+        return np.array([evaluate(x.lever, values) + np.zeros(CELLS) for x in group])
+
+    before, middle, after = map(levers, (-1, 0, 1))
+    M, R = middle.T * u, (after - before).T / 2 * u
     largest = np.abs(M) + np.abs(R)
-    if np.abs((ends[2] - 2 * ends[1] + ends[0]).T * u).max() > 1e-6 * largest.max():
+    if np.abs((after - 2 * middle + before).T * u).max() > 1e-6 * largest.max():
         return None
     U, s, _ = np.linalg.svd(np.hstack([M, R]), full_matrices=False)
     M, R = (U[:, s > 1e-6 * s[0]].T @ X for X in (M, R))
     # A sum that is zero there whatever the sizes has no zero to estimate.
     if np.linalg.matrix_rank(np.array([M.ravel(), R.ravel()]), tol=1e-6 * s[0]) < 2:
         return None
-    b, C = np.array([x.size.value for x in group]) / u, C / u / u[:, None]
+    rows = [x.row for x in group]
+    b, C = np.array([x.size.value for x in group]) / u, covariance[np.ix_(rows, rows)]
+    C = C / u / u[:, None]
 
     def tests(t: FloatArray) -> FloatArray:
         """v' V^-1 v, and the inverse of the variance of t."""
@@ -371,9 +357,9 @@ def _zero(
         return None
     inner, outer = np.repeat(t, 2), t[0] + np.array([-2.0, 2.0])
     for _ in range(50):
-        middle = (inner + outer) / 2
-        accept = tests(middle)[0] <= limit
-        inner, outer = np.where(accept, middle, inner), np.where(accept, outer, middle)
+        between = (inner + outer) / 2
+        accept = tests(between)[0] <= limit
+        inner, outer = np.where(accept, between, inner), np.where(accept, outer, between)
     if np.ptp(inner) > 2:
         return None
     first, last = (centre + half * inner).tolist()

@@ -9,22 +9,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import EMPTY, PADDING, Columns
 from mtu_cli.analyses.close_loop.strata import (
+    EMPTY,
     FEATURE,
     INTERACTION,
     NONE,
+    PADDING,
     PART,
-    BoolArray,
-    IntArray,
-    Levers,
+    Columns,
     Missing,
     Strata,
 )
-from mtu_cli.model.effect_library import BoundTemplate, Candidate
+from mtu_cli.model.effect_library import BoundTemplate, Candidate, Levers
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import wiener
-from mtu_cli.stats.least_squares import FloatArray, polynomial
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, polynomial
 
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""
@@ -84,13 +83,11 @@ class Member:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kernel:
-    """A random function: in each of `strata` covariance V diag(k) V' of its coordinates, V and k
-    its `directions`, the mean of the eigenvalues over the stratum's coordinates 1; a profile
-    `along` a coordinate has a name.
+    """A random function: in each stratum of its `directions` V and k covariance V diag(k) V' of the
+    coordinates, the mean of the eigenvalues over them 1; a profile `along` one has a name.
     """
 
-    strata: tuple[int, ...]
-    directions: tuple[tuple[FloatArray, FloatArray], ...]
+    directions: dict[int, tuple[FloatArray, FloatArray]]
     name: str = ""
     axis: str | None = None
     along: str = ""
@@ -98,12 +95,23 @@ class Kernel:
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
 
 
-class Group(NamedTuple):
-    """Members (M,) with `k` columns each, and their margins `low` (M, l), or (1, l) if alike."""
+class Partial(NamedTuple):
+    """`members` (M,) with columns `terms` x (M, k), less what `nuisance` columns z (M or 1, z)
+    explain in all strata at once, by `slopes` (M, k, z): their `information` (S, M, k, k) in the
+    strata, `unadjusted` (M, k) in all, and the products `rest` (S, M, k, z) with z there. The
+    columns z have the products `inner` (S, M or 1, z, z), by the weights of the strata, and the
+    covariance `inverse`.
+    """
 
-    k: int
     members: IntArray
-    low: IntArray
+    terms: IntArray
+    nuisance: IntArray
+    slopes: FloatArray
+    information: FloatArray
+    unadjusted: FloatArray
+    rest: FloatArray
+    inner: FloatArray
+    inverse: FloatArray
 
 
 class Design:
@@ -179,24 +187,47 @@ class Design:
         """The axis of a candidate of one; the first of errors that have none."""
         return self.table.axes.index(candidate.axis or self.table.axes[0])
 
-    def groups(self, base: Sequence[int] = ()) -> Iterator[Group]:
-        """The tested members with a column that those of a model, `base`, lack."""
+    def partials(self, base: Sequence[int], w: FloatArray) -> Iterator[Partial]:
+        """The tested members with a column that those of a model, `base`, lack, by their number of
+        columns: less what those of the model, the common ones and their margins explain, with the
+        weights w (S,) of the strata.
+        """
         for k, width in np.unique(self._widths, axis=0).tolist():
             members = np.flatnonzero((self._widths == (k, width)).all(axis=1))
             members = members[~np.isin(self.closures[members, :k], base).all(axis=1)]
-            if len(members):
-                low = self.closures[members, k : k + width]
-                low = np.where(np.isin(low, base), PADDING, low)
-                yield Group(k, members, low[:1] if (low == low[0]).all() else low)
+            if not len(members):
+                continue
+            closures = self.closures[members, : k + width]
+            terms, low = closures[:, :k], closures[:, k:]
+            low[np.isin(low, base)] = PADDING
+            inner = self.inner[:, members, : k + width, : k + width]
+            models, G = self.columns.crossed(closures, (*base, *self.common), inner)
+            G *= w[:, None, None, None]
+            # Margins that are alike are partialled out once.
+            once = slice(1 if (low == low[0]).all() else None)
+            z, zz = models[once, k:], G[:, once, k:, k:]
+            xx, xz = G[:, :, :k, :k], G[:, :, :k, k:]
+            A = zz.sum(axis=0)
+            diagonal = 1e-10 * np.einsum("mzz->mz", A) + self.columns.precisions[z]
+            inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
+            slopes = xz.sum(axis=0) @ inverse
+            rest = xz - slopes @ zz
+            information = xx - rest @ transposed(slopes) - transposed(xz @ transposed(slopes))
+            unadjusted = np.einsum("smkk->mk", xx)
+            yield Partial(members, terms, z, slopes, information, unadjusted, rest, zz, inverse)
 
     def around(self, m: int) -> tuple[int, ...]:
         """Finer members around one of the grid."""
         if m not in self._around:
             parent = self.members[m]
-            values = np.array(parent.around)
-            finer = members_at(self, parent.form, values) if parent.around else []
-            self._around[m] = add(self, parent.candidate, finer)
+            finer = members_at(self, parent.form, np.array(parent.around)) if parent.around else []
+            self._around[m] = add(self, parent.candidate, finer) if finer else ()
         return self._around[m]
+
+
+def transposed(matrices: FloatArray) -> FloatArray:
+    """Matrices (..., m, n) as (..., n, m)."""
+    return np.asarray(np.swapaxes(matrices, -1, -2))
 
 
 def fitted_powers(table: ResidualTable) -> FloatArray:
@@ -215,8 +246,6 @@ def members_at(design: Design, form: BoundTemplate, values: FloatArray | None) -
     terms = form.columns(values)
     levers: list[Levers] = [*terms, *(lever for x in form.margins for lever in x.columns(values))]
     G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
-    if G == 0:
-        return []
     gaps = design.gaps
     means, norms = _means(levers, G, design.table)
     if design.table.motions:
@@ -277,8 +306,6 @@ def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
     """The indices of members of one form of candidate c among those of the design, their columns
     among its.
     """
-    if not members:
-        return ()
     names = ("columns", "means", "norms")
     arrays = (np.concatenate([getattr(member, name) for member in members]) for name in names)
     indices, factors = design.columns.add(members[0].at, *arrays)
@@ -407,7 +434,7 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
     for of_kind, K in nameless:
         bases = {s: _directions(strata, s, K) for s in of_kind}
         for group in [[s] for s in of_kind] + [of_kind] * (len(of_kind) > 1):
-            yield Kernel(strata=tuple(group), directions=tuple(bases[s] for s in group))
+            yield Kernel(directions={s: bases[s] for s in group})
     for i in axes:
         if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
             continue
@@ -421,8 +448,7 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
                     name=f"profile-{name}" if positioning else f"profile-{name}-{along}",
                     axis=name if positioning else f"{name}{along}",
                     along=along,
-                    strata=(s,),
-                    directions=((V, k),),
+                    directions={s: (V, k)},
                     informed=len(V) / float(np.any(V != 0.0, axis=1).sum()),
                 )
 

@@ -28,6 +28,7 @@ from mtu_cli.analyses.close_loop.model_set import WINDOW, Model, ModelSet
 from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.strata import NONE
 from mtu_cli.language.tree import filled_text
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.kernels import averaged, smooth_root
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -229,19 +230,21 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
     J, labels, starts = _map(design, fit.columns, optima)
     covariance, values = J @ fit.covariance @ J.T, J @ fit.beta
-    bounded = [
-        end - 1
-        for (best, _), end in zip(optima, starts[1:], strict=True)
-        if labels[end - 1][2] == "searched" and _beyond(design.members[best], values[end - 1])
-    ]
-    # The estimates given that these do not change; u is kept as if they could.
+    bounded = list[int]()
+    for (best, _), end in zip(optima, starts[1:], strict=True):
+        value, grid = design.members[best].value, design.members[best].form.grid
+        if labels[end - 1][2] == "searched" and value is not None and grid is not None:
+            change, low, high = values[end - 1], grid.min() * (1 + 1e-9), grid.max() * (1 - 1e-9)
+            if (value <= low and change < 0) or (value >= high and change > 0):
+                bounded.append(end - 1)
+    # What was searched does not leave its range; u is kept as if it could.
     cross = covariance[:, bounded]
     values = values - cross @ np.linalg.solve(cross[bounded], values[bounded])
     # Degrees of freedom of a sum of sizes are those of the largest part in it.
     parts = np.abs(J) * np.sqrt(np.diag(fit.covariance))
     dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
     for a, row in enumerate(range(starts[-1], len(labels))):
-        mean, variance, nu = mean_of(like, fit.weights, fit.dof, a)
+        mean, variance, nu = mean_of(like, fit, a)
         values[row] += mean
         covariance[row, row] += np.nan_to_num(variance)
         dof[row] = float(np.nan_to_num(nu, nan=np.inf))
@@ -280,15 +283,6 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
         covariance=covariance,
         fit=fit,
     )
-
-
-def _beyond(member: Member, change: float) -> bool:
-    """Whether what was searched is at an end of its range and a `change` leads out of it."""
-    assert member.value is not None
-    assert member.form.grid is not None
-    low, high = float(member.form.grid.min()), float(member.form.grid.max())
-    at_low, at_high = member.value <= low * (1 + 1e-9), member.value >= high * (1 - 1e-9)
-    return (at_low and change < 0) or (at_high and change > 0)
 
 
 def _map(
@@ -357,18 +351,13 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     its posterior, so that future values between the places are covered at any amplitude.
     """
     design, strata = likelihood.design, likelihood.design.strata
-    P, H, A = strata.shape
-    (s,) = kernel.strata
-    along = kernel.along
-    places = np.nan_to_num(design.table.mean_places)[:, "xyz".index(along)]
+    (s,) = kernel.directions
+    places = np.nan_to_num(design.table.mean_places)[:, AXES.index(kernel.along)]
     knots, at = np.unique(np.round(places, 6), return_inverse=True)
-    part = strata.slices[s]
-    _a, i, j = np.unravel_index(strata.place[part], (A, P, H))
-    shared = np.flatnonzero(i == 0)
-    basis = strata.of_features[strata.axis[s]][:, j[shared]] / strata.spread[part][shared]
+    part, (shared, basis) = strata.slices[s], strata.directions(s)
     centred = places - places.mean()
     line = basis.T @ centred
-    N = np.sqrt(P) * basis.T @ np.eye(len(knots))[at]
+    N = np.sqrt(strata.shape[0]) * basis.T @ np.eye(len(knots))[at]
     y = fit.residual[part][shared]
     # Of readings the lines of the passes hold it: the rest of it is rounding.
     if np.linalg.norm(line) > 1e-9 * np.linalg.norm(centred):
@@ -389,7 +378,7 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     # The level is estimated with those of all other effects: here it is taken out.
     centring = np.eye(len(knots)) - np.bincount(at) / len(at)
     return SmoothEffect(
-        along=along,
+        along=kernel.along,
         knots=knots,
         values=centring @ values * design.scale,
         covariance=centring @ covariance @ centring.T * variance,

@@ -16,7 +16,6 @@ from scipy.special import chdtri, ndtri
 
 from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.gate import partial_out
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Experiment
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, strata_of
@@ -39,13 +38,16 @@ COUNTING = ("sequence", "tool_parts", "time_min")
 Change = Callable[[FloatArray], FloatArray]
 
 
-def experiment(diagnosis: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
+def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
     """The follow-up that separates the first of the class of an entry, as it was estimated, best
     from its rivals, weighted by their posteriors; None where none does, or the effect is alone in
-    it. Of follow-ups that do as well, the one that is less work stands first; `weights` (S,) of
-    strata.
+    it. Of follow-ups that do as well, the one that is less work stands first.
     """
-    design, like = diagnosis.design, diagnosis.likelihood
+    design, like, weights = (
+        diagnosis.design,
+        diagnosis.models.likelihood,
+        diagnosis.sizes.fit.weights,
+    )
     posteriors = {m: max(p, 1e-300) for _, m, p in entry.credible if m >= 0}
     items, rivals = [*posteriors], [design.members[m] for m in posteriors]
     if len(rivals) < 2:
@@ -64,8 +66,14 @@ def experiment(diagnosis: Diagnosis, entry: Entry, weights: FloatArray) -> Exper
         root = 1 / np.sqrt(of_strata)[strata.labels()]
         data, signal, distances = TableData.of(table), np.zeros(len(root)), list[float]()
         for m in items:
-            levers = levers_on(design.members[m], data)
-            at, X = strata.of_levers([{a: v[None] for a, v in x.items()} for x in levers], 1)
+            member = design.members[m]
+            value = None if member.value is None else np.array([member.value])
+            levers = [
+                {a: v[[(member.chosen or 0) if len(v) > 1 else 0]] for a, v in lever.items()}
+                for form in (member.form, *member.form.margins)
+                for lever in replace(form, data=data).columns(value)
+            ]
+            at, X = strata.of_levers(levers, 1)
             columns = np.zeros((len(levers), len(root)))
             columns[:, at] = X[0] * root[at]
             if m == items[0]:
@@ -81,26 +89,13 @@ def experiment(diagnosis: Diagnosis, entry: Entry, weights: FloatArray) -> Exper
     return best if best.predicted_d > 0 else None
 
 
-def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
-    """Levers of all parameters of a member on other data, the numbers of its data in place."""
-    value = None if member.value is None else np.array([member.value])
-    result = []
-    for bound in (member.form, *member.form.margins):
-        for lever in replace(bound, data=data).columns(value):
-            g = member.chosen or 0
-            result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
-    return result
-
-
 def follow_ups(
     table: ResidualTable, rivals: Sequence[Member]
 ) -> Iterator[tuple[str, ResidualTable]]:
     """Further parts as before, then made otherwise in what the rivals depend on."""
-    readings = table.component is not None
-    noun, make = ("passes", "run") if readings else ("parts", "make and measure")
-    forms = [rival.form for rival in rivals]
-    used = {name for form in forms for name in form.used}
-    used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
+    readings, noun = table.component is not None, table.plurals[0]
+    make = "run" if readings else "make and measure"
+    used = {name for rival in rivals for name in rival.form.used}
     yield f"{make} {MORE} more {noun} as before", with_more_parts(table, {})
     names = [name for name in table.covariates if name in used]
     reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
@@ -155,7 +150,7 @@ def with_more_parts(
     )
 
 
-def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
+def minimum_detectable(diagnosis: Diagnosis) -> dict[str, float]:
     """Root mean square, mm or rad, over the cells of the smallest effect of each candidate that
     passes the gate four times in five; the median over its members. The effects of the diagnosis
     are in the model.
@@ -167,14 +162,14 @@ def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
     and the members of each.
     """
     design, strata = diagnosis.design, diagnosis.design.strata
-    fit = diagnosis.likelihood.fit(diagnosis.models.columns(diagnosis.model))
+    fit = diagnosis.models.likelihood.fit(diagnosis.models.columns(diagnosis.model))
     P, H, _ = strata.shape
-    of = design.owner[: design.tested]
+    of = design.owner
     counts = np.bincount(of)
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
-    for group in design.groups():
-        k, partials = group.k, partial_out(design, group, (), fit.weights)
+    for partials in design.partials((), fit.weights):
+        k = partials.terms.shape[1]
         # The coefficients are uncertain as far as is known beforehand.
         prior = np.sum(
             partials.slopes**2 * design.columns.precisions[partials.nuisance][:, None], axis=(1, 2)
@@ -183,15 +178,13 @@ def minimum_detectable(diagnosis: Diagnosis, alpha: float) -> dict[str, float]:
         crossed = design.columns.cross(partials.terms, partials.terms).sum(axis=-1)
         shares = fit.weights[:, None] * crossed
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
-        p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group.members]]
+        p = (1 - (1 - diagnosis.models.alpha) ** (1 / tests)) / counts[of[partials.members]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
         z = np.sqrt(c2) * (1 - 0.25 / v) + ndtri(0.8) * np.sqrt(1 + c2 / (2 * v))
         axes = [np.bincount(strata.axis, share) > 0 for share in shares.T]
         cells = P * H * np.sum(axes, axis=1)
         estimable = signal * k > 1e-9 * partials.unadjusted.sum(axis=1)
-        sizes[group.members] = np.where(
-            estimable, z / np.sqrt(np.where(estimable, signal, 1.0) * cells), np.nan
-        )
+        sizes[partials.members] = z / np.sqrt(np.where(estimable, signal, np.nan) * cells)
     of_candidates = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {
         design.candidates[c].name: float(np.median(values)) * diagnosis.design.scale

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
-from mtu_cli.analyses.close_loop.design import Design, Group
+from mtu_cli.analyses.close_loop.design import Design, transposed
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
-from mtu_cli.analyses.close_loop.posed import lever_of
-from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 PERMUTATIONS = 299
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
@@ -89,7 +88,23 @@ class Gate:
         Y = np.zeros((PERMUTATIONS + 1, len(fit.residual)))
         crossed = bool(strata.of(FEATURE))
         for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
-            self._rotate(Y[1:], strata.of(kind), fit, ratio)
+            group = strata.of(kind)
+            # Strata of one size turn alike: an orthonormal basis of g vectors to a random g-frame.
+            alike = len({int(strata.sizes[s]) for s in group}) == 1
+            for block in [group] if alike else [[s] for s in group]:
+                Z = np.stack([fit.residual[strata.slices[s]] * ratio[s] for s in block])
+                if count := round(like.extra_dof[block].max()):
+                    extra = rng.normal(size=(len(block), count))
+                    sizes = np.sqrt(like.extra[block]) * ratio[block]
+                    sizes = sizes / np.linalg.norm(extra, axis=1)
+                    Z = np.concatenate([Z, extra * sizes[:, None]], axis=1)
+                g, n = Z.shape
+                R = np.linalg.qr(Z.T)[1]
+                frame = np.linalg.qr(rng.normal(size=(PERMUTATIONS, n, min(g, n))))[0]
+                signs = rng.choice([-1.0, 1.0], size=(PERMUTATIONS, 1, frame.shape[2]))
+                rotations = np.swapaxes((frame * signs) @ R, 1, 2)
+                for i, s in enumerate(block):
+                    Y[1:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
         inner = np.isin(strata.labels(), strata.of(INTERACTION))
         cells = strata.table(np.where(inner, fit.residual * ratio[strata.labels()], 0.0))
         w = fit.weights[strata.labels()]
@@ -114,26 +129,6 @@ class Gate:
         for first in range(1, PERMUTATIONS + 1, step):
             yield slice(first, min(first + step, PERMUTATIONS + 1))
 
-    def _rotate(self, null: FloatArray, group: list[int], fit: Fit, ratio: FloatArray) -> None:
-        """Fills strata of null tables, those of one size alike: a random rotation takes an
-        orthonormal basis of g vectors to a random g-frame.
-        """
-        strata, like, rng = self.strata, self.likelihood, self.rng
-        same_size = len({int(strata.sizes[s]) for s in group}) == 1
-        for block in [group] if same_size else [[s] for s in group]:
-            Z = np.stack([fit.residual[strata.slices[s]] * ratio[s] for s in block])
-            if count := round(like.extra_dof[block].max()):
-                extra = rng.normal(size=(len(block), count))
-                sizes = np.sqrt(like.extra[block]) * ratio[block] / np.linalg.norm(extra, axis=1)
-                Z = np.concatenate([Z, extra * sizes[:, None]], axis=1)
-            g, n = Z.shape
-            R = np.linalg.qr(Z.T)[1]
-            frame = np.linalg.qr(rng.normal(size=(len(null), n, min(g, n))))[0]
-            signs = rng.choice([-1.0, 1.0], size=(len(null), 1, frame.shape[2]))
-            rotations = np.swapaxes((frame * signs) @ R, 1, 2)
-            for i, s in enumerate(block):
-                null[:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
-
     # Tests.
 
     def _members(self, base: Columns, fit: Fit, Y: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -151,8 +146,8 @@ class Gate:
         # Prior knowledge of a stratum turns with its coordinates on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
-        for group in design.groups(base):
-            k, partials = group.k, partial_out(design, group, base, w)
+        for partials in design.partials(base, w):
+            k = partials.terms.shape[1]
             whole = partials.information.sum(axis=0)
             size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
             scale = size[:, :, None] * size[:, None, :]
@@ -175,14 +170,14 @@ class Gate:
                 score = w[s] * U[s][partials.terms[i]] - partials.slopes[i] @ y[s, m]
                 score = (score - partials.rest[s, i] @ sizes[m]) / size[i, :, None]
                 divisor = np.where(informative[s, i], values[s, i], np.inf)[:, :, None]
-                stat = np.sum((_t(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
+                stat = np.sum((transposed(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
                 residual = np.maximum(squares[:, s] - explained[s, m], least[s])
                 ratio = np.clip(stat / residual, 1e-300, ALMOST_ONE)
                 power = np.maximum(self.likelihood.n[s] - leverage[s, m] - 1 - k / 2, 0.5)
                 deviance = -power[:, None] * np.log1p(-ratio)
                 total[i] += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
             D = np.sum(total * (inverse @ total), axis=1).T[:, valid]
-            at.append(group.members[valid])
+            at.append(partials.members[valid])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
@@ -195,10 +190,10 @@ class Gate:
             if candidate.kind != "offset" or candidate.unavailable:
                 continue
             a = self.design.axis(candidate)
-            mean, variance, nu = mean_of(self.likelihood, fit.weights, fit.dof, a)
+            mean, variance, nu = mean_of(self.likelihood, fit, a)
             if not np.isfinite(variance):
                 continue
-            level, u, _ = level_of(self.likelihood, fit, a)
+            level, u = level_of(self.likelihood, fit, a)
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
             lp = self.rng.exponential(size=rows)
             lp[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
@@ -234,7 +229,7 @@ class Gate:
                 else:
                     of_parts = flat[order].reshape(len(order), P, H * A) @ lever
                     result[rows, k] = (of_parts**2).sum(axis=1)
-        n = float(sum(self.likelihood.coordinate_dof[s] for s in inner))
+        n = float(sum(self.likelihood.n[s] for s in inner))
         total = max(float(squares.sum()), 1e-300)
         kurtosis = max(float(np.mean((flat * flat * (flat.size / total)) ** 2)) - 3, 0.0)
         result = np.clip(result, 1e-9 * total, ALMOST_ONE * total)
@@ -301,58 +296,31 @@ class Gate:
         return result
 
 
-class Partial(NamedTuple):
-    """Members' `terms` x (M, k) less what `nuisance` columns z (M or 1, z) explain in all strata at
-    once, by `slopes` (M, k, z): their `information` (S, M, k, k) in the strata, `unadjusted` (M, k)
-    in all, and the products `rest` (S, M, k, z) with z there. The columns z have the products
-    `inner` (S, M or 1, z, z), by the weights of the strata, and the covariance `inverse`.
-    """
-
-    terms: IntArray
-    nuisance: IntArray
-    slopes: FloatArray
-    information: FloatArray
-    unadjusted: FloatArray
-    rest: FloatArray
-    inner: FloatArray
-    inverse: FloatArray
+def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
+    """The unit pattern (H, A) of a small turn or growth of a whole part."""
+    if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
+        return None
+    q = places[:, [AXES.index(axis) for axis in axes]]
+    q = q - q.mean(axis=0)
+    if "rotation" in name:
+        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
+        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
+        q = rotation
+    size = np.linalg.norm(q)
+    return q / size if size > 0 else None
 
 
-def partial_out(design: Design, group: Group, base: Columns, w: FloatArray) -> Partial:
-    """The columns of members less what those of `base`, the common ones and their margins explain,
-    with the weights w (S,) of the strata.
-    """
-    k, members, low = group
-    width = k + low.shape[1]
-    closures, inner = design.closures[members, :width], design.inner[:, members, :width, :width]
-    closures[:, k:] = low
-    models, G = design.columns.crossed(closures, (*base, *design.common), inner)
-    G *= w[:, None, None, None]
-    z, zz = models[: len(low), k:], G[:, : len(low), k:, k:]
-    xx, xz = G[:, :, :k, :k], G[:, :, :k, k:]
-    A = zz.sum(axis=0)
-    diagonal = 1e-10 * np.einsum("mzz->mz", A) + design.columns.precisions[z]
-    inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
-    slopes = xz.sum(axis=0) @ inverse
-    rest = xz - slopes @ zz
-    information = xx - rest @ _t(slopes) - _t(xz @ _t(slopes))
-    unadjusted = np.einsum("smkk->mk", xx)
-    return Partial(closures[:, :k], z, slopes, information, unadjusted, rest, zz, inverse)
-
-
-def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
+def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float]:
     """What a fit leaves of the mean over the table along axis `a`, in units of the scale, with u
-    and degrees of freedom (nan: not testable).
+    (nan: not testable).
     """
-    mean, u2, nu = mean_of(likelihood, fit.weights, fit.dof, a)
+    mean, u2, _ = mean_of(likelihood, fit, a)
     slopes = likelihood.design.columns.means[np.array(fit.columns, int), a]
     u2 += float(slopes @ fit.covariance @ slopes)
-    return mean - float(slopes @ fit.beta), float(np.sqrt(u2)), nu
+    return mean - float(slopes @ fit.beta), float(np.sqrt(u2))
 
 
-def mean_of(
-    likelihood: Likelihood, weights: FloatArray, dof: FloatArray, a: int
-) -> tuple[float, float, float]:
+def mean_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
     """The mean over the table along axis `a`, in units of the scale, its variance and degrees of
     freedom: parts and features both scatter, v = m_part + m_feature - m_interaction over P H
     (Satterthwaite 1946), and the coefficients are uncertain.
@@ -361,8 +329,8 @@ def mean_of(
     P, H, _ = strata.shape
     m: dict[str, tuple[float, float]] = {}
     for s, kind in enumerate(strata.kinds):
-        if strata.axis[s] == a and kind != LINE and weights[s] > 0:
-            m[kind] = (1 / weights[s], dof[s])
+        if strata.axis[s] == a and kind != LINE and fit.weights[s] > 0:
+            m[kind] = (1 / fit.weights[s], fit.dof[s])
     mean = float(likelihood.grand[a])
     if PART not in m:
         return mean, np.nan, np.nan
@@ -403,7 +371,3 @@ def _adjusted_p(T: FloatArray) -> FloatArray:
     null = np.sort(family[1:].max(axis=1, initial=0.0))
     B = len(null)
     return np.asarray((B - np.searchsorted(null, family[0], side="left") + 1) / (B + 1))
-
-
-def _t(matrices: FloatArray) -> FloatArray:
-    return np.asarray(np.swapaxes(matrices, -1, -2))

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from mtu_cli.analyses.close_loop.columns import PADDING
 from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
-from mtu_cli.analyses.close_loop.strata import IntArray
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.analyses.close_loop.strata import PADDING
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 QUANTILES = (np.arange(12) + 0.5) / 12
 ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
@@ -68,8 +67,6 @@ class Likelihood:
     ) -> None:
         self.design, self.y, self.grand = design, y, grand
         strata = design.strata
-        self.coordinate_dof = n
-        """Degrees of freedom (S,) of the coordinates themselves."""
         squares = np.array([y[part] @ y[part] for part in strata.slices])
         self.extra, self.extra_dof = prior
         self.n = n + self.extra_dof
@@ -99,7 +96,7 @@ class Likelihood:
         """
         _, amplitude = self.kernel_gain(fit, kernel)
         columns, result = self.design.columns, list[int]()
-        for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
+        for s, (V, k) in kernel.directions.items():
             part = self.design.strata.slices[s]
             at, means = np.arange(part.start, part.stop), np.zeros((len(k), len(self.grand)))
             precisions = fit.weights[s] / (amplitude * k)
@@ -131,15 +128,16 @@ class Likelihood:
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
         R = np.broadcast_to(self.R0[:, None], (len(n), len(models)))
         for _ in range(5):
-            w = self.weights(R, np.broadcast_to(n, R.shape))
-            diagonal = ridge + TINY * np.einsum("sm,smi->mi", w, squares)
+            w = self.weights(R, n)
+            information = np.einsum("sm,smi->mi", w, squares)
+            diagonal = ridge + TINY * information
             A = np.einsum("sm,smij->mij", w, G) + diagonal[:, None] * np.eye(models.shape[1])
             beta = np.linalg.solve(A, np.einsum("sm,smi->mi", w, b)[..., None])[..., 0]
             reduction = 2 * b - np.einsum("smij,mj->smi", G, beta)
-            penalty = beta**2 * ridge / np.maximum(np.einsum("sm,smi->mi", w, squares), 1e-300)
+            penalty = beta**2 * ridge / np.maximum(information, 1e-300)
             R = self.R0[:, None] - np.einsum("mi,smi->sm", beta, reduction)
             R = np.maximum(R + np.einsum("mi,smi->sm", penalty, squares), floor)
-        info = self.weights(R, np.broadcast_to(n, R.shape))[..., None] * squares[:, :, :k]
+        info = self.weights(R, n)[..., None] * squares[:, :, :k]
         number = np.einsum("smi,s->mi", info, self.n) / np.maximum(info.sum(0), 1e-300)
         return R, number
 
@@ -210,7 +208,7 @@ class Likelihood:
         model, on coordinates Y (B, N), at some variances (c,) over the stratum's.
         """
         result = np.zeros((len(variances), len(Y)))
-        for s, (V, k) in zip(kernel.strata, kernel.directions, strict=True):
+        for s, (V, k) in kernel.directions.items():
             part = Y[:, self.design.strata.slices[s]]
             least = fit.dof[s] * self.least[s] + TINY**2
             total = np.maximum((part**2).sum(axis=1) + self.extra[s], least)

@@ -13,10 +13,9 @@ from itertools import combinations
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import PADDING
-from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.gate import Gate
-from mtu_cli.analyses.close_loop.likelihood import Columns, Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Columns
+from mtu_cli.analyses.close_loop.strata import PADDING
 from mtu_cli.files.effects import SCATTERS
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -34,6 +33,8 @@ ROUNDS = 4
 Item = int
 """A member m of a candidate, or -1 - k for random function k."""
 Model = tuple[Item, ...]
+Scatter = tuple[str, float, float]
+"""Name of a scatter effect, its p, and how many times the rest's its deviation is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,16 +49,15 @@ class Entry:
     gain: float
     posterior: float
     credible: tuple[tuple[str, Item, float], ...]
-    nameless: float
+    nameless: bool
     overtaken: bool
 
 
 class ModelSet:
     """Models of one table and what they say."""
 
-    def __init__(self, likelihood: Likelihood, gate: Gate, *, alpha: float, most: int) -> None:
-        self.likelihood, self.gate = likelihood, gate
-        self.design: Design = likelihood.design
+    def __init__(self, gate: Gate, *, alpha: float, most: int) -> None:
+        self.gate, self.likelihood, self.design = gate, gate.likelihood, gate.design
         self.alpha, self.most = alpha, most
         self.named = [k for k, kernel in enumerate(self.design.kernels) if kernel.name]
         self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.name]
@@ -263,7 +263,7 @@ class ModelSet:
                     credible=tuple(
                         (self.names[i], best[i], float(posterior[i])) for i in (c, *rivals)
                     ),
-                    nameless=float(posterior[len(self.names) :].sum()),
+                    nameless=bool(posterior[len(self.names) :].sum() > 1 - SHARE),
                     overtaken=bool(len(smooth) and smooth.max() > total[c]),
                 )
             )
@@ -274,23 +274,18 @@ class ModelSet:
         if not self.nameless:
             return False
         prior = -np.log(len(self.names))
-        value = self.value(model) if model else 0.0
         return any(
-            self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > value
-            for n in range(max(len(model) - 1, 0))
+            self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > self.value(model)
+            for n in range(len(model) - 1)
             for rest in combinations(model, n)
         )
 
-    def scatter(self, model: Model, base: Sequence[str]) -> list[tuple[str, float, float]]:
-        """Scatter effects that pass given a model and those of `base`, one after another, with
-        their p and how many times the rest's their deviation is.
-        """
-        result: list[tuple[str, float, float]] = []
-        columns = self.columns(model)
+    def scatter(self, model: Model, motion: Sequence[Scatter]) -> list[Scatter]:
+        """Those of `motion`, and further ones that pass given a model, one after another."""
+        result, columns = list(motion), self.columns(model)
         while True:
-            names = [*base, *(name for name, _, _ in result)]
-            p = self.gate(columns, tuple(names))
-            hits = [(p[n], n) for n in SCATTERS if p.get(n, 1.0) <= self.alpha and n not in names]
+            p = self.gate(columns, tuple(name for name, _, _ in result))
+            hits = [(p[name], name) for name in SCATTERS if p.get(name, 1.0) <= self.alpha]
             if not hits:
                 return result
             value, name = min(hits)

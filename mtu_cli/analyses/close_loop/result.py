@@ -180,8 +180,7 @@ class Scores:
     chi2_per_dof: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Crossing:
+class Crossing(NamedTuple):
     """Where effects cancel: "right at T = 22.2 degC", "turns about y = 134 mm"; the interval is
     Fieller's. `whole`: all errors along the axis do, not only what `effect` makes of a further
     column or coordinate.
@@ -201,7 +200,7 @@ class TableResult:
     """One table (all points, or the readings of one component).
 
     `explained` (P, H, A) is the effects' contribution; `before` and `after` are scores of what was
-    `held_out_by` parts or columns (None: in sample), without and with the correction of the machine
+    `held_out`, such as ``passes``, without and with the correction of the machine
     as it is written, or of the average over each class; `floor` the repeatability of one
     coordinate. `excluded` (feature, part, axis, error) are single entries, outliers.
     """
@@ -220,27 +219,11 @@ class TableResult:
     after_averaged: Scores
     in_sample_before: Scores
     in_sample_after: Scores
-    held_out_by: str | None
+    held_out: str
     floor: float | None
     crossings: tuple[Crossing, ...]
     covariance: FloatArray
     stopped: bool
-
-    @property
-    def nouns(self) -> tuple[str, str]:
-        """What rows and columns of the table are called."""
-        return ("part", "feature") if self.table.component is None else ("pass", "position")
-
-    @property
-    def plurals(self) -> tuple[str, str]:
-        """The same of several."""
-        return ("parts", "features") if self.table.component is None else ("passes", "positions")
-
-    @property
-    def held_out(self) -> str | None:
-        """What was held out in turn, such as ``passes``."""
-        by = self.held_out_by
-        return None if by is None else self.plurals[0 if by == "parts" else 1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,12 +17,10 @@ from scipy.stats import binom, invgamma
 from mtu_cli.analyses.close_loop import estimate
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.design import members_at
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
-from mtu_cli.analyses.close_loop.estimate import estimates_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, likelihood_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
-from mtu_cli.analyses.close_loop.posed import likelihood_of
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.strata import Missing, interaction
 from mtu_cli.language import evaluate, linear_form, parse
@@ -111,7 +109,7 @@ def test_sizes_are_those_of_dense_generalised_least_squares(seed: int) -> None:
     own.errors[..., 0] += 5e-3 * own.covariates["dir_x"]
     found = diagnosis(own, "backlash")
     assert found.names == ["backlash-x"]
-    sizes = estimates_of(found.models, found.model)
+    sizes = found.sizes
     strata, scale = found.design.strata, found.design.scale
     of = {
         kind: scale**2 / sizes.fit.weights[s]
@@ -162,10 +160,10 @@ def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     common = np.zeros((P, H, 2, 1))
     common[..., 0, 0] = u * x / np.abs(x).max()
     found = [diagnosis(replace(own, common=known), "scale") for known in (common[..., :0], common)]
-    sizes = [minimum_detectable(each, 0.05)["scale-x"] for each in found]
+    sizes = [minimum_detectable(each)["scale-x"] for each in found]
     design = found[0].design
     (s,) = (s for s in design.strata.of("feature") if design.strata.axis[s] == 0)
-    S = np.sum(x**2) / np.abs(x).max() ** 2 * found[0].likelihood.fit(()).weights[s]
+    S = np.sum(x**2) / np.abs(x).max() ** 2 * found[0].models.likelihood.fit(()).weights[s]
     # The coefficients take a degree of freedom of five, too.
     assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
 
@@ -184,8 +182,8 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
     own.errors[..., 0] += beside * own.covariates["dir_x"]
     found = diagnosis(own, "offset", "scale", "backlash", "thermal-drift", "thermal-growth")
     found = without_references(found)
-    sizes = estimates_of(found.models, found.model)
-    effects = {e.name: e for e in effects_of(found, sizes, compare=True)}
+    sizes = found.sizes
+    effects = {e.name: e for e in effects_of(found, compare=True)}
     assert effects.keys() == {"thermal-growth-x"} | ({"backlash-x"} if beside else set())
     growth = effects["thermal-growth-x"]
     assert 0.5 < growth.explained_share < 1.05
@@ -215,9 +213,9 @@ def test_growth_from_the_first_temperature_is_no_shift() -> None:
         found = diagnosis(own, "offset", "scale", "thermal-drift", "thermal-growth")
         found = without_references(found)
         shifts += "offset-x" in found.names
-        found = replace(found, offsets=())
-        sizes = estimates_of(found.models, found.model)
-        told = crossings(effects_of(found, sizes), sizes.covariance, own)
+        found = replace(found, offsets={})
+        sizes = found.sizes
+        told = crossings(effects_of(found), sizes.covariance, own)
         low, high = next((c.interval95 for c in told if c.covariate == "T_a_degC"), (0.0, 0.0))
         missed += not low <= 22 <= high
     assert shifts <= binom.ppf(0.999, sets, 0.05)
@@ -283,7 +281,7 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
         own, [c for c in candidates_of(own, effect_library()) if c.family == "cyclic"],
         alpha=0.05, most=1, seed=1,
     )  # fmt: skip
-    (effect,) = effects_of(found, estimates_of(found.models, found.model))
+    (effect,) = effects_of(found)
     assert effect.name == "cyclic-x"
     assert effect.ambiguous
     assert effect.table is not None
@@ -302,7 +300,7 @@ def test_what_is_searched_is_compared_given_the_smooth_effects(
     own = replace(own, covariates={"time_min": time})
     own.errors[..., 0] -= 4 * NOISE_MM * np.exp(-time / 40.0)
     like = posed_of(own, "warm-up")
-    design, walk = like.design, next(k for k in like.design.kernels if len(k.strata) == 1)
+    design, walk = like.design, next(k for k in like.design.kernels if len(k.directions) == 1)
     base = like.fit(like.smooth(like.fit(()), walk))
     assert base.columns
     monkeypatch.setattr(like, "weights", lambda *_: base.weights)
@@ -345,7 +343,7 @@ def test_a_step_is_averaged_over_the_places_that_fit() -> None:
     def written(sequence: FloatArray) -> FloatArray:
         there = replace(own, errors=errors, covariates={"sequence": sequence[:, None]})
         found = diagnosis(there, "step")
-        (effect,) = effects_of(found, estimates_of(found.models, found.model))
+        (effect,) = effects_of(found)
         assert effect.name == "step-x"
         values = {p.name: p.value for p in effect.parameters}
         at = np.arange(6.0, 14.0)
@@ -373,7 +371,7 @@ def test_a_searched_value_at_an_end_of_its_range_does_not_leave_it() -> None:
     errors = own.errors.copy()
     errors[..., 0] += 60 * NOISE_MM * np.exp(-time / 25.0)
     found = diagnosis(replace(own, errors=errors, covariates={"time_min": time}), "warm-up")
-    sizes = estimates_of(found.models, found.model)
+    sizes = found.sizes
     (effect,) = sizes.effects
     assert effect.searched is not None
     assert effect.searched.value == pytest.approx(60.0)
