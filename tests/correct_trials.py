@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from correct_examples import ring_places, ring_points
 from machine_trials import Drift, make_parts, read_machine
-from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import Size, correct
 from mtu_cli.files.machine import LoadedMachine
@@ -22,8 +21,8 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.settings import Settings
+from mtu_cli.stats.least_squares import FloatArray
 
-Floats = NDArray[np.float64]
 CENTRE_OF_RING = (80.0, 80.0)
 DIAMETER = 120.0
 
@@ -45,14 +44,14 @@ def fitted_machines(known: LoadedMachine, drift: Drift, machines: int, seed: int
     return FittedMachines(drift, found)
 
 
-def errors_at(rng: np.random.Generator, drift: Drift, place: Floats) -> Floats:
+def errors_at(rng: np.random.Generator, drift: Drift, place: FloatArray) -> FloatArray:
     """True errors (n, 3) of one part's points at `place` (n, 3), mm."""
     return np.column_stack([make_parts(rng, drift, 1, place)[0], np.zeros(len(place))])
 
 
 def diameter_coverage(
     fitted: FittedMachines, part: LoadedPart, rings: int, *, probing: float, repeats: int
-) -> Floats:
+) -> FloatArray:
     """Of each machine the shares of its rings whose intervals hold the diameter, and the length of
     two points (machines, 2).
     """

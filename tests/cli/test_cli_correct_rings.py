@@ -20,6 +20,8 @@ from cli_runner import done, mtu
 from numpy.typing import NDArray
 from support import CONFIGS
 
+from mtu_cli.stats.least_squares import FloatArray
+
 RING = CONFIGS / "valdes-ring"
 ROOMS = (20.0, 26.0, 19.0)
 DIAMETERS = {"": {19: 180.0122, 20: 180.0124, 26: 180.0137}, "s": {19: 90.0061, 20: 90.0062,
@@ -34,7 +36,6 @@ DRIFT = (
     # A warm-up and a cool-down: of four of them the rings come out the same to 0.1 %.
     *("--cycles", "2"),
 )
-Floats = NDArray[np.float64]
 
 
 def with_small_rings(path: Path) -> None:
@@ -60,8 +61,8 @@ def with_small_rings(path: Path) -> None:
 class Rings:
     """Diameters less the true ones before and after (n,), um, and whether 95 % hold them."""
 
-    before: Floats
-    after: Floats
+    before: FloatArray
+    after: FloatArray
     held: NDArray[np.bool_]
 
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from mtu_cli.model.graph.transitions import TRANSITIONS, Step, Use
+from mtu_cli.stats.least_squares import FloatArray
 
-Floats = NDArray[np.float64]
 BOUND = {"ball", "hole", "meas", "compute"}
 """They read coordinates of the machine, or no geometry at all."""
 MORE = {"circle": (3, 7), "plane": (3, 6), "sphere": (4, 8)}
@@ -24,12 +23,12 @@ CASES = [
 TRIALS = 5
 
 
-def unit(v: Floats) -> Floats:
-    found: Floats = v / np.linalg.norm(v, axis=0)
+def unit(v: FloatArray) -> FloatArray:
+    found: FloatArray = v / np.linalg.norm(v, axis=0)
     return found
 
 
-def place(kind: str, rng: np.random.Generator) -> Floats:
+def place(kind: str, rng: np.random.Generator) -> FloatArray:
     """A random place (.., m) of the kind."""
     point = rng.normal(size=(3, TRIALS)) * 50
     vector = rng.normal(size=(3, TRIALS))
@@ -43,7 +42,7 @@ def place(kind: str, rng: np.random.Generator) -> Floats:
     return point if kind == "point" else vector
 
 
-def round_points(count: int, flat: bool, rng: np.random.Generator) -> list[Floats]:
+def round_points(count: int, flat: bool, rng: np.random.Generator) -> list[FloatArray]:
     """Points about a circle or sphere, 1 % off it, the same turn in all trials."""
     if flat:
         t = np.linspace(0, 5, count)
@@ -58,7 +57,7 @@ def round_points(count: int, flat: bool, rng: np.random.Generator) -> list[Float
     return [nominal[:, [i]] + 0.2 * rng.normal(size=(3, TRIALS)) for i in range(count)]
 
 
-def moved(kind: str, value: Floats, R: Floats, t: Floats) -> Floats:
+def moved(kind: str, value: FloatArray, R: FloatArray, t: FloatArray) -> FloatArray:
     if kind == "constant":
         return value
     if kind in ("point", "vector"):
@@ -68,7 +67,7 @@ def moved(kind: str, value: Floats, R: Floats, t: Floats) -> Floats:
     return np.stack(rows)
 
 
-def made(step: Step, nominal: list[Floats], places: list[Floats]) -> tuple[Floats, ...]:
+def made(step: Step, nominal: list[FloatArray], places: list[FloatArray]) -> tuple[FloatArray, ...]:
     """The outputs of a step whose fits start from `nominal`."""
     values = dict(zip(step.inputs, places, strict=True))
     start = dict(zip(step.inputs, nominal, strict=True))

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 from model_examples import loaded
-from numpy.typing import NDArray
 from synthetic_drift import REFERENCE, UM, Plan, one, sensor_names
 
 from mtu_cli.files.machine import LoadedMachine
@@ -20,8 +19,7 @@ from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
 from mtu_cli.stats.coverage import coverage_factor
-
-Floats = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
 
 MACHINES = 45
 CYCLES, N, STEP_MIN = 4, 32, 6.0
@@ -39,7 +37,7 @@ equations: {Ex: px, Ey: py}
 """
 
 
-def warmed(rng: np.random.Generator, warm: bool) -> Floats:
+def warmed(rng: np.random.Generator, warm: bool) -> FloatArray:
     """True temperatures (N, 2): the room steps by 6 K, each sensor has draughts."""
     t = STEP_MIN * np.arange(N)[:, None]
     step = 1 - np.exp(-t / np.array([25.0, 90.0]))

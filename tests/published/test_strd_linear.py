@@ -13,11 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import least_squares
-
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray, least_squares
 
 CERTIFIED_DIGITS = 15.0
 

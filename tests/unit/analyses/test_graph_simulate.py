@@ -8,18 +8,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from graph_examples import SHIPPED, graph_of, shipped
-from numpy.typing import NDArray
 
 from mtu_cli.analyses.graph import simulate_graph, sweep_graph
 from mtu_cli.model.settings import Settings
+from mtu_cli.stats.least_squares import FloatArray
 
-Floats = NDArray[np.float64]
 M = 200_000
 RATIO = 5 * (2 * M) ** -0.5
 """Five standard errors of a sample standard deviation, relative."""
 
 
-def probed(rng: np.random.Generator, centre: Floats, u_w: float, r: Floats) -> Floats:
+def probed(rng: np.random.Generator, centre: FloatArray, u_w: float, r: FloatArray) -> FloatArray:
     """Ball centres (M, 3) as Stryczek, Figure 5, has them, written out."""
     x1 = centre[0] - 12.5 + u_w * rng.standard_normal(M)
     x2 = centre[0] + 12.5 + u_w * rng.standard_normal(M)
@@ -29,7 +28,7 @@ def probed(rng: np.random.Generator, centre: Floats, u_w: float, r: Floats) -> F
     return np.column_stack([(x1 + x2) / 2, (y1 + y2) / 2, z1 - r])
 
 
-def axis(centres: list[Floats], alpha: Floats) -> tuple[Floats, Floats]:
+def axis(centres: list[FloatArray], alpha: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Stryczek, eqs. (8)-(27), with the index of (14) and the sign of (22) put right."""
     P1, P2, P3 = centres
     P4 = (P2 + P3) / 2

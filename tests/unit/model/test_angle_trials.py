@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import FloatArray, estimate, model_of, part_of
+from model_examples import estimate, model_of, part_of
 from scipy import stats
 from support import paper_study
 
@@ -14,6 +14,7 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, PointTrials, check_square
 from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.stats.least_squares import FloatArray
 
 TRIALS = 200_000
 Case = tuple[Prediction, list[str], list[str]]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from effect_tables import FloatArray, grid_places, readings_table, shop_covariates, table
+from effect_tables import grid_places, readings_table, shop_covariates, table
 
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import load_machine
@@ -27,6 +27,7 @@ from mtu_cli.model.effect_parameters import grid_of
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model, design
 from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.least_squares import FloatArray
 
 PLANE = table()
 SPACE = table(axes=("x", "y", "z"), places=grid_places(12, jitter=2.0, z=None))

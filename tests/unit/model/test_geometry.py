@@ -6,36 +6,35 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_sphere
 from mtu_cli.model.graph import transitions
+from mtu_cli.stats.least_squares import FloatArray
 
-Floats = NDArray[np.float64]
 GANDER = np.array([(1, 7), (2, 6), (5, 8), (7, 7), (9, 5), (3, 7)], float)
 
 
-def arc(n: int, radius: float, noise: float, seed: int, angle: float = 5.0) -> Floats:
+def arc(n: int, radius: float, noise: float, seed: int, angle: float = 5.0) -> FloatArray:
     """Points (n, 2) about an arc of `angle` rad."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0, angle, n)
-    circle: Floats = radius * np.column_stack([np.cos(t), np.sin(t)])
-    found: Floats = circle + noise * rng.standard_normal((n, 2))
+    circle: FloatArray = radius * np.column_stack([np.cos(t), np.sin(t)])
+    found: FloatArray = circle + noise * rng.standard_normal((n, 2))
     return found
 
 
-def tilted(flat: Floats, seed: int, lift: float) -> Floats:
+def tilted(flat: FloatArray, seed: int, lift: float) -> FloatArray:
     """The points of a plane, turned into space, `lift` off the plane."""
     rng = np.random.default_rng(seed)
     turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     heights = lift * rng.standard_normal(len(flat))
-    turned: Floats = np.column_stack([flat, heights]) @ turn
+    turned: FloatArray = np.column_stack([flat, heights]) @ turn
     turned += np.array([310.0, -45.0, 120.0])
     return turned
 
 
-def ball(n: int, radius: float, noise: float, seed: int) -> Floats:
+def ball(n: int, radius: float, noise: float, seed: int) -> FloatArray:
     rng = np.random.default_rng(seed)
     out = rng.standard_normal((n, 3))
     out /= np.linalg.norm(out, axis=1)[:, None]
@@ -48,7 +47,7 @@ def test_circle_of_gander_golub_and_strebel() -> None:
     assert [*found.centre, found.radius] == pytest.approx([4.7398, 2.9835, 4.7142], abs=5e-5)
 
 
-def bow(height: float) -> Floats:
+def bow(height: float) -> FloatArray:
     """An arc of 20 points over 100 mm, so many times 100 mm high."""
     x = np.linspace(-0.5, 0.5, 20)
     return np.asarray(100 * np.column_stack([x, height * (1 - 4 * x**2)]))
@@ -69,7 +68,7 @@ def bow(height: float) -> Floats:
     ],
 )
 def test_points_without_a_figure(
-    fit: Callable[[Floats], RoundFit], points: Floats, message: str
+    fit: Callable[[FloatArray], RoundFit], points: FloatArray, message: str
 ) -> None:
     with pytest.raises(GeometryError, match=message):
         fit(np.array(points, float))
@@ -84,8 +83,8 @@ def test_circle_and_sphere_against_an_optimiser(seed: int) -> None:
     ):
         start = np.append(points.mean(axis=0), 10.0)
 
-        def distances(theta: Floats, points: Floats = points) -> Floats:
-            away: Floats = np.linalg.norm(points - theta[:-1], axis=1) - theta[-1]
+        def distances(theta: FloatArray, points: FloatArray = points) -> FloatArray:
+            away: FloatArray = np.linalg.norm(points - theta[:-1], axis=1) - theta[-1]
             return away
 
         other = least_squares(distances, start, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
@@ -94,7 +93,7 @@ def test_circle_and_sphere_against_an_optimiser(seed: int) -> None:
         assert found.residuals == pytest.approx(distances(np.append(found.centre, found.radius)))
 
 
-CASES: dict[str, tuple[Callable[[Floats], RoundFit], Floats]] = {
+CASES: dict[str, tuple[Callable[[FloatArray], RoundFit], FloatArray]] = {
     "circle": (fit_circle, arc(9, 90.0, 3.0, 1)),
     "short arc": (fit_circle, arc(9, 90.0, 0.5, 2, angle=1.0)),
     "gander": (fit_circle, GANDER),
@@ -141,14 +140,14 @@ TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
 SHIFT = np.array([310.0, -45.0, 120.0])
 
 
-def arc_in_space(n: int, degrees: float, radius: float) -> Floats:
+def arc_in_space(n: int, degrees: float, radius: float) -> FloatArray:
     """Points (n, 3) of an arc that is turned and far from the origin."""
     t = np.radians(np.linspace(0, degrees, n))
     q = np.column_stack([np.cos(t), np.sin(t), 0 * t])
     return np.asarray(radius * q @ TURN.T + SHIFT)
 
 
-def cap(n: int, radius: float, reach: float = np.pi) -> Floats:
+def cap(n: int, radius: float, reach: float = np.pi) -> FloatArray:
     """Points (n, 3) of a spherical cap: a spiral from the pole down to the angle `reach`."""
     t = np.arccos(np.linspace(1, np.cos(0.95 * reach), n))
     a = 2.39996 * np.arange(n)
@@ -156,22 +155,22 @@ def cap(n: int, radius: float, reach: float = np.pi) -> Floats:
     return np.asarray(radius * q @ TURN.T + SHIFT)
 
 
-def drawn(nominal: Floats, noise: float, trials: int = TRIALS) -> list[Floats]:
+def drawn(nominal: FloatArray, noise: float, trials: int = TRIALS) -> list[FloatArray]:
     rng = np.random.default_rng(len(nominal))
     return [point[:, None] + noise * rng.normal(size=(3, trials)) for point in nominal]
 
 
-def circle(points: list[Floats], nominal: Floats) -> tuple[Floats, Floats]:
+def circle(points: list[FloatArray], nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
     centre, radius = transitions.circle_through([point[:, None] for point in nominal])(*points)
     return centre, radius
 
 
-def sphere(points: list[Floats], nominal: Floats) -> tuple[Floats, Floats]:
+def sphere(points: list[FloatArray], nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
     centre, radius = transitions.sphere_through([point[:, None] for point in nominal])(*points)
     return centre, radius
 
 
-def one(points: list[Floats], trial: int) -> Floats:
+def one(points: list[FloatArray], trial: int) -> FloatArray:
     return np.array([point[:, trial] for point in points])
 
 
@@ -221,8 +220,8 @@ def test_sphere_of_radius_against_an_optimiser(n: int, reach: float, noise: floa
     for trial in range(TRIALS):
         p = one(points, trial)
 
-        def gaps(c: Floats, p: Floats = p, r: float = float(radius[trial])) -> Floats:
-            away: Floats = np.linalg.norm(p - c, axis=1) - r
+        def gaps(c: FloatArray, p: FloatArray = p, r: float = float(radius[trial])) -> FloatArray:
+            away: FloatArray = np.linalg.norm(p - c, axis=1) - r
             return away
 
         other = least_squares(gaps, SHIFT, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac").x

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from model_examples import stated
-from numpy.typing import NDArray
 
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel, design
 from mtu_cli.model.prediction import predict
+from mtu_cli.stats.least_squares import FloatArray
 
-FloatArray = NDArray[np.float64]
 Values = dict[str, FloatArray]
 Equations = Callable[[Values, FloatArray], FloatArray]
 

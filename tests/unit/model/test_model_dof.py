@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from model_examples import Segment, model_of, readings
-from numpy.typing import NDArray
 
 from mtu_cli.files.machine import Component
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import fit_component
 from mtu_cli.model.prediction import predict, reportable
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
 
-FloatArray = NDArray[np.float64]
 POSITIONS = np.linspace(20.0, 160.0, 8)
 
 

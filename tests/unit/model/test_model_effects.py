@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from model_examples import FloatArray, loaded, part_of, stated
+from model_examples import loaded, part_of, stated
 from support import read_components
 
 from mtu_cli.analyses.lengths import predict_lengths
@@ -23,6 +23,7 @@ from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
+from mtu_cli.stats.least_squares import FloatArray
 
 MACHINE = """
 components:

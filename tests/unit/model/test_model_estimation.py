@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_examples import FloatArray, Segment, estimate, readings
+from model_examples import Segment, estimate, readings
 from scipy import stats
 
 from mtu_cli.files.machine import Component
@@ -14,6 +14,7 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import ComponentFit, agreement, combine, fit_component
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
 
 AXIS = Component(of="x", unit="um")
 

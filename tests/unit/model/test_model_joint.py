@@ -6,11 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from model_examples import FloatArray, Segment, loaded, readings
+from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 
 from mtu_cli.model.estimation import shared_passes
 from mtu_cli.model.fit import fit_machine
+from mtu_cli.stats.least_squares import FloatArray
 
 P = np.linspace(0.0, 90.0, 4)
 CENTRE = P.mean()

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from model_examples import FloatArray, estimate, model_of, part_of, stated
+from model_examples import estimate, model_of, part_of, stated
 
 from mtu_cli.findings import InputError
 from mtu_cli.language import parse
@@ -21,6 +21,7 @@ from mtu_cli.model.simulate import (
     simulate_points,
     simulate_readings,
 )
+from mtu_cli.stats.least_squares import FloatArray
 
 IDS = ["a", "b", "c", "d"]
 POINTS = np.array([[0.0, 0, 0], [100, 0, 0], [100, 80, 0], [0, 80, 0]])

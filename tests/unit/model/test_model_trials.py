@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from model_examples import FloatArray, estimate, model_of
+from model_examples import estimate, model_of
 from scipy import stats
 
 from mtu_cli.model.measurands import PointTrials
 from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.stats.least_squares import FloatArray
 
 TRIALS = 200_000
 POINTS = np.array([[0.0, 0, 0], [30, 10, 0], [60, -20, 0]])

@@ -10,13 +10,12 @@ from compare_trials import fitted
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from model_examples import estimate, model_of
-from numpy.typing import NDArray
 
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import predict
+from mtu_cli.stats.least_squares import FloatArray
 
-FloatArray = NDArray[np.float64]
 STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
 

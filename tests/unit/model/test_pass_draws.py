@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from model_examples import FloatArray, estimate, model_of
+from model_examples import estimate, model_of
 
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import MachineModel
@@ -14,6 +14,7 @@ from mtu_cli.model.simulate import (
     pass_root,
     simulate_points,
 )
+from mtu_cli.stats.least_squares import FloatArray
 
 AT = np.array([[0.0, 0, 0], [250, 0, 0], [500, 0, 0]])
 MANY = 4000

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from compare_trials import made, study
 from model_examples import stated
-from numpy.typing import NDArray
 from residual_examples import MACHINE, by_cell, codes, measured
 from thermal_machines import SENSORS, line
 from thermal_machines import machine as warm_machine
@@ -23,8 +22,6 @@ from mtu_cli.model.residuals import residual_table
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_rows
 from mtu_cli.stats.least_squares import FloatArray
-
-Floats = NDArray[np.float64]
 
 
 def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
@@ -95,7 +92,7 @@ def test_noise_of_temperatures_goes_where_it_is_shared(tmp_path: Path) -> None:
     x = points.nominal[[int(np.argmax(points.feature == h)) for h in range(3)], 0]
     column = np.column_stack([1.5e-3 + 0.01e-3 * x, 0.5 * (1.5e-3 + 0.01e-3 * x)]) * 0.2
 
-    def added(own: Points, name: str, at: dict[str, float] | None = None) -> Floats:
+    def added(own: Points, name: str, at: dict[str, float] | None = None) -> FloatArray:
         with_it, without = (residual_table(m, own, at or {})[0] for m in (model, exact))
         F, E = (getattr(table, name)[-1] for table in (with_it, without))
         F, E = F.reshape(6, F.shape[-1]), E.reshape(6, E.shape[-1])

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from model_examples import Segment, loaded, readings
-from numpy.typing import NDArray
 from reading_examples import only
 
 from mtu_cli.analyses.fit_components import fit_result
@@ -20,9 +19,9 @@ from mtu_cli.model.estimation import agreement, combine
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.reading_residuals import reading_tables
 from mtu_cli.reports.fit_components import document
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import Shift
 
-FloatArray = NDArray[np.float64]
 P = np.linspace(0.0, 90.0, 4)
 MACHINE = "components: {a: {of: x, unit: mm}}\nequations: {Ex: a}\n"
 SCHEMA = "mtu/fit-components/1"

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from model_examples import loaded, part_of
-from numpy.typing import NDArray
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import InputError
@@ -16,6 +15,7 @@ from mtu_cli.model.features import feature_points, grid_of, outside_warnings
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.prediction import predict
+from mtu_cli.stats.least_squares import FloatArray
 
 SPACE = """\
 axes: {x: {travel_mm: [0, 100]}, y: {travel_mm: [20, 60]}}
@@ -26,9 +26,7 @@ equations: {Ex: px + y*sq}
 """
 
 
-def grid(
-    folder: Path, text: str, machine: str = SPACE
-) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+def grid(folder: Path, text: str, machine: str = SPACE) -> tuple[tuple[str, ...], FloatArray]:
     known = loaded(folder, machine)
     return grid_of(known, build(known), text)
 

@@ -6,12 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from trial_models import Bent
 
 from mtu_cli.stats.blocks import BlockPlan, BlockSummariser, Draws, weights_of
-
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
 
 
 @pytest.mark.parametrize("m", [2000, 4096, 8192])

@@ -6,14 +6,12 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from pass_designs import DRIFT, PLACES, balanced, drawn
 from scipy.special import stdtrit
 
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed_model import PassFit, fit_passes
 from mtu_cli.stats.pass_tests import pass_scatter, pass_trend, reversal
-
-FloatArray = NDArray[np.float64]
 
 
 def noise(n: int) -> FloatArray:

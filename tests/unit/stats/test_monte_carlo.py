@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.special import ndtri
 from trial_models import Bent, Other, Z, plain_blocks, slow_end
 
 from mtu_cli.findings import InputError
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo, single_block_estimates
-
-FloatArray = NDArray[np.float64]
 
 
 def same_bits(a: MonteCarloResult, b: MonteCarloResult) -> bool:

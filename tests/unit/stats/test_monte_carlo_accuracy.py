@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 from trial_models import Bent, Other, ScaledT, Smooth, Z
 
 from mtu_cli.findings import InputError
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult, clause8, monte_carlo
-
-FloatArray = NDArray[np.float64]
 
 
 def test_largest_count_ends_an_adaptive_run() -> None:

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from pass_designs import DRIFT, NO_DRIFT, Design, balanced, dense_covariance, drawn
 from scipy.special import stdtrit
 
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed_model import PassFit, fit_passes
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     # statsmodels ships no types.
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 WARM = np.array([[9.0, 0.01], [0.01, 4e-4]])

@@ -9,6 +9,7 @@ from pass_designs import DRIFT, NO_DRIFT, PLACES, UNBALANCED, Design, balanced, 
 from scipy.linalg import orth
 from scipy.stats import ttest_ind
 
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed_model import PassFit, fit_passes
 from mtu_cli.stats.pass_tests import (
     MAX_POSITIONS,
@@ -24,7 +25,6 @@ with warnings.catch_warnings():
     # statsmodels ships no types.
     from statsmodels.regression.linear_model import OLS  # type: ignore[import-untyped]
 
-FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 DESIGNS = {"balanced": balanced(6), "balanced, both ways": balanced(6, both=True), **UNBALANCED}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from mtu_cli.stats.covariance import (
@@ -15,8 +14,7 @@ from mtu_cli.stats.covariance import (
     factor_of,
     positive_part,
 )
-
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
 
 
 def spread(rng: np.random.Generator, size: int) -> FloatArray:

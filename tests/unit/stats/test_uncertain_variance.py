@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy import stats
 
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.uncertain_variance import (
     f_tails,
     mean_square_tails,
     t_tail,
     uncertain_variance,
 )
-
-FloatArray = NDArray[np.float64]
 
 
 def one(squares: list[float], dof: list[float], m: int = 1) -> tuple[FloatArray, FloatArray]:
