@@ -17,8 +17,11 @@ from support import CONFIGS, DATA
 
 from mtu_cli.cli.help import topic
 
-MACHINE, PART = (CONFIGS / "undeclared" / name for name in ("machine.yaml", "part.yaml"))
-READINGS, POINTS = (DATA / "undeclared" / name for name in ("lbb.csv", "cmm.csv"))
+UNDECLARED = CONFIGS / "undeclared"
+MACHINE = UNDECLARED / "machine.yaml"
+PART = UNDECLARED / "part.yaml"
+READINGS = DATA / "undeclared" / "lbb.csv"
+POINTS = READINGS.with_name("cmm.csv")
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from support import CONFIGS
 
 BESIDE = Path(sys.executable).parent / "snakemake"
 SNAKEMAKE = str(BESIDE) if BESIDE.exists() else shutil.which("snakemake")
-pytestmark = pytest.mark.skipif(
+WITH_SNAKEMAKE = pytest.mark.skipif(
     SNAKEMAKE is None, reason="snakemake is not installed (pip install 'mtu-cli[cluster]')"
 )
 
@@ -40,6 +40,7 @@ def snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@WITH_SNAKEMAKE
 def test_reports_are_those_of_make_and_of_single_commands(tmp_path: Path) -> None:
     """A laser's own files, parts, and the loop: every step but the drift test."""
     for name in ("configs", "data"):
@@ -65,6 +66,7 @@ def test_reports_are_those_of_make_and_of_single_commands(tmp_path: Path) -> Non
         assert (tmp_path / "work" / "alone.json").read_bytes() == made[f"{step}.json"]
 
 
+@WITH_SNAKEMAKE
 def test_a_gate_keeps_the_reports_and_stops_no_other_study(tmp_path: Path) -> None:
     for name in ("mill-1", "mill-2"):
         placed(tmp_path / "shop" / name)

@@ -21,7 +21,8 @@ from mtu_cli.model.prediction import predict, temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
 
-UM, ARCSEC = 1e-3, np.pi / 648000
+UM = 1e-3
+ARCSEC = np.pi / 180 / 3600
 AT = {"T_a_degC": 23.0, "T_b_degC": 19.0, "T_c_degC": 26.5}
 EACH = {
     "T_a_degC": np.array([20.0, 21.0, 23.5, 26.0]),
