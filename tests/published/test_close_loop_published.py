@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_strd_linear import PONTIUS_Y, REFERENCES, numbers
+from test_strd import PONTIUS_Y, REFERENCES, numbers
 
 MTU = Path(sys.executable).parent / "mtu"
 LOADS_KLB = 150.0 * np.arange(1, 21)
