@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cli_runner import Listing, Result, done, listing, mtu, report
+from cli_runner import TWO_FOLDS, Listing, Result, done, listing, mtu, report
 from loop_examples import BACKLASH, CLASS, CYCLIC, SCATTER, SMOOTH, effect, parameter, searched
 from support import CONFIGS, DATA
 
@@ -157,6 +157,7 @@ def test_the_extended_machine_has_nothing_left(first: Run, tmp_path: Path) -> No
     assert (tmp_path / "p.svg").read_text("utf-8").startswith("<?xml")
 
 
+@TWO_FOLDS
 def test_readings_alone_are_judged_by_component(tmp_path: Path) -> None:
     out = tmp_path / "out.json"
     said = done(mtu("close-loop", "-m", MACHINE, "--lbb", READINGS, "-q", "-o", out)).stderr
@@ -169,6 +170,7 @@ def test_readings_alone_are_judged_by_component(tmp_path: Path) -> None:
     assert "floor_arcsec" in next(i for i in results["tables"] if i["component"] == "ez_x")
 
 
+@TWO_FOLDS
 def test_the_drift_of_a_component_without_an_axis_is_written_and_read_again(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(
         "schema: mtu/machine/1\nname: m\naxes: {y: {travel_mm: [0, 500]}}\n"
@@ -231,8 +233,9 @@ def given(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
             return replace(KNOWN[0], verdict=verdict, tables=(table,))
 
         monkeypatch.setattr(close_loop, "close_loop", found)
-        options = [*(more or WRITE), "--fail-if", "found,unexplained"]
-        return mtu("close-loop", UNDECLARED, "-q", *options, cwd=tmp_path)
+        options = [*(more or WRITE), *NO_WAVES, "--fail-if", "found,unexplained"]
+        with TWO_FOLDS:
+            return mtu("close-loop", UNDECLARED, "-q", *options, cwd=tmp_path)
 
     return call
 
@@ -350,6 +353,7 @@ def few(folder: Path, points: Sequence[dict[str, Any]], *words: object) -> tuple
     return json.loads(out.read_text("utf-8")) if out.exists() else None, result
 
 
+@TWO_FOLDS
 def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_path: Path) -> None:
     """dir_x missing, dir_y constant, one temperature a copy, the other with a gap."""
     points = []
@@ -371,6 +375,7 @@ def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_pa
     assert picture.read_bytes().startswith(b"%PDF")
 
 
+@TWO_FOLDS
 def test_an_empty_cell_of_a_temperature_costs_its_row(tmp_path: Path) -> None:
     """And no more: without the temperature the growth of the scale looks like something else."""
     rng = np.random.default_rng(1)
@@ -395,6 +400,7 @@ def test_an_empty_cell_of_a_temperature_costs_its_row(tmp_path: Path) -> None:
     assert gap == said
 
 
+@TWO_FOLDS
 def test_a_copy_of_the_direction_makes_a_class(rows: list[dict[str, str]], tmp_path: Path) -> None:
     """What is written is then one of two, and a warning says so."""
     points = [row | {"clamp": row["dir_x"]} for row in once(rows)]
@@ -446,6 +452,7 @@ def test_a_reversal_of_one_step_of_a_dial(tmp_path: Path) -> None:
     assert lost_motion["u"] == pytest.approx(0.5 * math.sqrt(2 / 8 * 100 / 12), rel=0.2)
 
 
+@TWO_FOLDS
 def test_own_effects_of_the_help_and_one_with_a_constant(
     rows: list[dict[str, str]], tmp_path: Path
 ) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cli_runner import done, mtu, report
+from cli_runner import TWO_FOLDS, done, mtu, report
 from shop_day import (
     ShopDay,
     Truth,
@@ -49,6 +49,7 @@ EXTEND = ("--write-machine", "extended.yaml", "--write-components", "extended.js
 EXTENDED = ("-m", "extended.yaml", "-c", "extended.json", "-p", "part.yaml")
 
 
+@TWO_FOLDS
 def test_an_effect_outside_the_library_gets_no_lone_name(tmp_path: Path) -> None:
     args = shop(tmp_path, 202, outside="random-walk")
     gate = ("--fail-if", "unexplained", "-o", "-")
@@ -67,7 +68,8 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
         row, column = ([str(i) for i in range(k, k + 7)] for k in (1, 7))
         file.write(f"orthogonality: [{{id: xy, row: {row}, column: {column}}}]\n")
     before = (folder / "machine.yaml").read_bytes()
-    found = closed(folder, *args, *NO_WAVES, *EXTEND)
+    with TWO_FOLDS:
+        found = closed(folder, *args, *NO_WAVES, *EXTEND)
     (folder / "found.json").write_text(json.dumps(found))
     assert (folder / "machine.yaml").read_bytes() == before
     return folder
@@ -176,7 +178,8 @@ def test_a_warming_measuring_machine(ring_day: Path) -> None:
         value = found_as["parameters"][parameter]
         # Passes of the machine scatter a little, which u holds: 4 u in three parameters.
         assert abs(value["value"] - true) < 4 * value["u"], parameter
-    again = closed(ring_day, *EXTENDED, *NO_WAVES, "--cmm", "ring.csv")
+    with TWO_FOLDS:
+        again = closed(ring_day, *EXTENDED, *NO_WAVES, "--cmm", "ring.csv")
     assert again["verdict"] == "none"
 
 
@@ -209,6 +212,7 @@ def simulated(folder: Path, parts: int, *effects: str) -> tuple[str, ...]:
     return (*files, "--cmm", "cmm.csv")
 
 
+@TWO_FOLDS
 def test_parts_that_grow_from_another_temperature_than_20(tmp_path: Path) -> None:
     """From 22 degC and x = 0: one effect, right there, that the extended machine has with its joint
     covariance.
@@ -227,6 +231,7 @@ def test_parts_that_grow_from_another_temperature_than_20(tmp_path: Path) -> Non
             assert abs(point["Ex_um"] - true) < 4 * u < 8
 
 
+@TWO_FOLDS
 @pytest.mark.parametrize("datum", ["none", "offset,rotation"])
 def test_few_parts_and_a_datum_that_hides_effects_are_told(tmp_path: Path, datum: str) -> None:
     args = simulated(tmp_path, 4)

@@ -108,8 +108,8 @@ def start(*args: object, cwd: Path) -> subprocess.Popen[bytes]:
 
 @cache
 def in_a_pipe() -> str:
-    """What a process writes where nothing is said of terminals."""
-    return done(started("lengths", SMALL)).stdout
+    """What is written where nothing is said of terminals."""
+    return done(within("lengths", SMALL)).stdout
 
 
 def test_a_pipe_receives_plain_text() -> None:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import re
 import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
+from cli_runner import mtu
 from made_files import FILES as INSTRUMENTS
 from made_files import MAP, MAPPED
 from support import CONFIGS, DATA
-from watched_process import MTU
 
 from mtu_cli.formats.control import CONTROLLERS
 from mtu_cli.formats.control.errors import ErrorTable
@@ -169,8 +168,7 @@ def prepared_folder(folder: Path) -> Path:
     (folder / "flat" / "mtu.yaml").write_text(FLAT_STUDY, "utf-8")
     write_foreign(folder)
     for name, call in REPORTS.items():
-        words = [str(MTU), *call.split(), "-q", "-o", name]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+        done = mtu(*call.split(), "-q", "-o", name, cwd=folder)
         if done.returncode != 0:
             raise RuntimeError(f"mtu {call}: {done.stderr}")
     return folder

@@ -257,7 +257,7 @@ def test_the_sum_of_squareness_and_lag_scatters_by_its_u() -> None:
     lag = (causes.lag[0] - causes.lag[1]) * causes.feed / 60
     z = []
     for seed in range(40):
-        traces = made(causes, ways="ccw", s=0.0003, phi=0.8, seed=seed)
+        traces = made(causes, ways="ccw", n=180, s=0.0003, phi=0.8, seed=seed)
         both = diagnose(traces).cause("squareness-or-servo")
         z.append((both.value - (causes.lean * causes.radius + lag) / 2) / both.u)
     # Four standard errors of a standard deviation.
@@ -334,11 +334,11 @@ def with_waves(n: int, s: float = 0.0, seed: int = 0) -> Traces:
 
 def test_cyclic_errors_of_known_pitches_are_returned_with_all_other_causes() -> None:
     expected = Causes().expected() | {name: 1e3 * size for name, (size, _) in WAVES.items()}
-    found = diagnose(with_waves(4000), PITCHES)
+    found = diagnose(with_waves(2000), PITCHES)
     assert values(found) == pytest.approx(expected, abs=0.1)
     assert sum(x.share for x in found.causes if x.share == x.share) == pytest.approx(1.0)
     assert found.remainder_rms < 1e-4
-    results = (diagnose(with_waves(2000, s=5e-4, seed=seed), PITCHES) for seed in range(12))
+    results = (diagnose(with_waves(1000, s=5e-4, seed=seed), PITCHES) for seed in range(12))
     z = misses(results, expected)
     assert (z <= 3).mean() >= 0.98
     assert 0.6 < np.sqrt(np.mean(z**2)) < 1.3
