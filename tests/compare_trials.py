@@ -1,7 +1,5 @@
 """Whole studies of a virtual machine: truth, readings, fit, parts, comparison."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache, lru_cache
 
@@ -16,12 +14,7 @@ from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.prediction import Prediction
-from mtu_cli.model.simulate import (
-    PartsPlan,
-    SimulatedPoints,
-    simulate_points,
-    simulate_readings,
-)
+from mtu_cli.model.simulate import PartsPlan, SimulatedPoints, simulate_points, simulate_readings
 from mtu_cli.model.variance import Block
 from mtu_cli.stats.least_squares import FloatArray
 

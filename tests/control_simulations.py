@@ -4,8 +4,6 @@
 the commanded position plus what the table adds there. The axis then errs by its own error.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable
 

@@ -1,7 +1,5 @@
 """A ring measured on virtual machines whose error at every place is written here, too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from textwrap import dedent

@@ -5,8 +5,6 @@ a ring whose true size is known, with a state and repeatabilities of its own and
 that the machine's readings know nothing of, anew in every repeat.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace

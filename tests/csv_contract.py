@@ -1,7 +1,5 @@
 """A small CSV contract, its reader and its faults, for tests of the files floor."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

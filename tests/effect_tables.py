@@ -1,7 +1,5 @@
 """Tables of residuals on which the library of effects is tried."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ A planar machine with eight components and an axis angle; every pass draws each 
 level and slope, either on its own or all from one common cause, every reading its own noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Readings and points made in memory, as if they had been read from one file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

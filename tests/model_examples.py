@@ -1,7 +1,5 @@
 """Small machines, estimates and readings made in memory, for the tests of models."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys

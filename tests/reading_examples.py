@@ -1,7 +1,5 @@
 """Runs along an axis, for the tests of the tables that they become."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TypeVar
 

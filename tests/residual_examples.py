@@ -1,7 +1,5 @@
 """Measured points with all that may be odd about them, and their residuals one by one."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace

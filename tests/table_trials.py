@@ -3,8 +3,6 @@
 The axes are those of the shop day's laser runs, here in mm.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """How often the checks say something about sound readings, temperatures and points."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from checks import damage, damage_points, test_damage, test_damage_points

@@ -1,7 +1,5 @@
 """`mtu anova` on five million rows, against pandas reading the same file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The full count of the coverage study: 2000 machines, with and without pass drift."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The full count of tables of smooth profiles: 500 axes, future readings between the targets."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

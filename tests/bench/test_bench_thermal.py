@@ -3,8 +3,6 @@
 `MTU_THERMAL_SETS` drift tests of each kind.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import dataclass, replace

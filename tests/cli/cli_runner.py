@@ -1,7 +1,5 @@
 """Runs the installed `mtu` as a user or a script does, and looks at what it left behind."""
 
-from __future__ import annotations
-
 import atexit
 import json
 import os

@@ -1,7 +1,5 @@
 """The Python API says what the command line says, of files and of what was read from them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from io import StringIO

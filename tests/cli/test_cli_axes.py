@@ -1,7 +1,5 @@
 """Axes: `mtu iso230`, `mtu circular`, and tables of controls by `mtu compensate`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """`mtu close-loop` on the shipped study whose machine has an effect that its file does not know."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

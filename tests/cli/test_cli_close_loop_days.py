@@ -1,7 +1,5 @@
 """Closing the loop end to end: days in a shop and on a measuring machine, as a user runs them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -158,6 +156,7 @@ def ring_day(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@TWO_FOLDS
 def test_a_warming_measuring_machine(ring_day: Path) -> None:
     """Tens of micrometres that no equation knows come down below 3 um on held-out visits."""
     laser = DATA / "valdes-ring" / "laser.csv"
@@ -178,8 +177,7 @@ def test_a_warming_measuring_machine(ring_day: Path) -> None:
         value = found_as["parameters"][parameter]
         # Passes of the machine scatter a little, which u holds: 4 u in three parameters.
         assert abs(value["value"] - true) < 4 * value["u"], parameter
-    with TWO_FOLDS:
-        again = closed(ring_day, *EXTENDED, *NO_WAVES, "--cmm", "ring.csv")
+    again = closed(ring_day, *EXTENDED, *NO_WAVES, "--cmm", "ring.csv")
     assert again["verdict"] == "none"
 
 

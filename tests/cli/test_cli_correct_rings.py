@@ -6,8 +6,6 @@ below at least 75 %, are about means: a ring's own share is limited by the machi
 which leaves 0.55 um whatever the error was.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass

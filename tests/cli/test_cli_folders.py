@@ -5,8 +5,6 @@ each, nothing written; each line holds that of `expected.txt`. suspicious (alone
 a warning of the checks begins so, and the run goes on.
 """
 
-from __future__ import annotations
-
 import shlex
 import shutil
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Files that come from instruments or from `mtu simulate`, and drift."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex
@@ -14,10 +12,7 @@ import pandas as pd
 import pytest
 import yaml
 from cli_runner import TRUTH, done, listing, mtu, prepared, refused
-from support import (
-    CONFIGS,
-    DATA,
-)
+from support import CONFIGS, DATA
 
 import mtu_cli
 

@@ -1,7 +1,5 @@
 """Models of their own: budgets, graphs; what a model says beside its figures."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What a call writes and says: nothing where it fails, and nothing over what somebody measured."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import importlib.util

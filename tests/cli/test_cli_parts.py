@@ -1,7 +1,5 @@
 """Measured parts: `mtu anova`, `mtu compare`, `mtu correct`."""
 
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Callable

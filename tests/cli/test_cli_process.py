@@ -1,7 +1,5 @@
 """The process: the same bytes everywhere; pipes, terminals, signals, full disks."""
 
-from __future__ import annotations
-
 import io
 import os
 import pty

@@ -1,7 +1,5 @@
 """Studies for the pipeline of configs/pipeline, and runs of it."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import shutil

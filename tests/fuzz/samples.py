@@ -1,7 +1,5 @@
 """The shipped files by what reads them, cut to a size at which thousands are read a minute."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Intervals cover as often as they say, on simulated machines."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -60,12 +58,7 @@ def fitted(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Drift], Fitted
 
 
 @pytest.mark.parametrize(
-    ("drift", "probing", "repeats"),
-    [
-        (NONE, 0.0, 1),
-        (SOME, 0.3e-3, 1),
-        (SOME, 1e-3, 2),
-    ],
+    ("drift", "probing", "repeats"), [(NONE, 0.0, 1), (SOME, 0.3e-3, 1), (SOME, 1e-3, 2)]
 )
 def test_intervals_of_a_ring_cover(
     fitted: Callable[[Drift], FittedMachines],

@@ -1,7 +1,5 @@
 """Tables through their readers: what was written is read, and what must not matter does not."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import io

@@ -1,7 +1,5 @@
 """What must not matter to a fit and its predictions: units, the order of rows."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

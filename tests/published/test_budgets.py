@@ -11,8 +11,6 @@ The third digits of the correlations of H.2.4 and the 11.7 and 1.7 nm of H.1.7 w
 elsewhere.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ a load cell whose deflection is all but a straight line of the load. The ring ga
 Giacomo & Paziani, Table 3, diameter errors (calibrated minus measured) at 20 and 26 degC.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -4,8 +4,6 @@ What the paper's own data do not reproduce is tested as well, against the value 
 so that both numbers stay on record; the README lists them side by side.
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

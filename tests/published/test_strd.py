@@ -7,8 +7,6 @@ difficulty. The score is the log relative error, the number of digits that agree
 (McCullough 1998, The American Statistician 52, 358-366).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

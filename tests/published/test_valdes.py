@@ -12,8 +12,6 @@ Table 4 in test_budget_gum. What does not reproduce, by arithmetic with the prin
   combined uncertainty is printed as 0.104 um, and the expanded one follows from that.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -43,11 +41,7 @@ from mtu_cli.stats.least_squares import (
     stepwise,
     together,
 )
-from mtu_cli.stats.serial import (
-    condition_number,
-    normality_p,
-    variance_inflation,
-)
+from mtu_cli.stats.serial import condition_number, normality_p, variance_inflation
 
 # Position: measured and modelled diameter (mm), residual (um), reduction (%).
 TABLE_1 = {

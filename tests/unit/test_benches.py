@@ -1,7 +1,5 @@
 """The bench of close-loop: its sets go through the command, and what it counts is what it says."""
 
-from __future__ import annotations
-
 import doctest
 import json
 import math

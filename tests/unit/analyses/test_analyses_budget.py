@@ -4,8 +4,6 @@ Oracles: closed forms by hand, plain simulations with another generator, and the
 standard errors (four of them).
 """
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -2,8 +2,6 @@
 and the form left; covariates and drifts that lag.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Axes and circles: ISO 230-2 and 230-4, lengths."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import replace

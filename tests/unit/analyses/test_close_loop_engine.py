@@ -1,7 +1,5 @@
 """The engine of closing the loop: each part of it against a slow plain version, or its rate."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import cycle, islice, pairwise
 from types import SimpleNamespace

@@ -2,8 +2,6 @@
 of an item by hand, and the tests behind the verdicts against draws.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from operator import attrgetter
@@ -19,14 +17,7 @@ from model_examples import stated
 from scipy import stats
 from scipy.special import fdtrc, ndtr
 
-from mtu_cli.analyses.compare import (
-    Compared,
-    CompareResult,
-    compare,
-    compared,
-    judged,
-    pooled_test,
-)
+from mtu_cli.analyses.compare import Compared, CompareResult, compare, compared, judged, pooled_test
 from mtu_cli.files.readings import Points
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.prediction import Prediction

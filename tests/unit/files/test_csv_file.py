@@ -1,7 +1,5 @@
 """The reader of CSV tables: what it takes, and that it names every bad cell."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import json

@@ -1,7 +1,5 @@
 """Faults of contracts: all at once, with line, path, value and expectation, by their codes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Literal
 

@@ -1,7 +1,5 @@
 """Readings: units, directions, times, and what only the machine can tell."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from math import pi
@@ -12,17 +10,11 @@ import numpy as np
 import pytest
 from support import written_effect
 
-from mtu_cli.files.extend_machine import (
-    ExtendedMachine,
-    extended_machine,
-)
+from mtu_cli.files.extend_machine import ExtendedMachine, extended_machine
 from mtu_cli.files.machine import LoadedMachine, load_machine, machine_from
 from mtu_cli.files.part import Place
 from mtu_cli.files.readings import Points, Readings, read_points, read_readings
-from mtu_cli.files.reports_read import (
-    read_report,
-    read_reports,
-)
+from mtu_cli.files.reports_read import read_report, read_reports
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml
 from mtu_cli.findings import InputError
@@ -146,8 +138,7 @@ def test_points_of_two_files(tmp_path: Path) -> None:
         [[0.01, 0.02, 5.01], [10.01, 20, 5], [0, 0, 5], [10, 20, nan], [10, 20.5, nan]],
     )
     np.testing.assert_array_equal(
-        found.nominal,
-        [[0, 0, 5], [10, 20, nan], [0, 0, 5], [10, 20, nan], [10, 20, nan]],
+        found.nominal, [[0, 0, 5], [10, 20, nan], [0, 0, 5], [10, 20, nan], [10, 20, nan]]
     )
     assert found.repeat.tolist() == [1, 1, 2, -1, -1]
     assert found.sequence.tolist() == [1, 1, 2, 3, 1]

@@ -1,7 +1,5 @@
 """YAML 1.2 scalars, lines, and everything that could hang or mislead."""
 
-from __future__ import annotations
-
 import math
 import time
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of controls: golden values, reading back, refusals, the sign by a simulated control."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Equations: what they mean, their derivatives and units."""
 
-from __future__ import annotations
-
 import math
 import time
 
@@ -9,14 +7,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.findings import Finding, InputError
-from mtu_cli.language import (
-    check_dimension,
-    evaluate,
-    linear_form,
-    names,
-    parse,
-    to_text,
-)
+from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse, to_text
 from mtu_cli.language.derivative import Derivatives, derivatives, slope
 from mtu_cli.language.functions import BUDGET_FUNCTIONS, MACHINE_FUNCTIONS, apply_scalar
 from mtu_cli.language.parser import BRACED, DOTTED, MAX_CHARACTERS, MAX_DEPTH, MAX_OPERATORS
@@ -394,8 +385,7 @@ def test_numbers_that_are_taken_as_they_stand(
 
 
 @pytest.mark.parametrize(
-    "text",
-    ["1 + a*t + b*t", "a*t + b*t + 1", "1 - (a*t + b*t)", "-(a*t) + 1", "a*t + (1 + b*t)"],
+    "text", ["1 + a*t + b*t", "a*t + b*t + 1", "1 - (a*t + b*t)", "-(a*t) + 1", "a*t + (1 + b*t)"]
 )
 @pytest.mark.parametrize("result", ["mm", "nm"])
 def test_the_1_beside_an_expansion_is_named_where_it_stands(text: str, result: str) -> None:

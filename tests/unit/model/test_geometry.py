@@ -1,7 +1,5 @@
 """Circles, spheres and planes against printed figures, scipy's optimiser and differences."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The design matrix against the papers' equations, written out by hand."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

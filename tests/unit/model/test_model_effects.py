@@ -1,7 +1,5 @@
 """Effects: declared, of a report together, and beyond what they were found on."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from itertools import chain
@@ -77,10 +75,7 @@ def jacobian() -> FloatArray:
 
 def reported(folder: Path, machine: LoadedMachine, effects: dict[str, Any]) -> Estimates:
     path = folder / "c.json"
-    document = {
-        "schema": "mtu/fit-components/1",
-        "results": {"components": {}, "effects": effects},
-    }
+    document = {"schema": "mtu/fit-components/1", "results": {"components": {}, "effects": effects}}
     path.write_text(json.dumps(document))
     return estimates_from_report(machine, read_components(path))
 

@@ -1,7 +1,5 @@
 """Readings to estimates: passes, several instruments, what the messages say."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from dataclasses import astuple, dataclass, replace
@@ -216,8 +214,7 @@ def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path, drift: Drift) -
 
 def test_a_component_with_nothing_is_listed_and_not_predicted(tmp_path: Path) -> None:
     known = loaded(
-        tmp_path,
-        "components:\n  a: {unit: um}\n  b: {of: x, unit: um}\nequations: {Ex: a + b}\n",
+        tmp_path, "components:\n  a: {unit: um}\n  b: {of: x, unit: um}\nequations: {Ex: a + b}\n"
     )
     given = readings([Segment(name="a", position=None, error=np.array([1.0, 3]))])
     fit = fit_machine(known, given)

@@ -1,7 +1,5 @@
 """Graph files: values, signatures, the token rule, formulas, units, and the faults of a file."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any, get_args

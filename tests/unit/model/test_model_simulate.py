@@ -1,7 +1,5 @@
 """Virtual machines: independent streams, the moments that were declared, effects."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

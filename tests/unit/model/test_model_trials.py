@@ -1,7 +1,5 @@
 """Drawn parts against the covariance they are drawn from."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

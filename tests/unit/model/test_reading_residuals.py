@@ -1,7 +1,5 @@
 """Readings as tables of passes and targets, against loops over the readings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Residual tables against predictions made point by point and means taken in a loop."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Runs there and back: who is a run, and what the two passes of one share, to the prediction."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -32,11 +30,7 @@ from mtu_cli.model.measured import angle_tables, feature_tables, length_tables, 
 from mtu_cli.model.passes import pairs_of_passes
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.reading_residuals import reading_layout, reading_tables
-from mtu_cli.model.simulate import (
-    PartsPlan,
-    pass_root,
-    simulate_points,
-)
+from mtu_cli.model.simulate import PartsPlan, pass_root, simulate_points
 from mtu_cli.model.visits import only_features, visits_of
 from mtu_cli.reports.fit_components import document
 from mtu_cli.stats.least_squares import FloatArray

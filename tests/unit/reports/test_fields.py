@@ -1,7 +1,5 @@
 """One declaration of a figure gives its JSON, CSV and cell; the envelope and the CSV's text."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re
@@ -23,11 +21,7 @@ from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.source import Source, report_bytes
 from mtu_cli.findings import finding
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import (
-    fit_components,
-    numbers,
-    predict_points,
-)
+from mtu_cli.reports import fit_components, numbers, predict_points
 from mtu_cli.reports.document import (
     REPORTS,
     Document,

@@ -1,7 +1,5 @@
 """Reports of predictions, graphs, budgets, drift and the loop."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import math

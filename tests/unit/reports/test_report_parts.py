@@ -2,8 +2,6 @@
 verdicts, tables, and pictures in which all can be read.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace
@@ -23,17 +21,11 @@ from support import read_components
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
 from mtu_cli.analyses.compare import Compared, CompareResult, Pooled, compared, judged
 from mtu_cli.analyses.correct import CorrectResult, correct
-from mtu_cli.analyses.fit_components import (
-    FitResult,
-    fit_result,
-    observability,
-)
+from mtu_cli.analyses.fit_components import FitResult, fit_result, observability
 from mtu_cli.files.readings import Points
 from mtu_cli.files.source import report_bytes
 from mtu_cli.model.estimates import ComponentEstimate
-from mtu_cli.model.fit import (
-    estimates_from_report,
-)
+from mtu_cli.model.fit import estimates_from_report
 from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import anova as of_anova
@@ -42,10 +34,7 @@ from mtu_cli.reports import correct as of_correct
 from mtu_cli.reports.document import Document, envelope
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.fit_components import document
-from mtu_cli.reports.numbers import (
-    plus_minus,
-    significant,
-)
+from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.anova import Cells
 

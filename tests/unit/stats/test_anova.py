@@ -1,7 +1,5 @@
 """One-way data with unequal repeats, for the tests of the analysis of variance."""
 
-from __future__ import annotations
-
 import warnings
 from contextlib import suppress
 

@@ -1,7 +1,5 @@
 """Positive parts of differences of mean squares; covariances from matrices that need not be any."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
@@ -31,12 +29,7 @@ from mtu_cli.stats.kernels import (
     wiener,
 )
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.uncertain_variance import (
-    f_tails,
-    mean_square_tails,
-    t_tail,
-    uncertain_variance,
-)
+from mtu_cli.stats.uncertain_variance import f_tails, mean_square_tails, t_tail, uncertain_variance
 
 
 def spread(rng: np.random.Generator, size: int) -> FloatArray:

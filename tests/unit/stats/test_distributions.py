@@ -1,7 +1,5 @@
 """Input distributions: moments in closed form, samples of them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Passes of a mixed model: dense matrices, REML of statsmodels, moments, coverage; their lines."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import numpy as np

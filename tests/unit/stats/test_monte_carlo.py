@@ -1,7 +1,5 @@
 """Monte Carlo against slow plain versions; reproducibility, counts, faults, memory."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from dataclasses import fields

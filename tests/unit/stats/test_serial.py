@@ -1,7 +1,5 @@
 """Regression with errors that follow each other: exact limits, coverage, attenuation, clusters."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 
@@ -126,9 +124,7 @@ def columns(n: int = 60) -> FloatArray:
 
 def test_variance_inflation_is_statsmodels_and_one_over_one_less_r_squared() -> None:
     # statsmodels ships no types.
-    from statsmodels.stats.outliers_influence import (  # type: ignore[import-untyped]
-        variance_inflation_factor,
-    )
+    from statsmodels.stats.outliers_influence import variance_inflation_factor  # type: ignore[import-untyped]
 
     X = columns()
     found = variance_inflation(X)

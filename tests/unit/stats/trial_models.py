@@ -1,7 +1,5 @@
 """Models of known distribution, and slow plain versions of what the engine does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
