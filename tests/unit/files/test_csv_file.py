@@ -1,4 +1,4 @@
-"""The reader of CSV tables: what it takes, and that it names every bad cell."""
+"""A small CSV contract, its reader and its faults, for tests of the files floor."""
 
 import csv
 import gzip
@@ -10,20 +10,63 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 import pytest
-from csv_contract import SPEC, faults, names, table
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support import write_files
 
 from mtu_cli.files import csv_file
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.headers import LIKE, LISTED_FAULTS, CellFaults, meant_by, perhaps_equal, time_of
+from mtu_cli.files.headers import (
+    LIKE,
+    LISTED_FAULTS,
+    CellFaults,
+    Column,
+    Table,
+    TableSpec,
+    meant_by,
+    perhaps_equal,
+    time_of,
+)
 from mtu_cli.files.machine import covariance_fault
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.reports_read import read_json
 from mtu_cli.files.source import check_text, read_source, report_bytes, shown_path
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import MOST_SHOWN, InputError
+
+SPEC = TableSpec(
+    columns={
+        "name": Column("text", required=True),
+        "value": Column(required=True),
+        "size": Column(may_be_empty=True),
+        "time": Column("time"),
+        "count": Column("count"),
+    }
+)
+
+
+def table(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> Table:
+    data = content if isinstance(content, bytes) else content.encode()
+    (tmp_path / name).write_bytes(data)
+    problems = CellFaults()
+    read = read_table(tmp_path / name, "lbb", SPEC, problems)
+    problems.raise_if_any()
+    return read
+
+
+def faults(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> list[str]:
+    with pytest.raises(InputError) as caught:
+        table(tmp_path, content, name)
+    return [str(problem).removeprefix(name) for problem in caught.value.findings]
+
+
+def names(read: Table, column: str = "name") -> list[str]:
+    text = read.texts[column]
+    return ["" if code < 0 else text.labels[code] for code in text.codes]
+
+
+# The reader of CSV tables: what it takes, and that it names every bad cell.
+
 
 PLAIN = "name,value,size\na,1,2\nb,-2.5e-3,\n"
 
