@@ -3,16 +3,17 @@
 import re
 import shutil
 from collections.abc import Callable
+from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-from cli_runner import mtu
 from made_files import FILES as INSTRUMENTS
 from made_files import MAP, MAPPED
 from support import CONFIGS, DATA
 
+from mtu_cli.cli.main import exit_code
 from mtu_cli.formats.control import CONTROLLERS
 from mtu_cli.formats.control.errors import ErrorTable
 from mtu_cli.model.effect_library import BUILT_IN
@@ -166,9 +167,10 @@ def prepared_folder(folder: Path) -> Path:
     (folder / "flat" / "mtu.yaml").write_text(FLAT_STUDY, "utf-8")
     write_foreign(folder)
     for name, call in REPORTS.items():
-        done = mtu(*call.split(), "-q", "-o", name, cwd=folder)
-        if done.returncode != 0:
-            raise RuntimeError(f"mtu {call}: {done.stderr}")
+        with chdir(folder):
+            code = exit_code([*call.split(), "-q", "-o", name])
+        if code != 0:
+            raise RuntimeError(f"mtu {call}: {code}")
     return folder
 
 
