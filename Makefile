@@ -75,7 +75,7 @@ type: $(VENV)/.dev
 # Shipped files, damaged at random, through every reader and command, and the properties of both
 # on many examples: about an hour of one core. FUZZ_ARGS='--readers 1000 --seed 2' tries less, or others.
 FUZZ_ARGS ?= --readers 110000 --commands 2000
-PROPERTIES := $(patsubst %,tests/properties/test_%.py,files_properties values_properties write_properties language_bounds)
+PROPERTIES := $(patsubst %,tests/properties/test_%.py,files_properties language_bounds)
 fuzz: $(VENV)/.dev
 	PYTHONPATH=tests:tests/cli $(BIN)/python -m fuzz $(FUZZ_ARGS)
 	MTU_EXAMPLES=20 $(BIN)/python -m pytest $(PROPERTIES)

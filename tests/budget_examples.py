@@ -1,7 +1,5 @@
 """Budgets from YAML text, evaluated as the command does."""
 
-from __future__ import annotations
-
 import textwrap
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Traces of a circular test that are made of known causes, by the equations of motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,8 +1,5 @@
 """Whole studies of a virtual machine: truth, readings, fit, parts, comparison."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, lru_cache
 
@@ -10,22 +7,14 @@ import numpy as np
 from made_tables import made_points
 from support import SIMULATED, as_readings
 
-from mtu_cli.analyses.compare import CompareResult, compare
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points
-from mtu_cli.files.study import Datum
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.prediction import Prediction
-from mtu_cli.model.settings import Settings
-from mtu_cli.model.simulate import (
-    PartsPlan,
-    SimulatedPoints,
-    simulate_points,
-    simulate_readings,
-)
+from mtu_cli.model.simulate import PartsPlan, SimulatedPoints, simulate_points, simulate_readings
 from mtu_cli.model.variance import Block
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -76,14 +65,6 @@ def fitted(passes: int, seed: int) -> MachineModel:
     made = simulate_readings(truth, seed, passes=passes, directions=(1, -1), positions=places)
     readings = as_readings(made, truth)
     return build_model(machine, estimates_from_fit(machine, fit_machine(machine, readings)))
-
-
-def trial(passes: int, seed: int, datum: Datum = "none", **plan: float) -> CompareResult:
-    """One study from beginning to end."""
-    _, truth, part = study()
-    numbers: Mapping[str, float] = plan
-    points = made(truth, part, seed + 1_000_000, **numbers)  # type: ignore[arg-type]  # by name
-    return compare(fitted(passes, seed), part, points, Settings(), datum)
 
 
 def predicted(

@@ -1,7 +1,5 @@
 """Makes the modules beside this file importable from every test; tells what was covered."""
 
-from __future__ import annotations
-
 import gc
 import importlib
 import os

@@ -1,7 +1,5 @@
 """A ring measured on virtual machines whose error at every place is written here, too."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from textwrap import dedent
@@ -15,9 +13,9 @@ from mtu_cli.analyses.correct import CorrectResult
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.readings import Points
 from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.stats.least_squares import FloatArray
 
-Floats = NDArray[np.float64]
-ErrorAt = Callable[[Floats, Floats], Floats]
+ErrorAt = Callable[[FloatArray, FloatArray], FloatArray]
 """Errors (n, 3) mm at places (n, 3) mm and temperatures (n,) degC."""
 
 ANGLES = 2 * np.pi * np.arange(11) / 11
@@ -46,7 +44,7 @@ def machine(folder: Path) -> MachineModel:
     return stated(folder, MACHINE)
 
 
-def error_at(place: Floats, temperature: Floats) -> Floats:
+def error_at(place: FloatArray, temperature: FloatArray) -> FloatArray:
     """The error of that machine, from its printed coefficients."""
     x, y = place[:, 0], place[:, 1]
     warm = -11e-6 * (temperature - 20)
@@ -55,7 +53,9 @@ def error_at(place: Floats, temperature: Floats) -> Floats:
     return np.column_stack([Ex, Ey, np.zeros(len(x))])
 
 
-def ring_places(centre: tuple[float, float] = (200.0, 180.0), diameter: float = 180.0) -> Floats:
+def ring_places(
+    centre: tuple[float, float] = (200.0, 180.0), diameter: float = 180.0
+) -> FloatArray:
     """Places (11, 3) on a ring, z 0."""
     x, y = diameter / 2 * np.cos(ANGLES), diameter / 2 * np.sin(ANGLES)
     return np.column_stack([centre[0] + x, centre[1] + y, np.zeros(11)])
@@ -73,7 +73,7 @@ def ring_part(folder: Path, more: str = "", **ring: str) -> LoadedPart:
     return part_of(folder, f"features:\n{features}{circle}{dedent(more)}")
 
 
-def seen(true: Floats, error: ErrorAt, temperature: Floats) -> Floats:
+def seen(true: FloatArray, error: ErrorAt, temperature: FloatArray) -> FloatArray:
     """What the machine reads for `true` places: m = t + E(m), solved by iteration."""
     measured = true.copy()
     for _ in range(60):
@@ -82,12 +82,12 @@ def seen(true: Floats, error: ErrorAt, temperature: Floats) -> Floats:
 
 
 def ring_points(
-    measured: Floats,
+    measured: FloatArray,
     parts: list[str],
     repeats: list[int] | None = None,
-    covariates: dict[str, NDArray[np.float64] | NDArray[np.object_]] | None = None,
+    covariates: dict[str, FloatArray | NDArray[np.object_]] | None = None,
     *,
-    time: Floats | None = None,
+    time: FloatArray | None = None,
     z: bool = False,
 ) -> Points:
     """Points of rings (rings*11, 3), one ring an entry of `parts`."""
@@ -107,7 +107,7 @@ def ring_points(
     )
 
 
-def rings(count: int, warm: float = 1.5) -> tuple[Floats, Floats, Floats]:
+def rings(count: int, warm: float = 1.5) -> tuple[FloatArray, FloatArray, FloatArray]:
     """True places of rings of the calibrated diameter, what is read, temperatures."""
     true = np.tile(ring_places(diameter=DIAMETER), (count, 1))
     temperature = 20.0 + warm * np.repeat(np.arange(count), 11) + 0.01 * np.arange(11 * count)

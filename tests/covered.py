@@ -1,7 +1,5 @@
 """What the tests cover of the floors that calculate, in a few lines."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,13 +1,10 @@
 """Tables of residuals on which the library of effects is tried."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.model.residuals import ResidualTable
-
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
 
 
 def grid_places(H: int, jitter: float = 0.0, z: float | None = 127.0, seed: int = 3) -> FloatArray:

@@ -1,7 +1,5 @@
 """Measurement graphs for tests: from text, and the shipped ones."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from support import CONFIGS

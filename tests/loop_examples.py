@@ -1,7 +1,5 @@
 """Results of closing the loop made by hand, with numbers that are known to the last digit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -4,13 +4,10 @@ A planar machine with eight components and an axis angle; every pass draws each 
 level and slope, either on its own or all from one common cause, every reading its own noise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
 from made_tables import made_readings
-from numpy.typing import NDArray
 
 from mtu_cli.files.machine import LoadedMachine, machine_from
 from mtu_cli.files.readings import Readings
@@ -19,8 +16,7 @@ from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.stats.coverage import coverage_factor
-
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
 
 Z = 127.0
 POINTS = np.array([[10.0, 10.0, Z], [10.0, 140.0, Z], [140.0, 140.0, Z]])

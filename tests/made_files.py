@@ -1,7 +1,5 @@
 """Made files of instruments: no instrument wrote them; they follow the documented grammars."""
 
-from __future__ import annotations
-
 import struct
 
 RTL = """HEADER::\r

@@ -1,7 +1,5 @@
 """Readings and points made in memory, as if they had been read from one file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +10,7 @@ from scipy.signal import lfilter
 
 from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.source import Source
+from mtu_cli.stats.least_squares import FloatArray
 
 Column = Any
 """One value for all rows, or one a row."""
@@ -30,7 +29,7 @@ def remembering(rng: np.random.Generator, shape: int | tuple[int, ...], r: float
 
 
 def made_readings(
-    error: NDArray[np.float64],
+    error: FloatArray,
     components: Sequence[str] = ("dx_x",),
     *,
     code: Column = 0,
@@ -74,8 +73,8 @@ def made_points(
     part: Sequence[str],
     feature: NDArray[np.int64],
     features: Sequence[str],
-    measured: NDArray[np.float64],
-    nominal: NDArray[np.float64],
+    measured: FloatArray,
+    nominal: FloatArray,
     *,
     repeat: Column = -1,
     operation: Sequence[str] | None = None,

@@ -1,7 +1,5 @@
 """Measured points made in memory, for the tests of what is done with them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Small machines, estimates and readings made in memory, for the tests of models."""
 
-from __future__ import annotations
-
 import io
 import json
 import sys
@@ -25,9 +23,8 @@ from mtu_cli.language import parse
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import MachineModel, Term, build_model
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
-
-FloatArray = NDArray[np.float64]
 
 
 def loaded(folder: Path, text: str) -> LoadedMachine:

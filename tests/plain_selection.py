@@ -1,7 +1,5 @@
 """Forward-backward selection as the textbook has it, every step by regressions from scratch."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from scipy.stats import f as f_distribution

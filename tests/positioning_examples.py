@@ -1,7 +1,5 @@
 """Positioning tests that were published with their data, and readings made for tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

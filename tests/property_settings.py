@@ -2,8 +2,6 @@
 values.
 """
 
-from __future__ import annotations
-
 import os
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Runs along an axis, for the tests of the tables that they become."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TypeVar
 
@@ -15,8 +13,8 @@ from mtu_cli.findings import Finding
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.residuals import ResidualTable, reading_tables
+from mtu_cli.stats.least_squares import FloatArray
 
-Floats = NDArray[np.float64]
 Table = TypeVar("Table")
 
 MACHINE = """
@@ -67,7 +65,7 @@ def at(table: ResidualTable, name: str, column: str) -> float:
     return float(table.errors[table.parts.index(name), table.features.index(column), 0])
 
 
-def in_table_order(found: Readings, position: Floats | None = None) -> NDArray[np.int64]:
+def in_table_order(found: Readings, position: FloatArray | None = None) -> NDArray[np.int64]:
     """The readings by pass, target and direction, forward first."""
     place = found.position_mm if position is None else position
     keys = np.column_stack([found.pass_number, place, -found.direction.astype(float)])

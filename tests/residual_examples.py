@@ -1,7 +1,5 @@
 """Measured points with all that may be odd about them, and their residuals one by one."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
@@ -17,8 +15,8 @@ from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.model.variance import drawable_passes
+from mtu_cli.stats.least_squares import FloatArray
 
-Floats = NDArray[np.float64]
 Cell = tuple[str, str]
 
 MACHINE = """
@@ -112,7 +110,7 @@ def values_at(points: Points, i: int, at: Mapping[str, float]) -> dict[str, floa
 
 def residuals(
     model: MachineModel, points: Points, axes: Sequence[int], at: Mapping[str, float]
-) -> Floats:
+) -> FloatArray:
     """Measured less nominal less predicted of each point, one prediction a point."""
     found = []
     for i in range(len(points)):
@@ -122,15 +120,15 @@ def residuals(
     return np.array(found)
 
 
-def by_cell(points: Points, errors: Floats) -> dict[Cell, list[Floats]]:
+def by_cell(points: Points, errors: FloatArray) -> dict[Cell, list[FloatArray]]:
     """The errors of the repeats of every part and column."""
-    found: dict[Cell, list[Floats]] = defaultdict(list)
+    found: dict[Cell, list[FloatArray]] = defaultdict(list)
     for i, error in enumerate(errors):
         found[points.parts[points.part[i]], column_of(points, i)].append(error)
     return found
 
 
-def moved(points: Points, errors: Floats, axes: Sequence[int], *, turning: bool) -> Floats:
+def moved(points: Points, errors: FloatArray, axes: Sequence[int], *, turning: bool) -> FloatArray:
     """Errors less the rigid motion of each part, operation and repeat, by least squares."""
     left = errors.copy()
     groups: dict[tuple[int, int, int], list[int]] = defaultdict(list)
@@ -197,7 +195,7 @@ def check_factors(model: MachineModel, points: Points, table: ResidualTable) -> 
     there = (table.repeats > 0).ravel()
     mean = M.reshape(P * H, A, -1)[there].reshape(-1, len(points) * A)
 
-    def flat(factor: Floats) -> Floats:
+    def flat(factor: FloatArray) -> FloatArray:
         wide = np.broadcast_to(factor, (P, *factor.shape[1:]))
         return wide.reshape(P * H, A, -1)[there].reshape(-1, factor.shape[-1])
 

@@ -1,7 +1,5 @@
 """What tests share: the shipped studies, models made of them, and virtual machines."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

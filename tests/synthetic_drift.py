@@ -1,7 +1,5 @@
 """Drift readings made in memory from planted gradients, for the tests of thermal models."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import Any
 

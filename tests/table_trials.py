@@ -3,14 +3,11 @@
 The axes are those of the shop day's laser runs, here in mm.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from made_tables import made_readings
-from numpy.typing import NDArray
 from shop_day import runs
 
 from mtu_cli.files.machine import LoadedMachine, machine_from
@@ -20,8 +17,7 @@ from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
 from mtu_cli.stats.coverage import coverage_factor
-
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
 
 UM = 1e-3
 SIGMA = runs.Axis.sigma * UM

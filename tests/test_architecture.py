@@ -1,7 +1,5 @@
 """The rooms of the house: imports go down, never up, make no circle, and cost no time."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Whole processes with their time and largest memory, for benches that compare commands."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

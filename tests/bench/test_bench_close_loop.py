@@ -5,8 +5,6 @@ in an interpreter that starts with numpy: it takes `REFERENCE_SECONDS` of proces
 machine on which five seconds are promised, and what slows one slows the other.
 """
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

@@ -4,8 +4,6 @@ Ratios, never seconds, decide: to one thread of numpy drawing the same number of
 to an interpreter that imports what a command cannot do without.
 """
 
-from __future__ import annotations
-
 import os
 import statistics
 import subprocess

@@ -1,7 +1,5 @@
 """Time and memory of the graph's Monte Carlo against numpy drawing its random numbers."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Processor time of reading CSV files, as multiples of what `pandas.read_csv` takes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from pathlib import Path

@@ -3,8 +3,6 @@
 `MTU_THERMAL_SETS` drift tests of each kind.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from dataclasses import dataclass, replace
@@ -14,14 +12,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_tables import made_readings, remembering
-from numpy.typing import NDArray
 from watched_process import against_pandas
 
 from mtu_cli.analyses.thermal_fit import METHODS, ComponentDrift, thermal_fit
 from mtu_cli.files.readings import Readings
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
-
-Floats = NDArray[np.float64]
 
 ROWS = 10_000_000
 RUNS = 2
@@ -64,7 +60,7 @@ KINDS = {
 }
 
 
-def drift_test(rng: np.random.Generator, kind: Kind) -> tuple[Readings, Floats]:
+def drift_test(rng: np.random.Generator, kind: Kind) -> tuple[Readings, FloatArray]:
     """A drift test and its true gradients (3,) in um per degC."""
     truth = rng.normal(0, 2, 3)
     lags = np.zeros(3)

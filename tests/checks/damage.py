@@ -3,8 +3,6 @@
 Kinds and sizes are drawn by a fixed seed from the shipped studies, the drift from that of the
 ring gauge."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -3,8 +3,6 @@
 Kinds and sizes are drawn by a fixed seed from simulated parts of the shipped studies.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from pathlib import Path
@@ -294,5 +292,5 @@ def written(case: Case, folder: Path) -> tuple[Path, Path, Path]:
     points, part, machine = (folder / name for name in ("cmm.csv", "part.yaml", "machine.yaml"))
     case.points.to_csv(points, index=False)
     for path, document in ((part, case.part), (machine, case.machine)):
-        path.write_text(yaml.safe_dump(document, sort_keys=False), "utf-8")
+        path.write_text(yaml.dump(document, Dumper=yaml.CSafeDumper, sort_keys=False), "utf-8")
     return points, part, machine

@@ -1,7 +1,6 @@
 """What the checks find of the damages, and that they say nothing of sound readings."""
 
-from __future__ import annotations
-
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -51,9 +50,12 @@ def as_table(frame: pd.DataFrame, components: dict) -> Readings:
     )
 
 
+known = cache(load_machine)
+
+
 def judged(study: str, of: str, frame: pd.DataFrame) -> list[tuple[str, str]]:
     """(code, message) of what the checks say about a frame."""
-    machine = load_machine(CONFIGS / study / "machine.yaml").machine
+    machine = known(CONFIGS / study / "machine.yaml").machine
     table = as_table(frame.reset_index(drop=True), machine.components)
     data = checks.ReadingsData(table, machine.components, machine.travels)
     found = checks.run("drift" if of == "drift" else "readings", data)

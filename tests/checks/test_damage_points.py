@@ -1,7 +1,5 @@
 """What the checks find of damages to points, parts and machines, and that sound ones pass."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Checks of measured points: what is named, and what chance and a coarse digit may do."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Runs the installed `mtu` as a user or a script does, and looks at what it left behind."""
 
-from __future__ import annotations
-
 import atexit
 import json
 import os
@@ -34,6 +32,9 @@ TIMEOUT_S = 30.0
 DROPPED = ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TERM", "PYTHONWARNINGS",
            "PYTEST_CURRENT_TEST")  # fmt: skip
 """How a terminal shows itself; and which test runs, or no two would have the same environment."""
+
+TWO_FOLDS = patch("mtu_cli.analyses.close_loop.FOLDS", (2, 2))
+"""For `close-loop` where what is held out does not matter: its blocks take most of the time."""
 
 Result = subprocess.CompletedProcess[str]
 Listing = dict[str, bytes | None]
@@ -135,7 +136,8 @@ def shared(call: str) -> Shared:
     outputs = ["-o", out, "--csv", table, *(["--report", page] if call in PAGES else [])]
     if "RIDGE" in options:
         options[options.index("RIDGE")] = str(shared(RIDGE).page.with_name(out.name))
-    said = done(mtu(*command.split(), CONFIGS / study, *options, *outputs))
+    with TWO_FOLDS:
+        said = done(mtu(*command.split(), CONFIGS / study, *options, *outputs))
     report = json.loads(out.read_text("utf-8"))
     return Shared(said, report, table.read_text("utf-8"), page)
 

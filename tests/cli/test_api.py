@@ -1,7 +1,5 @@
 """The Python API says what the command line says, of files and of what was read from them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from io import StringIO
@@ -10,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from cli_runner import done, mtu, shared
+from cli_runner import SMALL, done, mtu, shared
 from support import CONFIGS, DATA, PAPER
 
 import mtu_cli
@@ -91,7 +89,7 @@ def test_files_of_their_own_are_evaluated(tmp_path: Path) -> None:
 
 def test_reports_say_which_data_are_synthetic(tmp_path: Path) -> None:
     """Those of `mtu simulate`, as its first line says."""
-    study, made = UNDECLARED, tmp_path / "made.csv"
+    study, made = SMALL, tmp_path / "made.csv"
     done(mtu("simulate", study, "-q", "--parts", "4", "--write-cmm", made))
     assert made.read_text("utf-8").startswith(SYNTHETIC)
     measured = tmp_path / "measured.csv"

@@ -6,8 +6,6 @@ below at least 75 %, are about means: a ring's own share is limited by the machi
 which leaves 0.55 um whatever the error was.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass
@@ -19,6 +17,8 @@ import yaml
 from cli_runner import done, mtu
 from numpy.typing import NDArray
 from support import CONFIGS
+
+from mtu_cli.stats.least_squares import FloatArray
 
 RING = CONFIGS / "valdes-ring"
 ROOMS = (20.0, 26.0, 19.0)
@@ -34,7 +34,6 @@ DRIFT = (
     # A warm-up and a cool-down: of four of them the rings come out the same to 0.1 %.
     *("--cycles", "2"),
 )
-Floats = NDArray[np.float64]
 
 
 def with_small_rings(path: Path) -> None:
@@ -60,8 +59,8 @@ def with_small_rings(path: Path) -> None:
 class Rings:
     """Diameters less the true ones before and after (n,), um, and whether 95 % hold them."""
 
-    before: Floats
-    after: Floats
+    before: FloatArray
+    after: FloatArray
     held: NDArray[np.bool_]
 
 

@@ -1,7 +1,5 @@
 """Help, README and topics: complete, true (console blocks run), no wider than a terminal."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

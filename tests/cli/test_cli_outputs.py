@@ -1,26 +1,34 @@
 """What a call writes and says: nothing where it fails, and nothing over what somebody measured."""
 
-from __future__ import annotations
-
 import codecs
+import csv
+import importlib.util
 import io
 import json
+import re
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
+import html5lib
+import jsonschema
 import pytest
-from cli_runner import done, listing, mtu, prepared, shell
+from cli_runner import PAGES, SMALL, TRUTH, done, listing, mtu, prepared, report, shared, shell
+from support import CONFIGS, DATA, PAPER, SIMULATED
 
 from mtu_cli.cli.analyse import fit_components
+from mtu_cli.cli.commands import COMMANDS
 from mtu_cli.cli.emit import Outcome, check_outputs, execute, warning_lines
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.main import main
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
+from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.reports.document import REPORTS, column_meanings, declaration, meanings
+from mtu_cli.reports.fields import Fields, Group, fields_of
 
 STUDY = """\
 schema: mtu/study/1
@@ -191,3 +199,269 @@ def test_streams_of_text_alone(small: Path, monkeypatch: pytest.MonkeyPatch) -> 
             main()
         assert out.getvalue().startswith(begin)
         assert ended.value.code == (0 if begin else 2), error.getvalue()
+
+
+# `--report`: one HTML file that is sound, needs no other, and shows names as they are.
+
+
+UNDECLARED = CONFIGS / "undeclared"
+
+
+def sound(path: Path) -> str:
+    """The text of a report that is HTML by its grammar, with ids of its own and nothing outside."""
+    text = path.read_text("utf-8")
+    html5lib.HTMLParser(strict=True).parse(text)
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids)) > 0
+    assert re.findall(r'(?:src|href)="(?!#)', text) == []
+    assert "http" not in re.sub(r'xmlns(?::\w+)?="[^"]*"', "", text)
+    return text
+
+
+@pytest.mark.parametrize("call", PAGES)
+def test_every_command_writes_one_sound_file(call: str) -> None:
+    text, command = sound(shared(call).page), call.partition(" configs/")[0]
+    for words in ("<table>", "<svg", "SHA-256", "<h2>Settings</h2>", "mtu 0."):
+        assert words in text
+    used = text.split("<h2>Settings</h2>")[1]
+    assert ("seed " in used) == ("seed" in COMMANDS[command].options.split())
+
+
+def test_names_are_text_and_a_date_is_given(tmp_path: Path) -> None:
+    (tmp_path / "part.yaml").write_text(
+        "schema: mtu/part/1\nname: <b>plate</b>\nfeatures:\n"
+        "  '<script>alert(1)</script>': {x_mm: 10, y_mm: 20}\n  B: {x_mm: 50, y_mm: 20}\n"
+    )
+    machine = CONFIGS / "gilsinn-ling" / "machine.yaml"
+    call = ["predict-points", "-m", machine, "-p", "part.yaml", "-q", "--report", "r.html"]
+    done(mtu(*call, "--date", "1 May 2030", cwd=tmp_path))
+    text = sound(tmp_path / "r.html")
+    assert "<script" not in text
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
+    assert "&lt;b&gt;plate&lt;/b&gt;" in text
+    assert "1 May 2030" in text
+
+
+@pytest.mark.skipif(importlib.util.find_spec("weasyprint") is not None, reason="it is installed")
+def test_a_pdf_names_the_extra_that_it_needs(tmp_path: Path) -> None:
+    found = done(mtu("lengths", UNDECLARED, "-q", "--report", "a.pdf", cwd=tmp_path), 2)
+    assert "mtu-cli[pdf]" in found.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+# Calls that work: every command on the shipped studies, its outputs, and what depends on what.
+
+
+KEYS = {"schema", "tool", "inputs", "settings", "results", "warnings"}
+MAIN = {
+    "fit-components": "components",
+    "predict-points": "points",
+    "lengths": "lengths",
+    "orthogonality": "orthogonality",
+}
+SHIPPED = (
+    *("fit-components configs/gilsinn-ling-simulated", "lengths configs/gilsinn-ling-simulated"),
+    *("predict-points configs/gilsinn-ling", "orthogonality configs/gilsinn-ling --trials 20000"),
+)
+
+
+@pytest.mark.parametrize("call", SHIPPED)
+def test_shipped_studies(call: str) -> None:
+    """Tables, report and main table come from one call and agree in what they list."""
+    result, document, made, _ = shared(call)
+    command = call.partition(" ")[0]
+    assert set(document) == KEYS
+    assert document["schema"] == f"mtu/{command}/1"
+    assert {item["role"] for item in document["inputs"]} >= {"study", "machine"}
+    assert all(re.fullmatch("[0-9a-f]{64}", item["sha256"]) for item in document["inputs"])
+    told = [f"{x['severity']}: {x['message']} [{x['code']}]" for x in document["warnings"]]
+    assert result.stderr.splitlines() == told
+    main = document["results"][MAIN[command]]
+    rows = made.splitlines()
+    assert len(rows) == len(main) + 1
+    ids = list(main) if isinstance(main, dict) else [item["id"] for item in main]
+    assert [row.split(",")[0] for row in rows[1:]] == ids
+    table = result.stdout.partition("\n")[2]
+    shown = [line.split()[0] for line in table.splitlines() if line]
+    assert [name for name in shown if name in ids] == ids
+
+
+def test_standard_output_holds_the_report_alone(tmp_path: Path) -> None:
+    result = done(mtu("lengths", SIMULATED, "-o", "-", "--plot", tmp_path / "out.svg"))
+    assert set(json.loads(result.stdout)) == KEYS
+    assert listing(tmp_path).keys() == {"out.svg"}
+    table = done(mtu("lengths", SIMULATED, "--csv", "-", "-o", tmp_path / "out.json"))
+    assert table.stdout.startswith("id,from,to,nominal_mm,")
+
+
+def test_quiet(tmp_path: Path) -> None:
+    assert done(mtu("lengths", PAPER, "-q")).stdout == ""
+    assert done(mtu("simulate", SMALL, "--write-lbb", tmp_path / "x.csv", "-q")).stdout == ""
+
+
+def test_covariance_is_in_the_report_where_it_is_asked_for() -> None:
+    plain = report("predict-points", SMALL)
+    full = report("predict-points", SMALL, "--covariance")
+    matrix = full["results"].pop("covariance_um2")
+    assert full["results"].pop("covariance_rows")[:2] == ["A.x", "A.y"]
+    assert plain["results"] == full["results"]
+    points = full["results"]["points"]
+    assert len(matrix) == 2 * len(points)
+    for i, point in enumerate(points):
+        assert matrix[2 * i][2 * i] == pytest.approx(point["var_x_um2"], rel=1e-12)
+        assert matrix[2 * i + 1][2 * i + 1] == pytest.approx(point["var_y_um2"], rel=1e-12)
+
+
+def test_the_study_is_found_here_and_above(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    below = work / "reports" / "2024"
+    below.mkdir(parents=True)
+    here = done(mtu("lengths", cwd=work))
+    assert "\nLengths\n" in here.stdout
+    assert done(mtu("lengths", cwd=below)).stdout == here.stdout
+    assert done(mtu("lengths", work / "mtu.yaml")).stdout == here.stdout
+
+
+def test_options_win_over_the_study(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    text = (work / "part.yaml").read_text().replace("to: C, tolerance_um: 30", "to: B")
+    (work / "other.yaml").write_text(text)
+    own = report("lengths", cwd=work)
+    found = report("lengths", "-p", "other.yaml", "--k", "3", "--seed", "5", cwd=work)
+    assert [item["id"] for item in own["results"]["lengths"]] == ["A-C", "A-E"]
+    assert [item["id"] for item in found["results"]["lengths"]] == ["A-B", "A-E"]
+    assert own["settings"] | {"coverage_factor": 3.0, "seed": 5} == found["settings"]
+    before, after = own["results"]["lengths"][1], found["results"]["lengths"][1]
+    # Both are rounded once from millimetres.
+    assert after["U_um"] == pytest.approx(3 * after["u_um"], rel=1e-15)
+    assert (before["u_um"], before["error_um"]) == (after["u_um"], after["error_um"])
+
+
+def test_a_components_report_stands_for_the_readings(tmp_path: Path) -> None:
+    """To the last bit: the report holds all that predictions need."""
+    fitted = tmp_path / "components.json"
+    done(mtu("fit-components", SIMULATED, "-o", fitted, "-q"))
+    for command in ("predict-points", "lengths", "orthogonality"):
+        again = report(command, SIMULATED, "-c", fitted)
+        assert again["results"] == report(command, SIMULATED)["results"]
+        roles = [item["role"] for item in again["inputs"]]
+        assert roles == ["study", "machine", "components", "part"]
+
+
+def test_gates(tmp_path: Path) -> None:
+    met = done(mtu("lengths", SIMULATED, "--fail-if", "nonconforming=1e-9"), 3)
+    assert "mtu: gate nonconforming: probability of a nonconforming part above" in met.stderr
+    assert met.stdout == done(mtu("lengths", SIMULATED, "--fail-if", "nonconforming=0.5")).stdout
+    outputs = ["-o", tmp_path / "out.json", "--csv", tmp_path / "out.csv"]
+    drift = done(mtu("fit-components", SIMULATED, "--fail-if", "drift", *outputs), 3)
+    assert listing(tmp_path).keys() == {"out.json", "out.csv"}
+    assert "mtu: gate drift: drift in dx_x (pass to pass)" in drift.stderr
+    steady = DATA / "gilsinn-ling" / "axis_angle.csv"
+    done(mtu("fit-components", PAPER, "--lbb", steady, "--fail-if", "drift"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "files"),
+    [
+        ("machine", [*CONFIGS.glob("*/machine.yaml"), TRUTH]),
+        ("part", list(CONFIGS.glob("*/part.yaml"))),
+        ("study", list(CONFIGS.glob("*/mtu.yaml"))),
+        ("budget", list(CONFIGS.glob("budgets/*.yaml"))),
+    ],
+)
+def test_json_schemas(kind: str, files: list[Path]) -> None:
+    """The shipped files pass, also what editors refuse: a misspelt key, another schema."""
+    schema = json.loads(done(mtu("schema", kind)).stdout)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    assert len(files) >= 2
+    for path in files:
+        data: dict[str, Any] = read_yaml(path, kind).data
+        validator.validate(data)
+        assert not validator.is_valid(data | {"mashine": "m"})
+        assert not validator.is_valid(data | {"schema": f"mtu/{kind}/2"})
+
+
+# Every field of a report and every column of a CSV stands in one declaration, which help shows.
+
+
+GAUGE, IMPEDANCE = ("gum-h1-end-gauge.yaml", "gum-h2-impedance.yaml")
+CALLS = {
+    "fit-components": ["gilsinn-ling-simulated", "undeclared", "valdes-ring"],
+    "predict-points": ["gilsinn-ling", "undeclared --covariance"],
+    "lengths": ["gilsinn-ling", "undeclared"],
+    "orthogonality": ["gilsinn-ling --trials 20000"],
+    "anova": ["gilsinn-ling-parts", "undeclared"],
+    "compare": ["gilsinn-ling-parts", "undeclared"],
+    "close-loop": ["undeclared"],
+    "thermal-fit": ["valdes-ring --model ridge"],
+    "correct": ["valdes-ring -c RIDGE"],
+    "budget": [f"budgets/{GAUGE} --trials 20000", f"budgets/{IMPEDANCE} --trials 20000"],
+    "iso230": ["undeclared", "undeclared --limit dx_x.A=20"],
+    "circular": ["../tests/cli/circular-traces.csv"],
+    "compensate": ["valdes-ring --component pos_x --for beckhoff"],
+    "graph check": ["graphs/axes-a-and-c.yaml"],
+    "graph simulate": ["graphs/rotary-axis-a.yaml --trials 1000"],
+    "graph sweep": ["graphs/ball-centre.yaml --of P1.z --vary axis_um=1,2,3 --trials 1000"],
+}
+LEAF = "a figure"
+
+
+def tree(fields: Fields) -> dict[str, Any]:
+    """The keys of a declaration, with how many lists or objects by name stand between; one that is
+    declared twice is a fault.
+    """
+    found: dict[str, Any] = {}
+    for each in fields:
+        *outer, last = each.path.split(".")
+        inner = found
+        for key in outer:
+            inner = inner.setdefault(key, {})
+        if last:
+            assert last not in inner, f"{each.path} is declared twice"
+            inner[last] = (
+                (int(each.many), tree(fields_of(each.fields))) if isinstance(each, Group) else LEAF
+            )
+    return found
+
+
+def undeclared(known: Any, value: Any, at: str = "") -> set[str]:
+    """Keys of a document that no declaration has."""
+    if known is LEAF or value is None:
+        return set()
+    depth, inner = known if isinstance(known, tuple) else (0, known)
+    if depth:
+        items = value.values() if isinstance(value, dict) else value
+        return {x for item in items for x in undeclared((depth - 1, inner), item, f"{at}[]")}
+    # Of an angle the names of a length stand for its own.
+    value = {x if x in inner else x.replace("_arcsec", "_um"): item for x, item in value.items()}
+    strays = {f"{at}.{name}" for name in value if name not in inner}
+    kept = ((name, item) for name, item in value.items() if name in inner)
+    return strays | {
+        x for name, item in kept for x in undeclared(inner[name], item, f"{at}.{name}")
+    }
+
+
+@pytest.mark.parametrize("command", REPORTS)
+def test_every_field_and_column_is_declared_once(command: str) -> None:
+    results, row = declaration(command)
+    known = tree(results)
+    if command == "budget":
+        # Of one output its figures stand where `outputs` does for several.
+        known |= known["outputs"][1]
+    for call in CALLS[command]:
+        made = shared(f"{command} configs/{call}")
+        assert undeclared(known, made.report["results"]) == set()
+        header = next(csv.reader([made.table.partition("\n")[0]]))
+        free = ("share_", "coefficient_", "u_coefficient_")
+        columns = {name for name, _ in column_meanings(row)}
+        assert {x for x in header if not x.startswith(free)} <= columns
+
+
+@pytest.mark.parametrize("command", sorted({name.partition(" ")[0] for name in REPORTS}))
+def test_help_explains_every_field_and_column(command: str) -> None:
+    shown = done(mtu("help", command)).stdout
+    for name in (each for each in REPORTS if each.partition(" ")[0] == command):
+        results, row = declaration(name)
+        for key, meaning in [*meanings(results), *column_meanings(row)]:
+            assert f"| `{key}` | {meaning.replace('|', chr(92) + '|')} |" in shown

@@ -1,21 +1,37 @@
 """The process: the same bytes everywhere; pipes, terminals, signals, full disks."""
 
-from __future__ import annotations
-
+import io
 import os
 import pty
 import re
 import select
 import signal
 import subprocess
+import sys
+import threading
 import time
 from functools import cache
 from pathlib import Path
 
 import pytest
-from cli_runner import MTU, SMALL, Listing, done, environment, listing, prepared, shell, started
+from cli_runner import (
+    MTU,
+    SMALL,
+    Listing,
+    done,
+    environment,
+    listing,
+    mtu,
+    prepared,
+    refused,
+    shell,
+    started,
+)
 from cli_runner import mtu as within
 from support import CONFIGS
+
+from mtu_cli.cli import emit
+from mtu_cli.cli.emit import late_bar
 
 ESCAPE, COLOUR = "\x1b[", re.compile(r"\x1b\[[0-9;]*m")
 SURROUNDINGS = [
@@ -90,8 +106,8 @@ def start(*args: object, cwd: Path) -> subprocess.Popen[bytes]:
 
 @cache
 def in_a_pipe() -> str:
-    """What a process writes where nothing is said of terminals."""
-    return done(started("lengths", SMALL)).stdout
+    """What is written where nothing is said of terminals."""
+    return done(within("lengths", SMALL)).stdout
 
 
 def test_a_pipe_receives_plain_text() -> None:
@@ -185,3 +201,167 @@ def test_interrupt(tmp_path: Path) -> None:
     assert b"Traceback" not in error
     assert output == b""
     assert listing(work) == before
+
+
+# What is seen on a terminal of what takes longer than a second.
+
+
+class Terminal(io.StringIO):
+    """Standard error that is one."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither all the time, nor of what is done at once."""
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    with late_bar("budget") as bar:
+        bar(1, 2)
+    assert terminal.getvalue() == ""
+    monkeypatch.setattr(emit, "DELAY_S", 0.0)
+    # Libraries that a test before loaded may have threads of their own.
+    before = threading.active_count()
+    for every, shares in ((0.0, ["30", "70"]), (3600.0, ["30"])):
+        monkeypatch.setattr(emit, "EVERY_S", every)
+        terminal.truncate(0)
+        with late_bar("close-loop") as bar:
+            bar(3, 10)
+            bar(7, 10)
+            assert threading.active_count() == before
+        assert re.findall(r"close-loop: (\d+)%", terminal.getvalue()) == shares
+        # The line is left empty.
+        assert terminal.getvalue().endswith("\r\x1b[K")
+
+
+# Calls that are at fault: options, values, gates, reports of another machine.
+
+
+OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
+
+
+@pytest.fixture
+def work(tmp_path: Path) -> Path:
+    """A copy of the small study."""
+    return prepared(tmp_path / "work")
+
+
+def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
+    values = {"--k": "nan", "--digits": "5", "--seed": "-1", "--correlation": "some"}
+    values |= {"--trials": "999", "--threads": "0"}
+    call = [word for pair in values.items() for word in pair]
+    found = refused(work, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
+    assert len(found) == len(values)
+    begun = {line.partition("; expected ")[0] for line in found}
+    assert begun == {f"{option}: out of range: '{value}'" for option, value in values.items()}
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (["lengths", "--outptu", "a"], "no such option: --outptu (Possible options: --out"),
+        (["graph", "draw", "--to"], "option '--to' requires an argument"),
+        (
+            ["close-loop", "--fail-if", "found,drifts"],
+            "unknown gate: 'drifts'; expected suspicious",
+        ),
+        (["lengths", "--out", "-q"], "-q: -o does not write a file without an ending; expected"),
+        (
+            ["lengths", "--fail-if", "nonconforming=1"],
+            "--fail-if nonconforming: out of range: 'nonconforming=1'; expected a probability",
+        ),
+        (
+            ["lengths", "--fail-if", "nonconforming=0.5,nonconforming=0.1"],
+            "--fail-if nonconforming appears twice: 'nonconforming=0.1'",
+        ),
+        (["lengths", "--fail-if", "nonconforming"], "unknown gate: 'nonconforming'; expected susp"),
+        (["graph", "sweep", "g.yaml"], "missing option '--vary'"),
+        (["graph", "chek"], "no such command 'chek'. Did you mean 'check' (see mtu graph --help)"),
+        (["lengths", "--at", "-o"], "--at: not NAME=VALUE: '-o'"),
+        (
+            ["simulate", "--cmm-room", "22:25"],
+            "invalid value for '--cmm-room': not a number: '22:25'",
+        ),
+        (["simulate", "--passes", "0"], "--passes: out of range: '0'; expected from 1 to 10000"),
+        (["lengths", "-p", ""], "invalid value for '-p' / '--part': it names no file"),
+        (["\u65e5\u672c" * 40], "no such command '\u65e5\u672c"),
+        (["lengths", "--a\x1b[31m\n"], "no such option: --a\\x1b[31m"),
+    ],
+    ids=lambda value: ascii(" ".join(value)[:20]) if isinstance(value, list) else "",
+)
+def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, work: Path) -> None:
+    message = refused(work, *call, env={"COLUMNS": "30"})
+    assert message.startswith(f"mtu: {words}")
+    assert len(message.splitlines()) == 1
+
+
+def test_sizes_of_a_machine_in_another_unit_are_asked_about(work: Path) -> None:
+    text = (work / "machine.yaml").read_text().replace("travel_mm: [0, 300]", "travel_mm: [0, 3]")
+    text = text.replace("components:", "constants: {z0: 127000}\ncomponents:")
+    (work / "machine.yaml").write_text(text.replace("of: y", "of: x"))
+    told = done(mtu("fit-components", ".", "-q", cwd=work)).stderr
+    for words in ("axes.y.travel_mm: a travel of 3 mm", "constants.z0: a constant of 127000 mm"):
+        assert f"{words} is hardly meant; probably " in told
+
+
+# Input made to break things: bombs, code, bytes that are no text, names that are no UTF-8.
+
+
+MACHINE = "schema: mtu/machine/1\nname: m\ncomponents: {a: {unit: um}}\n"
+SECONDS = 10.0
+"""Generous: a refusal takes 0.4 s, and an expanded bomb would take hours or all memory."""
+
+
+def bomb() -> str:
+    """Nine levels of nine aliases: four hundred million values."""
+    lines = ["a: &a [x, x, x, x, x, x, x, x, x]"]
+    for above, name in zip("abcdefgh", "bcdefghi", strict=True):
+        lines.append(f"{name}: &{name} [{', '.join([f'*{above}'] * 9)}]")
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (bomb(), "machine.yaml:6: more than 500000 values"),
+        (
+            MACHINE + f"equations: {{Ex: '{'(' * 5000}a{')' * 5000}'}}",
+            "machine.yaml:4: equations.Ex: more than 60 levels of an equation at column",
+        ),
+        (
+            MACHINE + f"equations: {{Ex: '{'-' * 9000}a'}}",
+            "machine.yaml:4: equations.Ex: more than 300 operators of an equation",
+        ),
+        (
+            MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
+            "machine.yaml:4: equations.Ex: not a finite number at column 3: '999",
+        ),
+        (
+            "!!python/object/apply:os.system ['touch stolen']\n",
+            "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
+        ),
+    ],
+    ids=["aliases", "parentheses", "signs", "digits", "tag"],
+)
+def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    (work / "machine.yaml").write_text(text, "utf-8")
+    start = time.perf_counter()
+    message = refused(work, "fit-components", "-o", "out.json")
+    assert time.perf_counter() - start < SECONDS
+    assert words in message
+    assert len(message.splitlines()) == 1
+
+
+def test_names_that_are_no_text_or_move_the_cursor(tmp_path: Path) -> None:
+    work = prepared(tmp_path / "work")
+    name = os.fsdecode(b"l\xe9\x1b[31m.csv")
+    try:
+        (work / name).write_bytes((SMALL / "lbb.csv").read_bytes())
+    except OSError:
+        pytest.skip("this file system takes UTF-8 names only")
+    result = done(mtu("fit-components", "--lbb", name, "-o", "-", cwd=work))
+    assert r"l\\xe9\\x1b[31m.csv" in result.stdout
+    (work / name).write_bytes(b"component,error,unit\naxy,x,urad\n")
+    message = refused(work, "fit-components", "--lbb", name, "-o", "out.json")
+    assert r"l\xe9\x1b[31m.csv, row 2, column 'error': not a number: 'x'" in message

@@ -1,7 +1,5 @@
 """The fuzzer: what it must notice, that it repeats itself, and a small run of it."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from pathlib import Path

@@ -2,8 +2,6 @@
 where they are damaged. The files are made (`made_files`).
 """
 
-from __future__ import annotations
-
 import io
 import random
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """Draws cases, counts what became of them, and ends with code 1 where any failed."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -1,7 +1,5 @@
 """Calls of every command on files, one of them damaged: their end, words, and outputs."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

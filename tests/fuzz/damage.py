@@ -1,7 +1,5 @@
 """Cases by their number: which sample, and what is done to its bytes, its table or its values."""
 
-from __future__ import annotations
-
 import gzip
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What is put in place of sound cells, values and signs."""
 
-from __future__ import annotations
-
 NUMBERS = (
     "0", "-0", "-0.0", "1", "-1", "2", "0.5", "1e-6", "1e3", "1e5", "1e9", "1e15", "1e17", "1e30",
     "1e154", "1e200", "1e308", "-1e308", "1.7976931348623157e308", "1e309", "1e999", "5e-324",

@@ -1,7 +1,5 @@
 """What a message to the user must not look like."""
 
-from __future__ import annotations
-
 import re
 
 LONGEST = 2000

@@ -1,7 +1,5 @@
 """One damaged file through its reader: read, refused, or a failure with its reason."""
 
-from __future__ import annotations
-
 import gzip
 import signal
 import time

@@ -1,11 +1,9 @@
 """The shipped files by what reads them, cut to a size at which thousands are read a minute."""
 
-from __future__ import annotations
-
 import re
 import shutil
-import subprocess
 from collections.abc import Callable
+from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -14,8 +12,8 @@ import numpy as np
 from made_files import FILES as INSTRUMENTS
 from made_files import MAP, MAPPED
 from support import CONFIGS, DATA
-from watched_process import MTU
 
+from mtu_cli.cli.main import exit_code
 from mtu_cli.formats.control import CONTROLLERS
 from mtu_cli.formats.control.errors import ErrorTable
 from mtu_cli.model.effect_library import BUILT_IN
@@ -169,10 +167,10 @@ def prepared_folder(folder: Path) -> Path:
     (folder / "flat" / "mtu.yaml").write_text(FLAT_STUDY, "utf-8")
     write_foreign(folder)
     for name, call in REPORTS.items():
-        words = [str(MTU), *call.split(), "-q", "-o", name]
-        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise RuntimeError(f"mtu {call}: {done.stderr}")
+        with chdir(folder):
+            code = exit_code([*call.split(), "-q", "-o", name])
+        if code != 0:
+            raise RuntimeError(f"mtu {call}: {code}")
     return folder
 
 

@@ -1,7 +1,5 @@
 """Counts of a run, what failed kept on disk, and the lines that show both."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field

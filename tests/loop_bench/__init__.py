@@ -9,8 +9,6 @@ can be gone on with as long as the package is the same. Any tree that is install
 environment can be judged: PYTHONPATH=tests, and that environment's python.
 """
 
-from __future__ import annotations
-
 import os
 
 # As in the command, before anything imports numpy.

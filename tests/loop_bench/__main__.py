@@ -1,7 +1,5 @@
 """Draws what is missing and prints the table; see `records`."""
 
-from __future__ import annotations
-
 from loop_bench.records import main
 
 if __name__ == "__main__":

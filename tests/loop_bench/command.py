@@ -1,7 +1,5 @@
 """What the command reports of a data set: `mtu close-loop` in this process, files in, JSON out."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -4,8 +4,6 @@ Lists each diagnosis that changed, by kind, with the share that became right and
 rates of both runs on the sets that both have.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence

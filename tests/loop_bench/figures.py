@@ -1,7 +1,5 @@
 """Figures with 95 % intervals, held against the bar."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

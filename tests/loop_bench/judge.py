@@ -1,7 +1,5 @@
 """What one record says: which of its names are right, what is claimed, what its intervals hold."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator
 from typing import Any

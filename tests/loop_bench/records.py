@@ -4,8 +4,6 @@ Sets that stand in the file are not run again. All kinds come in turns, so that 
 says something of each. Several processes may share a file: each has its shard.
 """
 
-from __future__ import annotations
-
 import argparse
 import gzip
 import hashlib

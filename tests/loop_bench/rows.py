@@ -1,7 +1,5 @@
 """The table of rates: each line is a measure of some kinds of sets, with its bar."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain

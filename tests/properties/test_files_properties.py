@@ -1,15 +1,16 @@
 """Tables through their readers: what was written is read, and what must not matter does not."""
 
-from __future__ import annotations
-
 import csv
 import gzip
 import io
+import signal
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -18,10 +19,12 @@ from fuzz.readers import READERS, within_time
 from fuzz.samples import KINDS, Kind, Sample
 from hypothesis import given
 from hypothesis import strategies as st
-from property_settings import tried
+from property_settings import plain_values, texts, tried
 
 from mtu_cli.files.machine import Component
 from mtu_cli.files.readings import Readings, read_points, read_readings
+from mtu_cli.files.reports_read import read_json
+from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import InputError
 from mtu_cli.units import UNITS
 
@@ -197,3 +200,104 @@ def test_any_bytes_are_a_file_or_an_input_error(
     except InputError as error:
         message = str(error)
     assert unclean(message) is None
+
+
+# Values written as JSON are read back as they were, whatever they are.
+
+
+mappings = st.dictionaries(texts, plain_values(texts), min_size=1, max_size=5)
+
+
+def same(one: Any, two: Any) -> bool:
+    """Equal in kind too: 1 is neither 1.0 nor true."""
+    return repr(one) == repr(two)
+
+
+@tried(150)
+@given(data=mappings)
+def test_reports_are_read_back(tmp_path: Path, data: dict[str, Any]) -> None:
+    content = report_bytes(data)
+    assert content.endswith(b"}\n")
+    (tmp_path / "r.json").write_bytes(content)
+    assert same(read_json(tmp_path / "r.json", "report")[1], data)
+
+
+# Writing that is killed: every file is the old one or the new one, at whatever step.
+
+
+OLD = {"a.json": b"old a\n" * 100, "b.csv": b"old b\n" * 100}
+NEW = {"a.json": b"new a\n" * 40_000, "b.csv": b"new b\n" * 40_000, "c.svg": b"new c\n"}
+STEP_BY_STEP = """
+import os, sys
+from pathlib import Path
+from mtu_cli.files.source import files_written
+folder = Path(sys.argv[1])
+new = {folder / name: (name[0].join(("new ", "\\n")) * count).encode()
+       for name, count in (("a.json", 40_000), ("b.csv", 40_000), ("c.svg", 1))}
+def killed_at(last):
+    done = 0
+    def step(frame, event, call):
+        nonlocal done
+        done += event == "c_call"
+        if done > last:
+            os.kill(os.getpid(), 9)
+    sys.setprofile(step)
+    with files_written(new):
+        pass
+    os._exit(0)
+for line in sys.stdin:
+    child = os.fork()
+    if child == 0:
+        killed_at(int(line))
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+def whole(folder: Path) -> set[str]:
+    """Which of the files are new, all of them being whole."""
+    new = set()
+    for name, content in NEW.items():
+        path = folder / name
+        if not path.exists():
+            assert name not in OLD, f"{name} is gone"
+            continue
+        found = path.read_bytes()
+        assert found in (OLD.get(name), content), f"{name} has {len(found)} bytes"
+        if found == content:
+            new.add(name)
+    return new
+
+
+def fresh(folder: Path) -> None:
+    for path in folder.iterdir():
+        path.unlink()
+    for name, content in OLD.items():
+        (folder / name).write_bytes(content)
+
+
+def test_killed_before_every_step(tmp_path: Path) -> None:
+    """A kill before the first call of what is written in C, before the second, and so on."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", STEP_BY_STEP, str(tmp_path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    seen: list[int] = []
+    code = -signal.SIGKILL
+    for last in range(3000):
+        fresh(tmp_path)
+        assert process.stdin is not None
+        assert process.stdout is not None
+        print(last, file=process.stdin, flush=True)
+        code = int(process.stdout.readline())
+        seen.append(len(whole(tmp_path)))
+        if code != -signal.SIGKILL:
+            break
+    process.communicate(timeout=30)
+    assert code == 0
+    assert len(seen) > 20
+    assert seen[0] == 0
+    assert seen[-1] == len(NEW)
+    assert seen == sorted(seen)
+    assert not [path for path in tmp_path.iterdir() if path.name not in NEW]

@@ -1,7 +1,5 @@
 """The equation language at its bounds: no text and no number makes it fail or linger."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -13,15 +11,7 @@ from hypothesis import strategies as st
 from property_settings import tried
 
 from mtu_cli.findings import Finding, InputError
-from mtu_cli.language import (
-    Node,
-    check_dimension,
-    evaluate,
-    linear_form,
-    names,
-    parse,
-    to_text,
-)
+from mtu_cli.language import Node, check_dimension, evaluate, linear_form, names, parse, to_text
 from mtu_cli.language.derivative import derivatives
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.units import internal

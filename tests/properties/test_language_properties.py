@@ -1,7 +1,5 @@
 """The equation language against Python's own, on random equations and random text."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

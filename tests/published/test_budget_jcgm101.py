@@ -13,8 +13,6 @@ The last tests have each of these by another calculation; those of 9.5 were draw
 (2e6 trials): 838 nm, u 36 nm, the ends within two standard errors of both samples.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from itertools import product

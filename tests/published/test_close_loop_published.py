@@ -5,8 +5,6 @@ a load cell whose deflection is all but a straight line of the load. The ring ga
 Giacomo & Paziani, Table 3, diameter errors (calibrated minus measured) at 20 and 26 degC.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
@@ -15,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_strd_linear import PONTIUS_Y, REFERENCES, numbers
+from test_strd import PONTIUS_Y, REFERENCES, numbers
 
 MTU = Path(sys.executable).parent / "mtu"
 LOADS_KLB = 150.0 * np.arange(1, 21)

@@ -8,8 +8,6 @@ before_and_after = oracle_gain(errors, truth, folds=7)
 write_csv(day, measure_repeats(day, rng, [truth]), path)
 """
 
-from __future__ import annotations
-
 from shop_day.day import ShopDay
 from shop_day.effects import FAMILIES, effect
 from shop_day.files import write_csv, write_machine, write_part

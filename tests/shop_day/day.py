@@ -6,8 +6,6 @@ on every second part, holes are jittered, the tool is changed twice, and two lon
 machine cool. Nothing here comes from the package that is judged with it.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Undeclared effects by the names of the library, of random sign, axis and parameter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A shop day's measured points, and the machine and part as their files state them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +9,7 @@ from shop_day.day import Floats, ShopDay
 
 
 def write_csv(
-    day: ShopDay,
-    repeats: Floats,
-    path: Path,
-    *,
-    cells: NDArray[np.bool_] | None = None,
+    day: ShopDay, repeats: Floats, path: Path, *, cells: NDArray[np.bool_] | None = None
 ) -> Path:
     """One row a measured point; `repeats` (P, H, 2, R) or (P, H, 2), um.
 

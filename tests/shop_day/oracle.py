@@ -6,8 +6,6 @@ SIGMA^2 + H SIG_PART^2, SIGMA^2 + P SIG_HOLE^2, SIGMA^2 of orthonormal contrasts
 mean, which is free.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

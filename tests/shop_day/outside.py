@@ -1,7 +1,5 @@
 """Effects that no family of the library describes, and those that only resemble one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from shop_day.day import Floats, ShopDay

@@ -3,8 +3,6 @@
 Errors are measured minus nominal (P, H, 2), um.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Each family has members of k columns over the table: (members, k, P, H, 2).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from shop_day.day import CENTRE, Floats, ShopDay

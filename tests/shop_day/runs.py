@@ -3,8 +3,6 @@
 All errors are in um, positions in mm, temperatures in K from 20 degC.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

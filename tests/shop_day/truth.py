@@ -1,7 +1,5 @@
 """What is wrong with the machine of a shop day: an effect of a stated size."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

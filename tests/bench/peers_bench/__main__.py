@@ -1,7 +1,5 @@
 """Runs everything in one go, each package on one thread, and prints the tables; see the package."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import os

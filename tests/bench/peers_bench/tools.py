@@ -1,7 +1,5 @@
 """The packages, in the forms in which each does the problem; imported where it is asked."""
 
-from __future__ import annotations
-
 import gc
 import json
 import math

@@ -2,8 +2,6 @@
 and the form left; covariates and drifts that lag.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,10 +33,10 @@ from mtu_cli.model.machine_model import MachineModel, drift_terms
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
 from mtu_cli.units import UNITS
 
-Floats = NDArray[np.float64]
 SETTINGS = Settings()
 
 
@@ -126,7 +124,7 @@ def test_the_calibrated_diameter_at_the_temperature_of_the_ring(
     tmp_path: Path, calibrated: str, T: float, expected: float, warned: list[str]
 ) -> None:
     _, measured, temperature = rings(1)
-    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
+    own: dict[str, FloatArray | NDArray[np.object_]] = {"T_scale_degC": temperature}
     points = ring_points(measured, ["a"], None, own)
     column = replace(points, covariates=own | {"T_ring_degC": np.full(11, T)})
     part = ring_part(tmp_path, calibrated_mm=calibrated, temperature="T_ring_degC")
@@ -309,7 +307,7 @@ def test_a_drift_that_lags_sees_the_history_of_all_parts(tmp_path: Path) -> None
     time = 2.0 * np.arange(11.0 * count)
     sensor = 20 + 6 * (1 - np.exp(-time / 50))
     place = np.tile(ring_places(), (count, 1))
-    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {
+    own: dict[str, FloatArray | NDArray[np.object_]] = {
         "T_scale_degC": np.full(len(time), 20.0),
         "T_a_degC": sensor,
     }

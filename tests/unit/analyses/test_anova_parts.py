@@ -1,7 +1,5 @@
 """The analysis of measured parts: uncertainties, methods, outliers, capability, warnings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -180,9 +178,7 @@ def test_parts_are_due_where_most_parts_of_their_operation_are(tmp_path: Path) -
                    measured=np.concatenate([drilled.measured, milled.measured]))  # fmt: skip
     assert missing(both) == []
     gap = both.where(~((both.part == 3) & (both.operation == 1)))
-    assert missing(gap) == [
-        ("6 of 72 measurements by part", "first: part 'P3' at milled a x"),
-    ]
+    assert missing(gap) == [("6 of 72 measurements by part", "first: part 'P3' at milled a x")]
     # Milled is a single control part of another machine, or a selection.
     for few in ((0,), (0, 1)):
         selected = both.where((both.operation == 0) | np.isin(both.part, few))

@@ -1,7 +1,5 @@
 """The engine of closing the loop: each part of it against a slow plain version, or its rate."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import cycle, islice, pairwise
 from types import SimpleNamespace
@@ -9,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from effect_tables import FloatArray, shop_covariates, table
+from effect_tables import shop_covariates, table
 from loop_examples import effect, parameter, searched
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma
@@ -27,6 +25,7 @@ from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
 
 P, H = 12, 6
 NOISE_MM = 1e-3

@@ -1,41 +1,55 @@
 """Circles, spheres and planes against printed figures, scipy's optimiser and differences."""
 
-from __future__ import annotations
-
+import json
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from model_examples import loaded, part_of
+from model_examples import stated as with_estimates
 from scipy.optimize import least_squares
+from support import read_components
+from table_trials import SIGMA, TARGETS, axis_machine, axis_readings, bend, table_coverage
 
+from mtu_cli.analyses.fit_components import fit_result
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.findings import InputError
+from mtu_cli.model.features import feature_points, grid_of, outside_warnings
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_sphere
 from mtu_cli.model.graph import transitions
+from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.stated_errors import stated
+from mtu_cli.reports.fit_components import document
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import UM
 
-Floats = NDArray[np.float64]
 GANDER = np.array([(1, 7), (2, 6), (5, 8), (7, 7), (9, 5), (3, 7)], float)
 
 
-def arc(n: int, radius: float, noise: float, seed: int, angle: float = 5.0) -> Floats:
+def arc(n: int, radius: float, noise: float, seed: int, angle: float = 5.0) -> FloatArray:
     """Points (n, 2) about an arc of `angle` rad."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0, angle, n)
-    circle: Floats = radius * np.column_stack([np.cos(t), np.sin(t)])
-    found: Floats = circle + noise * rng.standard_normal((n, 2))
+    circle: FloatArray = radius * np.column_stack([np.cos(t), np.sin(t)])
+    found: FloatArray = circle + noise * rng.standard_normal((n, 2))
     return found
 
 
-def tilted(flat: Floats, seed: int, lift: float) -> Floats:
+def tilted(flat: FloatArray, seed: int, lift: float) -> FloatArray:
     """The points of a plane, turned into space, `lift` off the plane."""
     rng = np.random.default_rng(seed)
     turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
     heights = lift * rng.standard_normal(len(flat))
-    turned: Floats = np.column_stack([flat, heights]) @ turn
+    turned: FloatArray = np.column_stack([flat, heights]) @ turn
     turned += np.array([310.0, -45.0, 120.0])
     return turned
 
 
-def ball(n: int, radius: float, noise: float, seed: int) -> Floats:
+def ball(n: int, radius: float, noise: float, seed: int) -> FloatArray:
     rng = np.random.default_rng(seed)
     out = rng.standard_normal((n, 3))
     out /= np.linalg.norm(out, axis=1)[:, None]
@@ -48,7 +62,7 @@ def test_circle_of_gander_golub_and_strebel() -> None:
     assert [*found.centre, found.radius] == pytest.approx([4.7398, 2.9835, 4.7142], abs=5e-5)
 
 
-def bow(height: float) -> Floats:
+def bow(height: float) -> FloatArray:
     """An arc of 20 points over 100 mm, so many times 100 mm high."""
     x = np.linspace(-0.5, 0.5, 20)
     return np.asarray(100 * np.column_stack([x, height * (1 - 4 * x**2)]))
@@ -69,7 +83,7 @@ def bow(height: float) -> Floats:
     ],
 )
 def test_points_without_a_figure(
-    fit: Callable[[Floats], RoundFit], points: Floats, message: str
+    fit: Callable[[FloatArray], RoundFit], points: FloatArray, message: str
 ) -> None:
     with pytest.raises(GeometryError, match=message):
         fit(np.array(points, float))
@@ -84,8 +98,8 @@ def test_circle_and_sphere_against_an_optimiser(seed: int) -> None:
     ):
         start = np.append(points.mean(axis=0), 10.0)
 
-        def distances(theta: Floats, points: Floats = points) -> Floats:
-            away: Floats = np.linalg.norm(points - theta[:-1], axis=1) - theta[-1]
+        def distances(theta: FloatArray, points: FloatArray = points) -> FloatArray:
+            away: FloatArray = np.linalg.norm(points - theta[:-1], axis=1) - theta[-1]
             return away
 
         other = least_squares(distances, start, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
@@ -94,7 +108,7 @@ def test_circle_and_sphere_against_an_optimiser(seed: int) -> None:
         assert found.residuals == pytest.approx(distances(np.append(found.centre, found.radius)))
 
 
-CASES: dict[str, tuple[Callable[[Floats], RoundFit], Floats]] = {
+CASES: dict[str, tuple[Callable[[FloatArray], RoundFit], FloatArray]] = {
     "circle": (fit_circle, arc(9, 90.0, 3.0, 1)),
     "short arc": (fit_circle, arc(9, 90.0, 0.5, 2, angle=1.0)),
     "gander": (fit_circle, GANDER),
@@ -141,14 +155,14 @@ TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
 SHIFT = np.array([310.0, -45.0, 120.0])
 
 
-def arc_in_space(n: int, degrees: float, radius: float) -> Floats:
+def arc_in_space(n: int, degrees: float, radius: float) -> FloatArray:
     """Points (n, 3) of an arc that is turned and far from the origin."""
     t = np.radians(np.linspace(0, degrees, n))
     q = np.column_stack([np.cos(t), np.sin(t), 0 * t])
     return np.asarray(radius * q @ TURN.T + SHIFT)
 
 
-def cap(n: int, radius: float, reach: float = np.pi) -> Floats:
+def cap(n: int, radius: float, reach: float = np.pi) -> FloatArray:
     """Points (n, 3) of a spherical cap: a spiral from the pole down to the angle `reach`."""
     t = np.arccos(np.linspace(1, np.cos(0.95 * reach), n))
     a = 2.39996 * np.arange(n)
@@ -156,22 +170,22 @@ def cap(n: int, radius: float, reach: float = np.pi) -> Floats:
     return np.asarray(radius * q @ TURN.T + SHIFT)
 
 
-def drawn(nominal: Floats, noise: float, trials: int = TRIALS) -> list[Floats]:
+def drawn(nominal: FloatArray, noise: float, trials: int = TRIALS) -> list[FloatArray]:
     rng = np.random.default_rng(len(nominal))
     return [point[:, None] + noise * rng.normal(size=(3, trials)) for point in nominal]
 
 
-def circle(points: list[Floats], nominal: Floats) -> tuple[Floats, Floats]:
+def circle(points: list[FloatArray], nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
     centre, radius = transitions.circle_through(nominal)(*points)
     return centre, radius
 
 
-def sphere(points: list[Floats], nominal: Floats) -> tuple[Floats, Floats]:
+def sphere(points: list[FloatArray], nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
     centre, radius = transitions.sphere_through(nominal)(*points)
     return centre, radius
 
 
-def one(points: list[Floats], trial: int) -> Floats:
+def one(points: list[FloatArray], trial: int) -> FloatArray:
     return np.array([point[:, trial] for point in points])
 
 
@@ -220,8 +234,8 @@ def test_sphere_of_radius_against_an_optimiser(n: int, reach: float, noise: floa
     for trial in range(TRIALS):
         p = one(points, trial)
 
-        def gaps(c: Floats, p: Floats = p, r: float = float(radius[trial])) -> Floats:
-            away: Floats = np.linalg.norm(p - c, axis=1) - r
+        def gaps(c: FloatArray, p: FloatArray = p, r: float = float(radius[trial])) -> FloatArray:
+            away: FloatArray = np.linalg.norm(p - c, axis=1) - r
             return away
 
         other = least_squares(gaps, SHIFT, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac").x
@@ -238,3 +252,197 @@ def test_what_cannot_be_fitted_is_not_a_number() -> None:
     with np.errstate(all="ignore"):
         centre, _ = sphere(points, nominal)
     assert np.isfinite(centre).tolist() == [[True, False, True]] * 3
+
+
+# Features of a part, and grids of places over a machine's volume.
+
+
+SPACE = """\
+axes: {x: {travel_mm: [0, 100]}, y: {travel_mm: [20, 60]}}
+components:
+  px: {of: x, unit: um, coefficients: [0, 0], covariance: [[0, 0], [0, 0]], s_repeat: 0}
+  sq: {unit: urad, coefficients: [50], u_future: 1}
+equations: {Ex: px + y*sq}
+"""
+
+
+def grid(folder: Path, text: str, machine: str = SPACE) -> tuple[tuple[str, ...], FloatArray]:
+    known = loaded(folder, machine)
+    return grid_of(known, build(known), text)
+
+
+def build(known: LoadedMachine) -> MachineModel:
+    return build_model(known, estimates_from_fit(known, None))
+
+
+def test_every_axis_has_its_count_from_end_to_end(tmp_path: Path) -> None:
+    """y is needed by a lever arm alone, z by nothing."""
+    ids, points = grid(tmp_path, "3,2")
+    assert ids == ("0,20", "0,60", "50,20", "50,60", "100,20", "100,60")
+    expected = [[x, y] for x in (0.0, 50.0, 100.0) for y in (20.0, 60.0)]
+    assert points[:, :2].tolist() == expected
+    assert np.isnan(points[:, 2]).all()
+    assert len(grid(tmp_path, "4")[0]) == 16
+
+
+def test_more_places_than_a_covariance_holds(tmp_path: Path) -> None:
+    assert len(grid(tmp_path, "60,50")[0]) == 3000
+    with pytest.raises(InputError, match="at most 3000 places, not 3050"):
+        grid(tmp_path, "61,50")
+    # Before so many are made.
+    with pytest.raises(InputError, match="at most 3000 places, not 10000000000"):
+        grid(tmp_path, "100000,100000,100000")
+
+
+def test_features_have_the_coordinates_that_the_equations_need(tmp_path: Path) -> None:
+    """One that the machine fixes is the machine's, which is warned of; so are places beyond the
+    measured range.
+    """
+    part = part_of(tmp_path, "features: {a: {x_mm: 1, y_mm: 2, z_mm: 5}, b: {x_mm: 140, y_mm: 2}}")
+    fixed = "constants: {z: 127}\n" + SPACE.replace("px + y*sq", "px + z*sq")
+    model = build(loaded(tmp_path, fixed))
+    ids, points, (warned,) = feature_points(part, model)
+    assert (ids, warned.code) == (("a", "b"), "not-used")
+    px = replace(model.terms[0].estimate, position_range=(0.0, 100.0))
+    seen = replace(model, terms=(replace(model.terms[0], estimate=px), *model.terms[1:]))
+    (outside,) = outside_warnings(predict(seen, ids, points))
+    assert "feature 'b' at 140 mm" in outside.message
+    needing = build(loaded(tmp_path, SPACE.replace("px + y*sq", "px + z*sq")))
+    with pytest.raises(InputError, match="without a z, of feature 'b'"):
+        feature_points(part, needing)
+
+
+# Errors along one axis that a machine file states, against what it predicts with and without.
+
+
+MACHINE = """
+axes: {x: {travel_mm: [0, 500]}}
+components:
+  a: {of: x, unit: um, coefficients: [1.0, 0.1], covariance: [[0.4, 0], [0, 1.0e-4]]}
+  b: {of: x, unit: um}
+  s: {of: x, unit: um, coefficients: [2.0]}
+  t: {unit: urad, coefficients: [4.0], covariance: [[0.2]]}
+equations: {Ex: a + b*0, Ey: s + x*t}
+"""
+EFFECTS = """
+effects:
+  - name: backlash
+    parameters: {h: {value: 2.0, u: 0.3, unit: um}, g: {value: 5.0, u: 0.5, unit: urad}}
+    covariance: [[0.09, -0.06], [-0.06, 0.25]]
+    equations: {Ex: h*dir_x + (x - 30)*g}
+  - name: tilt
+    parameters: {q: {value: 2.0, u: 0.3, unit: urad/m}}
+    equations: {Ex: q*x*y}
+"""
+PLACES = np.array([-20.0, 0.0, 35.0, 480.0])
+
+
+def along_x(folder: Path, effects: str) -> Prediction:
+    """Both directions at all places."""
+    text = MACHINE.replace("b*0", "0*x").replace("  b: {of: x, unit: um}\n", "") + effects
+    points = np.column_stack([np.tile(PLACES, 2), np.zeros((8, 2))])
+    way = {"dir_x": np.repeat([1.0, -1.0], 4)}
+    return predict(with_estimates(folder, text), [str(i) for i in range(8)], points, way)
+
+
+def test_an_effect_is_what_it_adds_to_the_prediction(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    effect = stated(machine, "backlash")
+    found = effect.errors_at(machine, PLACES)
+    only = EFFECTS[: EFFECTS.index("  - name: tilt")]
+    more, plain = along_x(tmp_path, only), along_x(tmp_path, "")
+    assert found.values.ravel() == pytest.approx((more.mean - plain.mean)[0::2], rel=1e-12)
+    added = (more.covariance - plain.covariance)[0::2, 0::2]
+    assert found.covariance == pytest.approx(added, rel=1e-9, abs=1e-18)
+    assert (effect.axis, found.turns, effect.angle) == ("x", True, False)
+
+
+def test_a_component_is_what_is_predicted_with_it_alone(tmp_path: Path) -> None:
+    machine, plain = loaded(tmp_path, MACHINE), along_x(tmp_path, "")
+    found = stated(machine, "a").errors_at(machine, PLACES)
+    assert found.values.ravel() == pytest.approx(plain.mean[0::2])
+    assert found.covariance == pytest.approx(plain.covariance[0::2, 0::2])
+    assert (stated(machine, "a").output, stated(machine, "s").output) == ("x", "y")
+    assert stated(machine, "a").default_positions(machine) == pytest.approx(np.arange(0, 501, 50))
+    endless = loaded(tmp_path, MACHINE.replace("axes: {x: {travel_mm: [0, 500]}}", ""))
+    with pytest.raises(InputError, match="the travel of x"):
+        stated(endless, "a").default_positions(endless)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("t", "t is a constant"),
+        ("tilt", "depends on x, y"),
+        ("backlsh", "did you mean 'backlash'"),
+        ("b", "an estimate of b"),
+    ],
+)
+def test_what_makes_no_table_of_an_axis(tmp_path: Path, name: str, words: str) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    with pytest.raises(InputError, match=words):
+        stated(machine, name).errors_at(machine, PLACES)
+
+
+# Tables of smooth profiles: intervals that cover, a report that predicts the same, their files.
+
+
+X = np.linspace(0.0, 400.0, TARGETS)
+AT = np.array([0.0, 20.0, 40.0, 333.0, 420.0])
+POINTS = np.column_stack([AT, np.zeros((len(AT), 2))])
+IDS = [f"{x:g}" for x in AT]
+
+
+@pytest.mark.parametrize("own", [0.0, 1.0])
+def test_future_readings_between_the_targets(own: float, tmp_path: Path) -> None:
+    """The short version of tests/bench/test_bench_table.py."""
+    found = table_coverage(axis_machine(tmp_path), 60, 6.0, seed=2, own=own)
+    assert found.inside > 0.93
+    assert found.width < (1.3 if own else 1.25)
+    assert found.outside > 0.9
+
+
+def test_readings_and_their_report_predict_the_same(tmp_path: Path) -> None:
+    known, rng = axis_machine(tmp_path), np.random.default_rng(7)
+    readings = axis_readings(X, bend(400.0, 4 * UM, rng), rng, own=2 * SIGMA)
+    fit = fit_machine(known, readings)
+    estimates = estimates_from_fit(known, fit)
+    results = document(fit_result("m", fit, estimates)).record()
+    item = results["components"]["dx_x"]
+    assert item["shape"] == "table"
+    assert item["degree"] is None
+    assert item["at_mm"] == pytest.approx(X)
+    assert item["between_um2"] == 0.0
+    assert min(item["roughness_um2_per_mm3"], item["own_um2_per_mm3"]) > 0
+    path = tmp_path / "components.json"
+    path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
+    again = estimates_from_report(known, read_components(path))
+
+    def predicted(given: object) -> Prediction:
+        return predict(build_model(known, given), IDS, POINTS)  # type: ignore[arg-type]
+
+    first, second = predicted(estimates), predicted(again)
+    assert second.mean == pytest.approx(first.mean, abs=1e-12)
+    assert second.covariance == pytest.approx(first.covariance, rel=1e-9, abs=1e-18)
+    assert second.variance().dof == pytest.approx(first.variance().dof, rel=1e-6)
+    # What the interpolation leaves open: nothing at the targets, more beyond them.
+    left = first.variance().by_block[1] / UM**2
+    assert left[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert 0 < left[1] < left[4]
+    assert [each[0] for each in first.outside] == ["420"]
+
+
+@pytest.mark.parametrize(("amplitude", "degrees"), [(0.0, {0, 1}), (40.0, {None})])
+def test_held_out_runs_choose_the_shape(
+    amplitude: float, degrees: set[int | None], tmp_path: Path
+) -> None:
+    known, chosen = axis_machine(tmp_path, "degree: auto"), []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+
+        def wavy(x: np.ndarray) -> np.ndarray:
+            return np.asarray(amplitude * SIGMA * np.sin(x / 25.0))
+
+        readings = axis_readings(X, wavy, rng)
+        chosen.append(fit_machine(known, readings).components["dx_x"].estimate.degree)
+    assert sum(each in degrees for each in chosen) >= 5, chosen

@@ -1,19 +1,38 @@
 """Readings to estimates: passes, several instruments, what the messages say."""
 
-from __future__ import annotations
-
-from dataclasses import replace
+import json
+from collections import Counter
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import FloatArray, Segment, estimate, readings
+from compare_trials import fitted
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machine_trials import COMPONENTS, POINTS, Drift, machine, read_machine
+from model_examples import Segment, estimate, loaded, model_of, readings, stated
 from scipy import stats
+from support import read_components
 
+from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.machine import Component
+from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
-from mtu_cli.model.estimates import ComponentEstimate
+from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.estimation import ComponentFit, agreement, combine, fit_component
+from mtu_cli.model.fit import (
+    MachineFit,
+    estimates_from_fit,
+    estimates_from_report,
+    fit_machine,
+    fit_warnings,
+)
+from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.prediction import predict
+from mtu_cli.reports.fit_components import document
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
 
 AXIS = Component(of="x", unit="um")
 
@@ -163,3 +182,384 @@ def test_an_instrument_without_scatter_has_no_weight() -> None:
     two = Segment(name="c", position=np.array([0.0, 9.0]), error=np.array([1.0, 2.0]), role="laser")
     with pytest.raises(InputError, match="do not scatter"):
         fit(segment(np.random.default_rng(2)), two)
+
+
+# A machine's components from readings, from a report, or from its own file.
+
+
+def reported(folder: Path, known: object, fit: MachineFit) -> Path:
+    """The fit as `fit-components -o` writes it."""
+    from mtu_cli.files.machine import LoadedMachine
+
+    assert isinstance(known, LoadedMachine)
+    results = document(fit_result("m", fit, estimates_from_fit(known, fit))).record()
+    path = folder / "components.json"
+    path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
+    return path
+
+
+@pytest.mark.parametrize("drift", [Drift(1.0), Drift(0.0), Drift(1.0, common=True)])
+def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path, drift: Drift) -> None:
+    known = machine(tmp_path)
+    fit = fit_machine(known, read_machine(np.random.default_rng(1), drift))
+    direct = estimates_from_fit(known, fit)
+    again = estimates_from_report(known, read_components(reported(tmp_path, known, fit)))
+    one, two = (predict(build_model(known, e), list("abc"), POINTS) for e in (direct, again))
+    A = np.random.default_rng(2).normal(size=(5, 6))
+    assert two.mean == pytest.approx(one.mean, rel=1e-12)
+    assert two.variance(A).total == pytest.approx(one.variance(A).total, rel=1e-8)
+    assert two.variance(A).dof == pytest.approx(one.variance(A).dof, rel=1e-6)
+    assert two.independent_variance == pytest.approx(one.independent_variance, rel=1e-9)
+
+
+def test_a_component_with_nothing_is_listed_and_not_predicted(tmp_path: Path) -> None:
+    known = loaded(
+        tmp_path, "components:\n  a: {unit: um}\n  b: {of: x, unit: um}\nequations: {Ex: a + b}\n"
+    )
+    given = readings([Segment(name="a", position=None, error=np.array([1.0, 3]))])
+    fit = fit_machine(known, given)
+    assert fit.missing == ("b",)
+    (note,) = [str(each) for each in fit.warnings]
+    assert note.startswith("machine.yaml:5: ")
+    assert "coefficients (b); no readings in lbb.csv" in note
+    with pytest.raises(InputError, match=r"components\.b: an estimate of b is missing"):
+        build_model(known, estimates_from_fit(known, fit))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("a: {of: y, unit: um}", "machine.yaml: .of x in um"),
+        ("a: {of: x, unit: urad}", "machine.yaml: .of x in um"),
+        ("a: {of: x, unit: um, degree: 2}", "machine.yaml: .of degree 1"),
+    ],
+)
+def test_a_report_of_another_machine_is_refused(tmp_path: Path, change: str, message: str) -> None:
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    given = Segment(name="a", position=np.arange(5.0), error=np.array([1.0, 3, 2, 4, 1]))
+    path = reported(tmp_path, known, fit_machine(known, readings([given])))
+    equation = "0.5*x*a" if "rad" in change else "a"
+    other = loaded(tmp_path, f"components: {{{change}}}\nequations: {{Ex: {equation}}}\n")
+    with pytest.raises(InputError, match=message):
+        estimates_from_report(other, read_components(path))
+
+
+def test_components_of_a_machine_file(tmp_path: Path) -> None:
+    """Every form in which a machine file may state what is known, by hand."""
+    model = stated(
+        tmp_path,
+        """
+        components:
+          a: {of: x, unit: um, coefficients: [1, 0.1], s_repeat: 2, dof: 12,
+              pass_covariance: [[4, 0.1], [0.1, 0.01]], pass_center_mm: 50}
+          b: {of: x, unit: um, coefficients: [1, 0.1], u_future: 3, dof: 8}
+          c: {unit: um, coefficients: [1], u_future: 3, dof: 4}
+          d: {unit: um, coefficients: [1], covariance: [[9]], pass_dof: 5}
+        equations: {Ex: a + b + c + d}
+        """,
+    )
+    a, b, c, d = (term.estimate for term in model.terms)
+    x = 20.0
+    g = np.array([1.0, x])
+    of_D = 4 + 2 * 0.1 * (x - 50) + 0.01 * (x - 50) ** 2
+    assert g @ a.pass_covariance @ g == pytest.approx(of_D * 1e-6)
+    assert [a.pass_dof, a.repeat_dof, a.s_repeat] == pytest.approx([12, 12, 2e-3])
+    assert (b.pass_covariance == 0).all()
+    assert [b.s_repeat, b.pass_dof, b.repeat_dof] == pytest.approx([3e-3, 0, 8])
+    assert c.pass_covariance[0, 0] == pytest.approx(9e-6)
+    assert (c.s_repeat, c.pass_dof) == (0, 4)
+    assert d.covariance[0, 0] == pytest.approx(9e-6)
+
+
+# Warnings of a fit: rare on clean machines, there where something is planted.
+
+
+MACHINES = 160
+KINDS = ("reversal", "passes-drift", "lack-of-fit")
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> list[MachineFit]:
+    known = machine(tmp_path_factory.mktemp("clean"))
+    rng = np.random.default_rng(1)
+    return [fit_machine(known, read_machine(rng, Drift(i % 2))) for i in range(MACHINES)]
+
+
+def test_clean_machines_are_warned_of_as_rarely_as_stated(clean: list[MachineFit]) -> None:
+    """A family-wise rate of 5 % a kind: no more, and not so much less as to be blind."""
+    found = Counter(code for fit in clean for code in {item.code for item in fit_warnings(fit)})
+    high = stats.binom(MACHINES, 0.05).ppf(1 - 1e-4)
+    low = stats.binom(MACHINES, 0.05).ppf(1e-4)
+    for kind in KINDS:
+        assert low <= found[kind] <= high, kind
+    assert set(found) <= set(KINDS)
+
+
+@pytest.mark.parametrize("name", ["dx_x", "ez_y"])
+def test_p_values_of_clean_machines_are_uniform(clean: list[MachineFit], name: str) -> None:
+    fits = [fit.components[name].instruments[0] for fit in clean]
+    for test in ("reversal", "trend", "lack_of_fit"):
+        p = [item.tests[test].p for item in fits]
+        assert stats.kstest(p, "uniform").pvalue > 1e-3, test
+    # Pass scatter is no fault; without drift it is not seen either.
+    without = [item.tests["drift"].p for item in fits[0::2] if "drift" in item.tests]
+    assert stats.kstest(without, "uniform").pvalue > 1e-3
+    with_drift = [item.tests["drift"].p for item in fits[1::2] if "drift" in item.tests]
+    assert np.median(with_drift) < 1e-3
+
+
+def planted(given: Readings, name: str, what: str) -> Readings:
+    """A reversal of 6 um, a drift of 4 um a pass there and back, or a bend of 6 um."""
+    rows = given.code == given.components.index(name)
+    size = 1e-3 if name.startswith("d") else 1e-5
+    p = given.position_mm - 80
+    shape = {
+        "reversal": 3 * given.direction,
+        "passes-drift": 2.0 * (2 * given.pass_number + (given.direction < 0)),
+        "lack-of-fit": 6 * (p / 70) ** 2,
+    }[what]
+    return replace(given, error=given.error + np.where(rows, size * shape, 0.0))
+
+
+@pytest.mark.parametrize("what", KINDS)
+@pytest.mark.parametrize("name", ["dx_x", "ez_y"])
+def test_what_is_planted_is_warned_of(tmp_path: Path, what: str, name: str) -> None:
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(5), Drift(0.5))
+    before = [item for item in fit_warnings(fit_machine(known, given)) if item.code == what]
+    found = [
+        item
+        for item in fit_warnings(fit_machine(known, planted(given, name, what)))
+        if item.code == what
+    ]
+    assert before == []
+    assert len(found) == 1
+    assert found[0].message.startswith(name)
+    amount = {"reversal": "reverses by", "passes-drift": "drifts by", "lack-of-fit": "degree"}
+    assert amount[what] in found[0].message
+
+
+def test_scatter_that_cannot_be_split_is_warned_of(tmp_path: Path) -> None:
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(7), Drift(1.0))
+    rows = given.code == 0
+    found = fit_warnings(fit_machine(known, replace(given, has_pass=given.has_pass & ~rows)))
+    (item,) = [item for item in found if item.code == "not-separable"]
+    assert "dx_x" in item.message
+    assert not any(name in item.message for name in COMPONENTS if name != "dx_x")
+
+
+def test_as_many_readings_as_coefficients_have_no_uncertainty(tmp_path: Path) -> None:
+    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
+    two = Segment(name="a", position=np.array([0.0, 10.0]), error=np.array([1e-3, 2e-3]))
+    fit = fit_machine(known, readings([two]))
+    with pytest.raises(InputError) as error:
+        build_model(known, estimates_from_fit(known, fit))
+    wanted = "machine.yaml:3: components.a: too little data: as many readings"
+    assert wanted in str(error.value)
+
+
+def test_readings_without_any_scatter_are_warned_of(tmp_path: Path) -> None:
+    known = machine(tmp_path)
+    given = read_machine(np.random.default_rng(7), Drift(1.0))
+    exact = np.where(given.code == 0, 1e-3 + 1e-5 * given.position_mm, given.error)
+    found = fit_warnings(fit_machine(known, replace(given, error=exact)))
+    (item,) = [item for item in found if item.code == "no-scatter-known"]
+    assert "readings is unknown (dx_x): they do not scatter" in item.message
+
+
+# Propagation with covariance against loops over pairs of points.
+
+
+STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=40)
+seeds = st.integers(0, 2**32 - 1)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A random machine: lever arms c0 + cx x + cy y by component and axis, and its group."""
+
+    model: MachineModel
+    estimates: list[ComponentEstimate]
+    levers: list[dict[str, tuple[float, float, float]]]
+    group: JointPasses | None
+    points: FloatArray
+
+
+def spread(rng: np.random.Generator, k: int) -> FloatArray:
+    """A random covariance, singular at times."""
+    half = rng.normal(size=(k, rng.integers(1, k + 1)))
+    whole: FloatArray = half @ half.T
+    return whole
+
+
+def case(seed: int, components: int, points: int, joint: bool) -> Case:
+    rng = np.random.default_rng(seed)
+    estimates, levers = [], []
+    for c in range(components):
+        of = (None, "x", "y")[int(rng.integers(3))]
+        k = 1 if of is None else int(rng.integers(1, 5))
+        scale = 20.0 ** -np.arange(k)
+        estimates.append(
+            estimate(
+                f"c{c}",
+                of,
+                rng.normal(size=k) * scale,
+                C=spread(rng, k) * np.outer(scale, scale),
+                D=spread(rng, k) * np.outer(scale, scale),
+                s=float(rng.uniform(0, 2)),
+                pass_dof=float(rng.integers(3, 12)),
+                repeat_dof=float(rng.integers(20, 80)),
+            )
+        )
+        axes = [("x",), ("y",), ("x", "y")][int(rng.integers(3))]
+        levers.append({axis: tuple(np.round(rng.normal(size=3), 3)) for axis in axes})
+    group = None
+    if joint:
+        sizes = [len(item.coefficients) for item in estimates]
+        scale = np.concatenate([20.0 ** -np.arange(k) for k in sizes])
+        K = sum(sizes)
+        group = JointPasses(
+            components=tuple(item.name for item in estimates),
+            widths=tuple(sizes),
+            covariance=spread(rng, K) * np.outer(scale, scale),
+            pass_covariance=spread(rng, K) * np.outer(scale, scale),
+            pass_dof=7.0,
+            n_passes=None,
+        )
+    model = model_of(
+        [
+            (item, {axis: f"{a} + ({b})*x + ({d})*y" for axis, (a, b, d) in arms.items()})
+            for item, arms in zip(estimates, levers, strict=True)
+        ],
+        joint=() if group is None else (group,),
+    )
+    places = np.column_stack([rng.uniform(-30, 30, (points, 2)), np.zeros(points)])
+    return Case(model, estimates, levers, group, places)
+
+
+def slow_covariance(found: Case) -> FloatArray:
+    """x_p'(C + D)x_q + [p = q] s^2 over all pairs of rows and components, one at a time."""
+    n = len(found.points)
+    total = np.zeros((2 * n, 2 * n))
+    for p in range(n):
+        for q in range(n):
+            for i, one in enumerate("xy"):
+                for j, other in enumerate("xy"):
+                    total[2 * p + i, 2 * q + j] = _pair(found, p, q, one, other)
+    return total
+
+
+def _pair(found: Case, p: int, q: int, one: str, other: str) -> float:
+    total = 0.0
+    start = np.cumsum([0] + [len(item.coefficients) for item in found.estimates])
+    for c, first in enumerate(found.estimates):
+        for d, second in enumerate(found.estimates):
+            if one not in found.levers[c] or other not in found.levers[d]:
+                continue
+            if found.group is not None:
+                rows, columns = slice(start[c], start[c + 1]), slice(start[d], start[d + 1])
+                S = (found.group.covariance + found.group.pass_covariance)[rows, columns]
+            elif c == d:
+                S = first.covariance + first.pass_covariance
+            else:
+                continue
+            u = _arm(found, c, one, p) * _powers(first, found.points[p])
+            v = _arm(found, d, other, q) * _powers(second, found.points[q])
+            total += float(u @ S @ v)
+            if c == d and p == q:
+                total += _arm(found, c, one, p) * _arm(found, c, other, p) * first.s_repeat**2
+    return total
+
+
+def _arm(found: Case, c: int, axis: str, p: int) -> float:
+    a, b, d = found.levers[c][axis]
+    x, y, _ = found.points[p]
+    return float(a + b * x + d * y)
+
+
+def _powers(item: ComponentEstimate, place: FloatArray) -> FloatArray:
+    position = 0.0 if item.of is None else place["xyz".index(item.of)]
+    return np.array([position**k for k in range(len(item.coefficients))])
+
+
+@STEADY
+@given(seeds, st.integers(1, 4), st.integers(1, 4), st.booleans())
+def test_against_the_slow_sum(seed: int, components: int, points: int, joint: bool) -> None:
+    found = case(seed, components, points, joint and components > 1)
+    result = predict(found.model, [str(i) for i in range(points)], found.points)
+    wanted = slow_covariance(found)
+    size = max(np.abs(wanted).max(), 1e-300)
+    assert result.covariance == pytest.approx(wanted, rel=1e-9, abs=1e-10 * size)
+    A = np.random.default_rng(seed).normal(size=(5, 2 * points))
+    variance = result.variance(A)
+    assert variance.total == pytest.approx(np.diag(A @ wanted @ A.T), rel=1e-8, abs=1e-9 * size)
+    assert variance.by_block.sum(axis=0) == pytest.approx(variance.total, rel=1e-12)
+    parts = variance.coefficients + variance.passes + variance.repeatability
+    assert parts == pytest.approx(variance.total, rel=1e-12)
+    for i, total in enumerate(variance.total):
+        shares = variance.shares(i)
+        assert (shares is None) == (total == 0)
+        if shares is not None:
+            assert shares.passes == variance.passes[i] / total
+            assert sum(astuple(shares)) == pytest.approx(1, rel=1e-12)
+    assert (variance.total >= 0).all()
+    own, multiplied = result.variance(), result.variance(np.eye(2 * points))
+    for name in ("total", "dof", "by_block", "coefficients", "passes", "repeatability"):
+        np.testing.assert_array_equal(getattr(own, name), getattr(multiplied, name))
+
+
+def test_a_group_of_which_the_equations_use_some() -> None:
+    rng = np.random.default_rng(4)
+    S, T = spread(rng, 5), spread(rng, 5)
+    own = [estimate("a", "x", [1.0, 2.0]), estimate("b", None, [1.0]), estimate("c", "y", [1, 2])]
+    group = JointPasses(
+        components=("a", "b", "c"),
+        widths=(2, 1, 2),
+        covariance=S,
+        pass_covariance=T,
+        pass_dof=5,
+        n_passes=None,
+    )
+    model = model_of([(own[2], {"x": "1"}), (own[0], {"x": "3"})], axes=("x",), joint=(group,))
+    x, y = 4.0, -7.0
+    g = np.array([3.0, 3 * x, 0.0, 1.0, y])
+    found = predict(model, ["p"], np.array([[x, y, 0.0]])).variance(np.eye(1))
+    assert found.total == pytest.approx([g @ (S + T) @ g])
+    assert found.by_block.shape == (1, 1)
+
+
+@STEADY
+@given(seeds, st.booleans())
+def test_mean_squares_add_up_to_what_they_stand_behind(seed: int, joint: bool) -> None:
+    found = case(seed, 3, 3, joint)
+    A = np.random.default_rng(seed).normal(size=(4, 6))
+    variance = predict(found.model, list("abc"), found.points).variance(A)
+    squares = variance.squares
+    size = variance.total.max()
+    assert squares.of_mean.sum(axis=0) == pytest.approx(variance.coefficients, abs=1e-9 * size)
+    of_part = variance.passes + variance.repeatability
+    assert squares.of_part.sum(axis=0) == pytest.approx(of_part, abs=1e-9 * size)
+    assert len(squares.dof) == len(squares.of_mean)
+    whole = squares.of_mean + squares.of_part
+    spread = (whole**2 / squares.dof[:, None]).sum(axis=0)
+    least = np.where(whole == 0, np.inf, squares.dof[:, None]).min(axis=0)
+    assert variance.dof == pytest.approx(np.maximum(variance.total**2 / spread, least))
+
+
+def test_what_passes_tell_has_their_degrees_of_freedom() -> None:
+    """Two runs there and back, fitted: the coefficients have one degree of freedom (so has the axis
+    angle, read once a pass), whatever size the moment estimate of D came out at.
+    """
+    prediction = predict(fitted(2, 3), ["a"], np.array([[75.0, 75.0, 127.0]]))
+    squares = prediction.variance(np.eye(2)).squares
+    behind_mean = squares.dof[(squares.of_mean > 1e-6 * squares.of_mean.sum(axis=0)).any(axis=1)]
+    assert set(behind_mean) == {1.0}
+    few = squares.dof <= 1
+    assert (squares.of_part[few].sum(axis=0) > 0).all()
+    # Repeatability alone is left for the others.
+    assert squares.dof[~few].min() > 30
+    # Of both axes together they count no less often than of one.
+    behind = [x for x in squares.passes if x is not None]
+    assert behind
+    assert all(1 <= x.independent(np.ones(2)) <= 2 for x in behind)

@@ -1,14 +1,11 @@
 """Readings as tables of passes and targets, against loops over the readings."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from model_examples import Segment, estimate, loaded, readings
-from numpy.typing import NDArray
 from reading_examples import TARGETS, at, in_table_order, machine, only, run, tables_of
 from thermal_machines import drift
 
@@ -16,9 +13,8 @@ from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import effects_on_readings, fit_machine, without_effects
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
-
-Floats = NDArray[np.float64]
 
 
 def test_readings_less_their_own_line(tmp_path: Path) -> None:
@@ -182,7 +178,7 @@ def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Pa
     np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
 
 
-def with_temperature(found: Readings, values: Floats | None = None) -> Readings:
+def with_temperature(found: Readings, values: FloatArray | None = None) -> Readings:
     T = np.asarray(20 + 0.2 * np.arange(len(found)) if values is None else values, np.float64)
     return replace(found, covariates={"T_a_degC": T})
 

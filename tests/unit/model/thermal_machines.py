@@ -1,7 +1,5 @@
 """Machines with thermal models made in memory, for the tests of what they add to predictions."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Results like those of Gilsinn & Ling 2004, from seeded readings, for the tests of reports."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

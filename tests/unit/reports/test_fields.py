@@ -1,7 +1,5 @@
 """One declaration of a figure gives its JSON, CSV and cell; the envelope and the CSV's text."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re
@@ -14,11 +12,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from report_examples import Example, example
 from rich.console import Console
 
+from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.source import Source, report_bytes
 from mtu_cli.findings import finding
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports import fit_components, numbers, predict_points
 from mtu_cli.reports.document import (
     REPORTS,
     Document,
@@ -29,6 +32,7 @@ from mtu_cli.reports.document import (
     meanings,
 )
 from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
+from mtu_cli.reports.figures import blank, figure_bytes, styled
 from mtu_cli.reports.tables import Sheet, plain_text
 
 FIELDS: Fields = declare(
@@ -206,3 +210,165 @@ def test_no_digit_and_no_name_is_lost_on_any_terminal(width: int) -> None:
     assert len(heads) == shown.count("bore_of_the_") >= 1
     if width >= 34:
         assert max(map(len, shown.splitlines())) <= min(width, 100)
+
+
+# Rounding to the uncertainty: cases worked by hand (JCGM 100, 7.2.6).
+
+
+@pytest.mark.parametrize(
+    ("value", "u", "shown"),
+    [
+        (100.021471, 0.00035, ("100.02147", "0.00035")),
+        (0.04, 8.06, ("0.0", "8.1")),
+        (5.0, 0.0996, ("5.00", "0.10")),
+        (-49.0, 1234.0, ("0", "1200")),
+        (3.4e-9, 1.2e-10, ("3.40e-9", "0.12e-9")),
+        (0.0, 1.2e-10, ("0", "1.2e-10")),
+        (1.5, 0.0, ("1.5", "0")),
+        (-0.0, 0.0, ("0", "0")),
+        (1.23456789, None, ("1.23457", "-")),
+        (1.5, nan, ("1.5", "-")),
+        (1.5, inf, ("1.5", "-")),
+        (nan, 0.123, ("-", "0.12")),
+        (None, None, ("-", "-")),
+    ],
+)
+def test_value_follows_its_uncertainty(
+    value: float | None, u: float | None, shown: tuple[str, str]
+) -> None:
+    assert numbers.with_u(value, u) == shown
+
+
+@given(
+    st.floats(-1e9, 1e9, allow_subnormal=False),
+    st.floats(1e-9, 1e9, allow_subnormal=False),
+    st.integers(1, 3),
+)
+def test_rounding_is_within_half_a_digit_of_u(value: float, u: float, digits: int) -> None:
+    first, second = numbers.with_u(value, u, digits)
+    last = 10.0 ** (int(f"{u:.{digits - 1}e}".partition("e")[2]) - digits + 1)
+    assert abs(float(first) - value) <= 0.5 * last * (1 + 1e-6) + 1e-12 * abs(value)
+    assert abs(float(second) - u) <= 0.5 * last * (1 + 1e-6)
+    assert not (float(first) == 0 and first.startswith("-"))
+
+
+def test_p_values_and_percents_never_claim_certainty() -> None:
+    shown = {0.0214: "0.021", 0.0: "<0.001", 0.09961: "0.10", 1.0: "1.00", None: "-"}
+    assert {p: numbers.p_value(p) for p in shown} == shown
+    shown = {0.9973: "99.73", 0.512: "51.2", 0.004: "0.40", 1.0: ">99.99", 1e-9: "<0.01"}
+    assert {p: numbers.percent(p) for p in shown} == shown
+    assert numbers.percent(nan) == numbers.p_value(nan) == "-"
+
+
+@pytest.mark.parametrize(
+    ("p", "se", "shown"),
+    [
+        (0.9723, 0.0026, "97.2 ± 0.3"), (0.0031, 0.0009, "0.31 ± 0.09"), (0.999995, 7e-6, ">99.99"),
+        (1.0, 0.0099, ">97.0"), (0.0, 5e-6, "<0.01"), (0.0, 0.0099, "<3.0"), (0.512, 0.0, "51.2"),
+    ],
+)  # fmt: skip
+def test_a_chance_with_its_error_stays_within_certainty(p: float, se: float, shown: str) -> None:
+    assert numbers.chance(p, se) == shown
+
+
+def test_intervals_and_degrees_of_freedom() -> None:
+    assert numbers.interval(-16.46, 15.78, 8.06) == "[-16.5, 15.8]"
+    assert numbers.interval(-0.01, inf, 8.06) == "-"
+    assert numbers.plus_minus(-0.34, 8.06) == "-0.3 ± 8.1"
+    assert numbers.plus_minus(-0.34, None) == "-0.34"
+    shown = [numbers.degrees_of_freedom(dof) for dof in (4.05, 9.0, 123.4, 3e8, inf)]
+    assert shown == ["4.0", "9", "123", ">999", "inf"]
+    assert (numbers.span("0.58", "2.6"), numbers.span("2.0", "2.0")) == ("0.58 to 2.6", "2.0")
+
+
+def test_significant_digits() -> None:
+    shown = [numbers.significant(value) for value in (0.0, 0.0996, 14.46, 1234.0, 1.23e-7, nan)]
+    assert shown == ["0", "0.10", "14", "1200", "1.2e-7", "-"]
+
+
+def test_fixed_decimals_have_no_sign_on_zero() -> None:
+    assert numbers.fixed(-1e-9, 4) == "0.0000"
+    assert numbers.fixed(-0.4, 0) == "0"
+    assert numbers.fixed(-0.00006, 4) == "-0.0001"
+    assert numbers.fixed(float("nan"), 4) == numbers.fixed(None, 1) == "-"
+
+
+# Figures: what they show, that nothing hides anything, and the same bytes every time.
+
+
+def draw(suffix: str) -> bytes:
+    @styled
+    def inner():  # type: ignore[no-untyped-def]  # a figure, whatever it holds
+        page = blank(3.0, 2.0)
+        page.subplots().plot([0, 1], [0, 1], "o-", label="a")
+        return page
+
+    return figure_bytes(inner(), suffix)
+
+
+@pytest.mark.parametrize("suffix", ["png", ".svg", ".PDF"])
+def test_the_same_figure_has_the_same_bytes_and_no_date(suffix: str) -> None:
+    """Whatever settings of matplotlib the user has."""
+    import matplotlib
+
+    first = draw(suffix)
+    with matplotlib.rc_context({"lines.linewidth": 9.0, "axes.facecolor": "red"}):
+        assert draw(suffix) == first
+        assert matplotlib.rcParams["lines.linewidth"] == 9.0
+    assert len(first) > 1000
+    assert not re.search(rb"CreationDate|<dc:date>|20\d\d-\d\d-\d\dT", first)
+
+
+@pytest.fixture(scope="module")
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
+    return example(tmp_path_factory.mktemp("paper"))
+
+
+def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
+    from matplotlib.collections import EllipseCollection
+
+    result = paper.points()
+    (panel,) = predict_points.figure(result).axes
+    (found,) = [item for item in panel.collections if isinstance(item, EllipseCollection)]
+    parts = (found.get_offsets(), found.get_widths(), found.get_heights(), found.get_angles())
+    drawn = [*zip(*map(np.asarray, parts), strict=True)]
+    assert len(drawn) == 24
+    for i, (tip, width, height, turned) in enumerate(drawn):
+        place = result.points[i, :2]
+        scale = np.linalg.norm(tip - place) / np.linalg.norm(
+            result.prediction.mean[2 * i : 2 * i + 2]
+        )
+        block = result.covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] * scale**2
+        angle = np.radians(turned)
+        along = np.array([np.cos(angle), np.sin(angle)])
+        assert (width / 2) ** 2 == pytest.approx(4 * along @ block @ along, rel=1e-6)
+        across = np.array([-along[1], along[0]])
+        assert (height / 2) ** 2 == pytest.approx(4 * across @ block @ across, rel=1e-6)
+        assert abs(along @ block @ across) <= 1e-9 * np.trace(block)
+
+
+def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
+    result = paper.points()
+    page = predict_points.figure(result)
+    figure_bytes(page, "png")
+    (panel,) = page.axes
+    ids = set(result.prediction.ids)
+    texts: list[Any] = [text for text in panel.texts if text.get_text() in ids]
+    boxes = [text.get_window_extent() for text in texts]
+    assert len(boxes) == 24
+    for i, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[i + 1 :])
+    marks = panel.transData.transform(result.points[:, :2])
+    for box in boxes:
+        assert not any(box.contains(x, y) for x, y in marks)
+
+
+def test_band_is_that_of_a_future_reading(paper: Example) -> None:
+    page = fit_components.figure(fit_result("m", paper.fit, paper.estimates))
+    panel = next(p for p in page.axes if p.get_title(loc="left").startswith("dx_x"))
+    (band,) = panel.collections
+    at_zero = np.asarray(band.get_paths()[0].vertices)
+    edges = at_zero[np.isclose(at_zero[:, 0], 0.0)][:, 1]
+    estimate = paper.estimates.components["dx_x"]
+    variance = estimate.covariance[0, 0] + estimate.pass_covariance[0, 0] + estimate.s_repeat**2
+    assert edges.max() - edges.min() == pytest.approx(4 * np.sqrt(variance) * 1000, rel=1e-9)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
+
 IntArray = NDArray[np.int64]
 
 PLACES = np.array([10.0, 60.0, 110.0, 160.0, 210.0, 260.0, 310.0, 360.0])

@@ -1,20 +1,29 @@
 """Input distributions: moments in closed form, samples of them."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
-from scipy.special import betainc
+from scipy.special import betainc, fdtrc, ndtr, stdtr, stdtrit
 
 from mtu_cli.stats.blocks import Workspace
+from mtu_cli.stats.coverage import (
+    coverage_factor,
+    hotelling_p,
+    numerical_tolerance,
+    welch_satterthwaite,
+)
 from mtu_cli.stats.distributions import (
     Distribution,
     Kind,
+    Quantile,
+    Term,
     largest_covariance,
     normal_correlation,
     shape_moments,
+    sum_quantile,
 )
 
 M = 400_000
@@ -136,3 +145,162 @@ def test_no_coefficient_is_lowered(first: Distribution, second: Distribution, mo
         assert normal_correlation(first, second, sign * most * (1.0 + 1e-6) * unit) is None
         found = normal_correlation(first, second, sign * most * unit)
         assert found == pytest.approx(sign, abs=1e-8)
+
+
+def test_welch_satterthwaite_of_gum_h1() -> None:
+    """GUM H.1.6: u_c = 32 nm with nu_eff = 16.7 (printed 16) from 25, 9.7, 2.9, 16.6 nm."""
+    u = np.array([25.0, 9.7, 2.9, 16.6])
+    assert welch_satterthwaite(u**2, np.array([18.0, 25.6, 50.0, 2.0])) == pytest.approx(16.7, 0.01)
+
+
+def test_infinite_degrees_of_freedom() -> None:
+    v = np.array([1.0, 3.0])
+    assert welch_satterthwaite(v, np.array([math.inf, math.inf])) == math.inf
+    assert welch_satterthwaite(v, np.array([5.0, math.inf])) == pytest.approx(5.0 * 16.0)
+    assert welch_satterthwaite(np.zeros(2), np.array([5.0, 5.0])) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("probability", "dof", "printed"),
+    [
+        (0.95, 1, 12.71),
+        (0.95, 4, 2.78),
+        (0.95, 16, 2.12),
+        (0.99, 16, 2.92),
+        (0.9545, 10, 2.28),
+        (0.9973, 50, 3.16),
+        (0.95, math.inf, 1.960),
+        (0.99, math.inf, 2.576),
+    ],
+)
+def test_coverage_factor_of_gum_table_g2(probability: float, dof: float, printed: float) -> None:
+    digits = 0.0005 if math.isinf(dof) else 0.005
+    assert coverage_factor(probability, dof) == pytest.approx(printed, abs=digits)
+
+
+@pytest.mark.parametrize(
+    ("u", "digits", "tolerance"),
+    [
+        (0.00035, 2, 0.000005),  # JCGM 101:2008, 7.9.2, example 1: 0.35 mg as 35 x 10^-5 g
+        (2.0, 1, 0.5),  # example 2: 2 K
+        (2.0, 2, 0.05),
+        (10.1, 2, 0.5),
+        (0.0996, 2, 0.005),  # rounds to 0.10, so 10 x 10^-2
+        (9.94, 2, 0.05),
+        (0.0, 2, 0.0),
+    ],
+)
+def test_numerical_tolerance(u: float, digits: int, tolerance: float) -> None:
+    assert numerical_tolerance(u, digits) == pytest.approx(tolerance, rel=1e-12)
+
+
+def test_hotelling_of_one_estimate_is_students_t() -> None:
+    """And of three it is F of 3 and nu - 2 degrees of freedom."""
+    t = float(stdtrit(7.0, 0.975))
+    assert hotelling_p(t**2, 1, 7.0) == pytest.approx(0.05)
+    assert hotelling_p(9.0, 3, 8.0) == pytest.approx(float(fdtrc(3, 6, 9.0 * 6 / 24)))
+    assert hotelling_p(9.0, 3, 2.0) == 1.0
+
+
+# The distribution of a sum of inputs against closed forms and plain simulation.
+
+
+def known(*terms: Term) -> Quantile:
+    found = sum_quantile(terms)
+    assert found is not None
+    return found
+
+
+def bounded(kind: Kind, share: float, **more: float) -> Distribution:
+    return Distribution(kind=kind, u=math.sqrt(share), half_width=1.0, **more)
+
+
+MIXED: list[Term] = [
+    (1.0, Distribution(kind="normal", u=0.4, dof=5.0)),
+    (-2.0, Distribution(kind="curvilinear-trapezoidal", u=0.5, half_width=0.9, inexact=0.2)),
+    (0.5, Distribution(kind="trapezoidal", u=0.7, half_width=1.5, top=0.8)),
+    (1.0, Distribution(kind="normal", u=0.3)),
+]
+
+
+def gauss(x: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Any:
+    """Integral of Phi up to x."""
+    return x * ndtr(x) + np.exp(-0.5 * x * x) / math.sqrt(2.0 * math.pi)
+
+
+def with_normal(s: float) -> Callable[[Any], Any]:
+    """P(X <= x) of a rectangle of half-width 1 plus a normal of standard deviation s."""
+    return lambda x: 0.5 * s * (gauss((x + 1.0) / s) - gauss((x - 1.0) / s))
+
+
+def trapezoid(a: float, b: float) -> Callable[[Any], Any]:
+    """Of two rectangles of half-widths a > b, by parts of the support."""
+    return lambda x: (
+        1.0
+        - np.where(x < a - b, 0.5 - x / (2.0 * a), np.maximum(a + b - x, 0.0) ** 2 / (8.0 * a * b))
+    )
+
+
+def inexact(d: float) -> Callable[[Any], Any]:
+    """Of a rectangle whose half-width is rectangular in 1 -+ d: the mean of (1 - x/w)/2 over w."""
+
+    def below(x: Any) -> Any:
+        m = np.clip(x, 1.0 - d, 1.0 + d)
+        return 1.0 - ((1.0 + d - m) - x * np.log((1.0 + d) / m)) / (4.0 * d)
+
+    return below
+
+
+def curved(kind: Kind, share: float, d: float) -> Distribution:
+    u = math.sqrt(share * (1.0 + d * d / 3.0))
+    return Distribution(kind=kind, u=u, half_width=1.0, inexact=d)
+
+
+SUMS: dict[str, tuple[list[Term], Callable[[Any], Any]]] = {
+    "rectangle and normal": (
+        [(1.0, bounded("rectangular", 1 / 3)), (-1.0, Distribution(kind="normal", u=0.05))],
+        with_normal(0.05),
+    ),
+    "two rectangles": (
+        [(1.0, bounded("rectangular", 1 / 3)), (0.2, bounded("rectangular", 1 / 3))],
+        trapezoid(1.0, 0.2),
+    ),
+    "inexact by a half": ([(1.0, curved("curvilinear-trapezoidal", 1 / 3, 0.5))], inexact(0.5)),
+    "inexact by nearly all": ([(1.0, curved("rectangular", 1 / 3, 0.9))], inexact(0.9)),
+    "triangle": ([(1.0, bounded("triangular", 1 / 6))], lambda x: 1 - 0.5 * (1 - x) ** 2),
+    "arcsine": ([(1.0, bounded("arcsine", 1 / 2))], lambda x: 0.5 + np.arcsin(x) / math.pi),
+    "normal": ([(-2.0, Distribution(kind="normal", u=1.5))], lambda x: ndtr(x / 3)),
+    "t3": ([(1.0, Distribution(kind="t", u=1.0, dof=3.0))], lambda x: stdtr(3.0, x)),
+}
+
+
+@pytest.mark.parametrize("name", SUMS)
+def test_distribution_functions_of_sums(name: str) -> None:
+    """Everywhere, by closed forms: right to 1e-6, as the docstring says."""
+    terms, below = SUMS[name]
+    found = known(*terms)
+    p = np.linspace(0.5, 1.0 - 2e-6, 20_001)[1:]
+    assert np.max(np.abs(below(found(p)) - p)) <= 1e-6
+    assert found(1 - p) == pytest.approx(-found(p), abs=1e-9)
+
+
+def test_a_mixture_against_simulation() -> None:
+    m, found, rng, work = 1_000_000, known(*MIXED), np.random.default_rng(3), Workspace()
+    total, out = np.zeros(m), np.empty(m)
+    for c, item in MIXED:
+        item.draw(rng, out, work)
+        total += c * out
+    p = np.array([0.6, 0.9, 0.975, 0.995, 0.9995])
+    inside = np.mean(total <= found(p)[:, None], axis=1)
+    assert np.all(np.abs(inside - p) < 4 * np.sqrt(p * (1 - p) / m))
+
+
+def test_where_it_is_not_known() -> None:
+    heavy = (1.0, Distribution(kind="t", u=1.0, dof=2.5))
+    assert sum_quantile([heavy, (1.0, bounded("rectangular", 1 / 3))]) is None
+    assert sum_quantile([(0.0, Distribution(kind="normal", u=1.0))]) is None
+    assert sum_quantile([]) is None
+    # An arcsine with little beside it has an end that the series would round off.
+    arcsine = (1.0, bounded("arcsine", 1 / 2))
+    assert sum_quantile([arcsine, (1e-4, bounded("rectangular", 1 / 3))]) is None
+    assert sum_quantile([arcsine, (1.0, Distribution(kind="normal", u=0.02))]) is not None

@@ -1,13 +1,34 @@
 """Regression with errors that follow each other: exact limits, coverage, attenuation, clusters."""
 
-from __future__ import annotations
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from made_tables import remembering
+from plain_selection import by_full_refits
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 from scipy.special import stdtrit
 
-from mtu_cli.stats.serial import Block, SerialFit
+from mtu_cli.stats.least_squares import (
+    Compressed,
+    FloatArray,
+    compress,
+    least_squares,
+    ridge,
+    stepwise,
+    together,
+)
+from mtu_cli.stats.resolution import hidden, rounding_variance, step_of
+from mtu_cli.stats.serial import (
+    Block,
+    SerialFit,
+    condition_number,
+    first_order_lag,
+    normality_p,
+    variance_inflation,
+)
 
 NONE = np.zeros((2, 2))
 
@@ -68,3 +89,302 @@ def test_noise_of_the_columns_is_taken_back() -> None:
     found = SerialFit(given, levels=True).combinations(np.eye(2))
     assert abs(plain.combinations(np.eye(2)).value[1]) < 0.95
     assert found.value[1] == pytest.approx(-1.0, abs=3 * found.u[1])
+
+
+# Normality by its rate of rejection; variance inflation against statsmodels and by hand.
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.19, 0.7, 0.9])
+def test_normal_residuals_are_rejected_as_often_as_said(memory: float) -> None:
+    """5 %, whether or not the readings follow each other; skewed ones nearly always."""
+    rng, n, runs = np.random.default_rng(2), 1200, 600
+    shocks = rng.standard_normal((runs, n)) * np.sqrt(1 - memory**2)
+    values = lfilter([1.0], [1.0, -memory], shocks, axis=1)[:, 200:]
+    effective = 1000 * (1 - memory) / (1 + memory)
+    p = np.array([normality_p(row, effective) for row in values])
+    assert 0.025 < np.mean(p < 0.05) < 0.085
+    skewed = np.array([normality_p(np.exp(row), effective) for row in values[:100]])
+    assert np.mean(skewed < 0.05) > 0.95
+
+
+def test_normality_of_too_few_or_equal_residuals_is_unknown() -> None:
+    values = np.random.default_rng(3).standard_normal(100)
+    assert normality_p(values, 18.0) is None
+    assert normality_p(values[:19]) is None
+    assert normality_p(values[:20]) is not None
+    assert normality_p(np.zeros(50)) is None
+
+
+def columns(n: int = 60) -> FloatArray:
+    rng = np.random.default_rng(11)
+    X = rng.normal(size=(n, 4)) @ rng.normal(size=(4, 4)) * [1.0, 1e3, 1e-3, 1.0] + [20, 0, 1, -5]
+    centred: FloatArray = X - X.mean(axis=0)
+    return centred
+
+
+def test_variance_inflation_is_statsmodels_and_one_over_one_less_r_squared() -> None:
+    # statsmodels ships no types.
+    from statsmodels.stats.outliers_influence import variance_inflation_factor  # type: ignore[import-untyped]
+
+    X = columns()
+    found = variance_inflation(X)
+    with_one = np.column_stack([np.ones(len(X)), X])
+    for j in range(4):
+        assert found[j] == pytest.approx(variance_inflation_factor(with_one, j + 1), rel=1e-8)
+        own = X[:, j]
+        r2 = 1 - least_squares(np.delete(X, j, axis=1), own).rss / (own @ own)
+        assert found[j] == pytest.approx(1 / (1 - r2), rel=1e-8)
+
+
+def test_dependent_columns() -> None:
+    X = columns()
+    X[:, 3] = X[:, 0] / X[:, 0].std() - X[:, 1] / X[:, 1].std()
+    found = variance_inflation(X)
+    assert np.isinf(found[[0, 1, 3]]).all()
+    assert found[2] == pytest.approx(variance_inflation(X[:, :3])[2], rel=1e-6)
+    assert condition_number(X) == np.inf
+
+
+# The last digit that values were printed to, and what it hides.
+
+
+EXACT = np.random.default_rng(1).uniform(-500, 500, 200)
+
+
+@pytest.mark.parametrize("step", [5.0, 0.01, 5e-3, 2e-3, 1e-4, 1e-6])
+def test_the_last_printed_place_is_found(step: float) -> None:
+    printed = np.round(EXACT / step) * step
+    assert step_of(printed) == pytest.approx(step)
+    # In another unit it is what it is there.
+    assert step_of(printed * 4.848e-6 / 4.848e-6) == pytest.approx(step)
+
+
+@pytest.mark.parametrize(
+    ("values", "step"),
+    [
+        ([97.012], 1e-3),
+        ([0.0, 0.3, 0.1 + 0.2, np.nan], 0.1),
+        ([12.004, 12.008, 12.004], 1e-3),
+        ([10.0, 20.0, 30.0, 40.0], 1.0),
+        ([10.0, 20.0, 30.0, 40.0, 60.0], 10.0),
+        ([np.pi, 1.0], 1e-9),
+        ([0.0, np.nan], 0.0),
+        ([], 0.0),
+    ],
+)
+def test_a_coarser_step_takes_five_values(values: list[float], step: float) -> None:
+    assert step_of(np.array(values)) == pytest.approx(step)
+
+
+@pytest.mark.parametrize("s", [0.0, 0.1, 0.3, 0.6, 2.0])
+def test_what_is_added_holds_the_error_of_a_mean_of_any_number(s: float) -> None:
+    """Means of 20 readings of one value, at all places between two steps: their rms error is no
+    more than u, which rounding alone makes where they hardly scatter.
+    """
+    rng = np.random.default_rng(3)
+    true = rng.uniform(0, 1, 4000)
+    read = np.round(true[:, None] + s * rng.standard_normal((4000, 20)))
+    error = np.sqrt(np.mean((read.mean(axis=1) - true) ** 2))
+    s2 = read.var(axis=1, ddof=1)
+    u2 = s2 / 20 + hidden(s2, rounding_variance(read.ravel()))
+    assert error <= 1.05 * np.sqrt(np.mean(u2))
+    assert s > 0 or error == pytest.approx(np.sqrt(np.mean(u2)), rel=0.15)
+
+
+# What thermal models are fitted by, against plain versions of it: lags, compressed rows, ridge
+# paths, forward-backward selection.
+
+
+# Lags.
+
+
+def uneven(n: int = 40, seed: int = 3) -> tuple[FloatArray, FloatArray]:
+    """A rough signal of two columns at uneven times, in min."""
+    rng = np.random.default_rng(seed)
+    return 20 + rng.normal(size=(n, 2)).cumsum(axis=0), np.cumsum(rng.uniform(0.2, 9.0, n))
+
+
+def test_a_lag_against_an_integrator() -> None:
+    """tau du/dt = T - u, interval by interval, so that no step of the integrator has a kink."""
+    signal, time = uneven()
+    constants = np.array([5.0, 0.0, 80.0])
+    found = first_order_lag(signal, time, constants)
+    assert (found[1] == signal).all()
+    for k, j in ((0, 0), (2, 1)):
+        T, tau, u = signal[:, j], constants[k], signal[0, j]
+        for i in range(1, len(time)):
+
+            def slope(
+                t: float, state: FloatArray, T: FloatArray = T, tau: float = tau
+            ) -> FloatArray:
+                return np.asarray((np.interp(t, time, T) - state) / tau, float)
+
+            span = (float(time[i - 1]), float(time[i]))
+            u = solve_ivp(slope, span, np.array([u]), rtol=1e-10, atol=1e-12).y[0, -1]
+            assert found[k, i, j] == pytest.approx(u, rel=1e-8)
+
+
+def test_an_earlier_time_starts_a_new_run_and_after_an_infinite_step_all_is_settled() -> None:
+    signal, _ = uneven(30)
+    time, tau = np.tile(np.linspace(0.0, 40.0, 15), 2), np.array([9.0])
+    found = first_order_lag(signal, time, tau)
+    for run in (slice(0, 15), slice(15, 30)):
+        assert (found[:, run] == first_order_lag(signal[run], time[run], tau)).all()
+    far = first_order_lag(np.array([[20.0], [26.0]]), np.array([0.0, np.inf]), tau)
+    assert far[0, :, 0] == pytest.approx([20.0, 26.0])
+    assert first_order_lag(signal[:1], np.zeros(1), tau).shape == (1, 1, 2)
+
+
+def test_rows_of_one_moment_are_one_sample() -> None:
+    """Their mean, as if it had been read once; without lag every row keeps its own."""
+    rng = np.random.default_rng(9)
+    time = np.sort(rng.uniform(0, 100, 12))
+    signal, tau = rng.normal(size=(12, 2)), np.array([0.0, 7.0])
+    count = rng.integers(1, 4, 12)
+    off = [0.1 * (np.arange(k) - (k - 1) / 2) for k in count]
+    rows = np.concatenate([signal[i] + own[:, None] for i, own in enumerate(off)])
+    found = first_order_lag(rows, np.repeat(time, count), tau)
+    assert (found[0] == rows).all()
+    once = np.repeat(first_order_lag(signal, time, tau)[1], count, axis=0)
+    assert found[1] == pytest.approx(once, rel=1e-12, abs=1e-12)
+    equal = first_order_lag(np.repeat(signal, count, axis=0), np.repeat(time, count), tau)
+    assert (equal[1] == once).all()
+
+
+# Compressed rows.
+
+
+def unlike(n: int, seed: int = 1) -> FloatArray:
+    """A constant, three unlike columns and a target."""
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, 3)) * [1.0, 1e-3, 1e4] + [20.0, 0.0, 1e4]
+    return np.column_stack([np.ones(n), X, X @ [0.3, 50.0, 2e-5] + rng.normal(size=n)])
+
+
+@pytest.mark.parametrize("n", [1, 2, 4, 5, 6, 400])
+def test_the_factor_holds_all_inner_products_and_means(n: int) -> None:
+    Z = unlike(n)
+    found, expected, columns = compress(Z), Z.T @ Z, [3, 4]
+    size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert (np.abs(found.factor.T @ found.factor - expected) <= 1e-13 * size).all()
+    assert (found.n, found.pairs) == (n, n - 1)
+    plain = sum((np.outer(a, b) for a, b in pairwise(Z)), np.zeros((5, 5)))
+    assert found.lag == pytest.approx(plain, rel=1e-12)
+    away = (Z - Z.mean(axis=0))[:, columns]
+    assert found.mean(columns) == pytest.approx(Z.mean(axis=0)[columns], rel=1e-12)
+    inner, scale = found.inner(columns), 1e-10 * np.abs(expected[np.ix_(columns, columns)])
+    assert (np.abs(inner.T @ inner - away.T @ away) <= scale).all()
+    centred = found.about_mean()
+    assert (centred.levels, together([centred, centred]).levels) == (1, 2)
+    assert centred.inner(columns) == pytest.approx(inner, rel=1e-9, abs=1e-9)
+    products = Z[:-1] - Z.mean(axis=0), Z[1:] - Z.mean(axis=0)
+    left = (products[0].T @ products[1])[1:, 1:]
+    assert (np.abs(centred.lag[1:, 1:] - left) <= 1e-9 * size[1:, 1:]).all()
+
+
+# Ridge paths.
+
+PENALTIES = np.array([0.0, 1e-6, 1e-2, 0.3, 10.0])
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_a_ridge_path_is_the_closed_form(repeated: bool) -> None:
+    """(X'X + P)^-1 X'y, (X'X + P)^-1 X'X (X'X + P)^-1 and tr (X'X + P)^-1 X'X by inverses, from
+    the rows and from a factor of them; a column without any rise gets nothing.
+    """
+    rng = np.random.default_rng(5)
+    X = rng.normal(size=(60, 4))
+    X[:, 3] = X[:, 2] + 0.05 * X[:, 3]
+    X = X * [1.0, 1e3, 1e-2, 1e-2] + [20.0, 0.0, 1.0, 0.0]
+    y = X @ [1.0, 1e-3, 50.0, 20.0] + rng.normal(size=60)
+    live = [0, 2, 3] if repeated else [0, 1, 2, 3]
+    if repeated:
+        X[:, 1] = 7.0
+    left, target = (X - X.mean(axis=0))[:, live], y - y.mean()
+    S = left.T @ left
+    factor = compress(np.column_stack([np.ones(60), X, y])).inner([1, 2, 3, 4, 5])
+    paths = [
+        ridge(X - X.mean(axis=0), target, 60, PENALTIES),
+        ridge(factor[:, :4], factor[:, 4], 60, PENALTIES),
+    ]
+    for path in paths:
+        assert not np.delete(path.coefficients, live, axis=1).any()
+        for i, penalty in enumerate(PENALTIES):
+            inverse = np.linalg.inv(S + penalty * np.diag(np.diag(S)))
+            assert path.coefficients[i, live] == pytest.approx(inverse @ left.T @ target, rel=1e-7)
+            covariance = path.unit_covariance(i)[np.ix_(live, live)]
+            assert covariance == pytest.approx(inverse @ S @ inverse, rel=1e-6)
+            assert path.effective[i] == pytest.approx(np.trace(inverse @ S), rel=1e-9)
+
+
+# Forward-backward selection.
+
+
+def independent(Z: FloatArray) -> Compressed:
+    """Rows without any autocorrelation, so that their number is their effective one."""
+    rows = compress(Z)
+    return replace(rows, lag=np.zeros_like(rows.lag))
+
+
+def collinear(seed: int, n: int = 40, k: int = 7) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, k)) @ rng.normal(size=(k, k)) + 20
+    y = X @ (rng.normal(size=k) * (rng.uniform(size=k) < 0.5)) + rng.normal(size=n) * 2
+    return np.column_stack([np.ones(n), X, y])
+
+
+def alike(seed: int, apart: float, n: int = 300) -> FloatArray:
+    """Eight sensors that follow one room with lags of their own; two more repeat one nearly.
+
+    What the repeats hold beyond it, `apart` of its size, counts in the reading as much as it.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(n)[:, None]
+    X = 6 * (1 - np.exp(-time / rng.uniform(40, 120, 8))) + 0.3 * rng.normal(size=(n, 8))
+    own = rng.normal(size=(n, 2))
+    y = X[:, :4] @ rng.normal(size=4) + own[:, 0] + 0.5 * rng.normal(size=n)
+    return np.column_stack([np.ones(n), X, X[:, :1] + apart * own, y])
+
+
+@pytest.mark.parametrize("limits", [(0.05, 0.10), (0.15, 0.15)])
+def test_selection_against_full_refits(limits: tuple[float, float]) -> None:
+    sets = [collinear(seed) for seed in range(60)]
+    sets += [alike(seed, apart) for apart in (1e-1, 1e-3, 3e-5) for seed in range(10)]
+    sizes = set()
+    for Z in sets:
+        expected = by_full_refits(Z, len(Z), *limits)
+        assert list(stepwise(independent(Z), *limits)) == expected
+        sizes.add(len(expected))
+    assert len(sizes) > 3
+
+
+def test_error_rate_on_noise_that_follows_itself() -> None:
+    """A slow column and noise that it has nothing to do with: 5 % may enter, not half of them.
+
+    The autocorrelation is estimated, so that the rate is near its nominal value only; the
+    number of readings alone would let far more in.
+    """
+    rng = np.random.default_rng(6)
+    n, draws, entered, naive = 300, 400, 0, 0
+    for _ in range(draws):
+        Z = np.column_stack([np.ones(n), remembering(rng, n, 0.99), remembering(rng, n, 0.8)])
+        entered += len(stepwise(compress(Z)))
+        naive += len(stepwise(independent(Z)))
+    error = np.sqrt(0.05 * 0.95 / draws)
+    assert 0.05 - 4 * error < entered / draws < 0.08 + 4 * error
+    assert naive / draws > 0.3
+
+
+def test_exact_fits_columns_of_nothing_and_too_few_readings() -> None:
+    rng = np.random.default_rng(1)
+    X, one = rng.normal(size=(30, 5)) + 20, np.ones(30)
+    Z = np.column_stack([one, X, 2 * X[:, 1] - X[:, 3] + 4])
+    assert stepwise(independent(Z)) == (2, 4)
+    # What is left of a slow column is rounding, which may follow itself: it must not hide it.
+    x = np.linspace(20.0, 26.0, 500)
+    for slope in np.geomspace(1e-5, 1e3, 10):
+        assert stepwise(compress(np.column_stack([np.ones(500), x, slope * x + 0.3]))) == (1,)
+    for columns in ([one, X[:, 0]], [one, X[:, 0], 3 * one], [one, 7 * one, X[:, 0]]):
+        assert stepwise(compress(np.column_stack(columns))) == ()
+    for n in (1, 2):
+        assert stepwise(compress(np.array([[1.0, 1, 1], [1, 2, 4]])[:n])) == ()

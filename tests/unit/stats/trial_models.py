@@ -1,18 +1,13 @@
 """Models of known distribution, and slow plain versions of what the engine does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from mtu_cli.stats.blocks import BlockPlan, Draws, Workspace, batch_generator
 from mtu_cli.stats.distributions import Distribution, sum_quantile
-
-FloatArray = NDArray[np.float64]
-
+from mtu_cli.stats.least_squares import FloatArray
 
 Z = float(ndtri(0.975))
 

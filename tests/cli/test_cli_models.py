@@ -1,0 +1,223 @@
+"""Models of their own: budgets, graphs; what a model says beside its figures."""
+
+import json
+from pathlib import Path
+
+import pytest
+from cli_runner import done, listing, mtu, prepared, report
+from support import CONFIGS
+
+from mtu_cli.cli.analyse import fit_components as fitting
+from mtu_cli.cli.emit import execute
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.measurement import variation
+from mtu_cli.cli.modelled import modelled
+from mtu_cli.cli.options import Options
+from mtu_cli.findings import InputError
+
+BUDGETS = sorted((CONFIGS / "budgets").glob("*.yaml"))
+H1 = CONFIGS / "budgets" / "gum-h1-end-gauge.yaml"
+
+
+@pytest.mark.parametrize("path", BUDGETS, ids=lambda path: path.stem)
+def test_shipped_budgets(path: Path, tmp_path: Path) -> None:
+    outputs = ["-o", tmp_path / "out.json", "--csv", tmp_path / "out.csv"]
+    result = done(mtu("budget", path, *outputs, "--plot", tmp_path / "out.svg"))
+    assert max(map(len, result.stdout.splitlines())) <= 100
+    document = json.loads((tmp_path / "out.json").read_text("utf-8"))
+    assert document["schema"] == "mtu/budget/1"
+    assert [item["role"] for item in document["inputs"]] == ["budget"]
+    results = document["results"]
+    found = list(results.get("outputs", {"": results}).values())
+    rows = sum(len(item["rows"]) for item in found)
+    assert len((tmp_path / "out.csv").read_text("utf-8").splitlines()) == rows + 1
+    for item in found:
+        assert item["monte_carlo"]["converged"]
+        # Decided, one way or the other, by a Monte Carlo that can tell.
+        assert item["monte_carlo"]["first_order_valid"] in (True, False)
+
+
+def test_options() -> None:
+    """--k wins over the file, --trials is what is run, --seed moves the trials alone."""
+    results = report("budget", H1, "--k", "2", "--trials", "20000", "--seed", "5")["results"]
+    other = report("budget", H1, "--k", "2", "--trials", "20000", "--seed", "6")["results"]
+    assert (results["k"], results["U"]) == (2.0, 2.0 * results["u"])
+    assert results["monte_carlo"]["trials"] == 20000
+    assert results["monte_carlo"]["probability"] == pytest.approx(0.9545, abs=5e-5)
+    assert results["rows"] == other["rows"]
+    assert results["monte_carlo"]["mean"] != other["monte_carlo"]["mean"]
+    assert results["input_correlation"]["inputs"] == [row["name"] for row in results["rows"]]
+    assert results["input_correlation"]["matrix"][0][0] == 1.0
+
+
+# `mtu graph`: check, draw, simulate and sweep as a user calls them.
+
+
+GRAPHS = CONFIGS / "graphs"
+BALL = GRAPHS / "ball-centre.yaml"
+AXES = GRAPHS / "axes-a-and-c.yaml"
+FIELDS = {"unit", "nominal", "mean", "u", "interval95", "first_order_u"}
+
+
+def test_check_and_simulate() -> None:
+    results = report("graph", "check", BALL)["results"]
+    first, second = results["firing_order"]
+    assert {step["do"] for step in first} == {"meas"}
+    assert second == [{"do": "ball", "in": ["x1", "x2", "y1", "y2", "z1", "r1"], "out": ["P1"]}]
+    assert results["places"] == {"coordinate": 5, "constant": 1, "point": 1}
+    document = report("graph", "simulate", AXES)
+    assert document["schema"] == "mtu/graph-simulate/1"
+    results = document["results"]
+    assert results["converged"] is True
+    assert set(results["places"]["d_AC"]["value"]) >= FIELDS
+    assert set(results["budget"]["d_AC"]["value"]) == {
+        "u1_axis", "u2_probe", "u3_perpendicular"
+    }  # fmt: skip
+    assert document["warnings"] == []
+
+
+def test_sweep() -> None:
+    vary = ("--vary", "axis_um=0.5:2.5:3", "--vary", "probe_um=1,2")
+    document = report("graph", "sweep", AXES, *vary, "--of", "d_AC", "--trials", "1000")
+    long = report("graph", "sweep", BALL, "--vary", "axis_um=1,2", "--of", "P1.x")
+    assert long["results"]["converged"] is True
+    assert document["schema"] == "mtu/graph-sweep/1"
+    results = document["results"]
+    assert [(item["axis_um"], item["probe_um"]) for item in results["grid"]] == [
+        (0.5, 1), (0.5, 2), (1.5, 1), (1.5, 2), (2.5, 1), (2.5, 2),
+    ]  # fmt: skip
+    formula = results["formula"]
+    assert formula["form"] == "u_um = sqrt(a*probe_um^2 + b*axis_um^2)"
+    assert set(formula["coefficients"]) == {"a", "b"}
+    assert formula["max_error_percent"] < 15
+    assert formula["monte_carlo"]["standard_error_percent"] == pytest.approx(2.2, abs=0.2)
+    assert set(results["places"]["d_AC"]["value"]) >= FIELDS
+    with pytest.raises(InputError, match="appears twice"):
+        variation("axis_um", "1,1")
+
+
+@pytest.mark.parametrize(
+    ("kind", "start"), [("svg", b"<?xml"), ("dot", b"digraph"), ("mmd", b"---"), ("pl", b"%")]
+)
+def test_draw(kind: str, start: bytes, tmp_path: Path) -> None:
+    plain, shares = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
+    done(mtu("graph", "draw", BALL, "--to", plain))
+    done(mtu("graph", "draw", BALL, "--to", shares, "--of", "P1.z"))
+    assert plain.read_bytes().startswith(start)
+    assert (plain.read_bytes() == shares.read_bytes()) == (kind == "pl")
+
+
+def test_the_same_bytes_with_other_threads(tmp_path: Path) -> None:
+    found = []
+    for threads in (1, 3):
+        folder = tmp_path / str(threads)
+        folder.mkdir()
+        graph = GRAPHS / "work-coordinates.yaml"
+        files = ("-o", "a.json", "--csv", "a.csv", "--plot", "a.svg")
+        done(mtu("graph", "simulate", graph, "--threads", threads, *files, cwd=folder))
+        found.append(listing(folder))
+    assert found[0] == found[1]
+
+
+# What a call's files are taken for, whatever is asked for first.
+
+
+@pytest.fixture
+def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the small study, as the working folder."""
+    folder = prepared(tmp_path / "work")
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def edited(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def drifting(path: Path) -> None:
+    """Six passes of dx_x there and back in place of its own, 10 um further each."""
+    lines = [x for x in path.read_text().splitlines() if x[:4] not in ("dx_x", "# --", "# Sy")]
+    for number in range(1, 7):
+        for way, sign in (("forward", 1), ("reverse", -1)):
+            for place in (0, 50, 100, 150, 200):
+                error = 10 * number + 0.1 * sign * (place * number % 7)
+                lines.append(f"dx_x,{place},{number},{way},{error},um")
+    path.write_text("\n".join(lines) + "\n")
+
+
+def told(code: str, **files: object) -> list[str]:
+    """What lengths, or any prediction, says of a code."""
+    inputs = Inputs(Options("lengths", {"machine": Path("machine.yaml"), **files}))
+    return [item.message for item in modelled(inputs).warnings if item.code == code]
+
+
+def test_what_limits_u_comes_with_predictions_too(work: Path) -> None:
+    """From readings and from a report of their fit alike, of what the equations use."""
+    readings, report = {"lbb": [Path("lbb.csv")]}, {"components": [Path("c.json")]}
+    assert told("passes-drift", **readings) == []
+    drifting(work / "lbb.csv")
+    own = {"machine": Path("machine.yaml"), **readings, "out": Path("c.json"), "quiet": True}
+    execute(Options("fit-components", own), fitting)
+    (drift,) = told("passes-drift", **readings)
+    assert drift.startswith("dx_x drifts by ")
+    assert told("reported", **report) == [f"c.json: {drift}"]
+    # A report that says it twice.
+    document = json.loads((work / "c.json").read_text())
+    (work / "c.json").write_text(
+        json.dumps(document | {"warnings": 2 * document["warnings"] + [{"code": 1}]})
+    )
+    assert told("reported", **report) == [f"c.json: {drift}"]
+    edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
+    assert told("passes-drift", **readings) == []
+
+
+def test_coefficients_that_readings_beat_are_not_asked_for_their_uncertainty(work: Path) -> None:
+    readings = {"lbb": [Path("lbb.csv")]}
+    edited(work / "machine.yaml", "axy: {unit: urad,", "axy: {unit: urad, coefficients: [5],")
+    assert told("no-uncertainty", **readings) == []
+    lines = (work / "lbb.csv").read_text().splitlines()
+    (work / "lbb.csv").write_text("\n".join(x for x in lines if not x.startswith("axy")) + "\n")
+    (asked,) = told("no-uncertainty", **readings)
+    assert "components.axy" in asked
+
+
+# Messages of files outside the working folder say where they are; reports do not.
+
+
+MACHINE = (CONFIGS / "gilsinn-ling" / "machine.yaml").read_bytes()
+STUDY = "schema: mtu/study/1\nmachine: machine.yaml\npart: part.yaml\nlbb: [bar.csv]\n"
+PART = """\
+schema: mtu/part/1
+name: two holes
+features: {a: {x_mm: 10, y_mm: 10}, b: {x_mm: 140, y_mm: 10}}
+lengths: [{from: a, to: b, tolerance_um: 20}]
+"""
+
+
+@pytest.fixture
+def study(tmp_path: Path) -> Path:
+    """A study of a fault in its readings whose warnings name it."""
+    folder = tmp_path / "mill-2"
+    folder.mkdir()
+    (folder / "machine.yaml").write_bytes(MACHINE)
+    (folder / "part.yaml").write_text(PART, "utf-8")
+    (folder / "bar.csv").write_text("component,position_mm,error,unit\ndx_x,1,zz,um\n", "utf-8")
+    (folder / "mtu.yaml").write_text(STUDY, "utf-8")
+    return folder
+
+
+def test_faults_say_where_their_file_is(study: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    told = mtu("fit-components", str(study), cwd=elsewhere)
+    assert told.returncode == 2
+    assert told.stderr.startswith(f"mtu: {study}/bar.csv, row 2, column 'error': not a number")
+    within = mtu("fit-components", str(study), cwd=study)
+    assert within.stderr.startswith("mtu: bar.csv, row 2")
+    beneath = mtu("fit-components", str(study), cwd=tmp_path)
+    assert beneath.stderr.startswith("mtu: mill-2/bar.csv, row 2")
+    (study / "bar.csv").unlink()
+    gone = mtu("fit-components", str(study), cwd=elsewhere)
+    assert gone.stderr.startswith(f"mtu: {study}/mtu.yaml:4: lbb[0]: no such file: 'bar.csv'")
