@@ -70,9 +70,9 @@ def constant_effects(
         curve = (up.mean + down.mean - 2 * centre.mean) / 2
         # Rounding of a difference of errors is no curvature.
         curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(up.mean - centre.mean), curve, 0.0)
-        blocks.append(normal_block(((up.mean - down.mean) / 2)[:, None]))
+        blocks.append(normal_block(name, ((up.mean - down.mean) / 2)[:, None]))
         if curve.any():
-            blocks.append(normal_block(np.sqrt(2.0) * curve[:, None]))
+            blocks.append(normal_block(f"{name}^2", np.sqrt(2.0) * curve[:, None]))
         shift += curve
         change = (up.J - down.J) / 2
         if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
@@ -252,7 +252,8 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
         for of_part, covariance in ((False, table.interpolation_covariance), (True, table.of_runs)):
             if (C := covariance(positions)).any():
                 F = G @ covariance_root(C)
-                blocks.append(normal_block(F, of_part=of_part, dof=table.own_dof))
+                name = term.estimate.name
+                blocks.append(normal_block(name, F, of_part=of_part, dof=table.own_dof))
     return blocks
 
 
@@ -329,7 +330,7 @@ def temperature_blocks(
             F = np.zeros((len(levers), readings))
             for column, LR in zip(live.values(), through, strict=True):
                 F += column[:, None] * np.repeat(LR, len(levers) // n, axis=0)
-        result.append(normal_block(F, of_part=True))
+        result.append(normal_block(sensor, F, of_part=True))
     return result
 
 

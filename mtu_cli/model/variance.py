@@ -24,7 +24,7 @@ class Block:
     back (`stats.mixed_model`); None where passes are independent.
     """
 
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...]
     columns: tuple[slice, ...]
     G: FloatArray
     C: FloatArray
@@ -192,7 +192,7 @@ def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
     return positive_part(D, np.diag(variances))
 
 
-def normal_block(F: FloatArray, *, of_part: bool = False, dof: float = np.inf) -> Block:
+def normal_block(name: str, F: FloatArray, *, of_part: bool = False, dof: float = np.inf) -> Block:
     """Standard normal quantities times F (rows, K), known or, with `dof` degrees of freedom, drawn
     anew for every part; or one a point, times F (rows,).
     """
@@ -200,6 +200,7 @@ def normal_block(F: FloatArray, *, of_part: bool = False, dof: float = np.inf) -
     G = np.zeros((len(F), 1)) if each else F
     identity = np.eye(G.shape[1])
     return Block(
+        names=(name,),
         columns=(slice(0, len(identity)),),
         G=G,
         C=0 * identity if of_part else identity,

@@ -374,7 +374,7 @@ DEFINITIONS: dict[str, Any] = {
 def _fields(text: str, item: TableResult | None) -> Fields:
     """The fields of a text in the unit and axes of the table; of points of a plane in um."""
     unit, names = ("um", ("x", "y")) if item is None else (item.table.unit, item.table.axes)
-    axes = "\n".join(AXIS.replace("AXIS", name) for name in names)
+    axes = [x for name in names for x in declare(AXIS, UNIT=unit, AXIS=name, **DEFINITIONS)]
     return declare(text, UNIT=unit, axes=axes, **DEFINITIONS)
 
 

@@ -136,7 +136,7 @@ class SerialFit:
 def _covariance(n: int, phi: float, w: float) -> FloatArray:
     """V (n, n)."""
     lags = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
-    return np.asarray(w * phi**lags + (1 - w) * np.eye(n))
+    return np.asarray(w * (phi ** np.arange(n))[lags] + (1 - w) * np.eye(n))
 
 
 def _fit(

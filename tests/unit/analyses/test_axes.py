@@ -470,3 +470,11 @@ def test_bounds_of_unmeasured_correlation(tmp_path: Path) -> None:
     assert np.sqrt(item.variance) == pytest.approx(np.hypot(*u))
     assert tuple(item.u_bounds) == pytest.approx((u[0] - u[1], u[0] + u[1]))
     assert item.pair == ("a", "b")
+
+
+def test_the_bounds_name_an_uncertain_constant(tmp_path: Path) -> None:
+    a = estimate("a", "x", [0.0, 1e-4], D=np.diag([0, 9e-10]))
+    model = replace(model_of([(a, {"x": "L"})]), constants={"L": (1.0, 0.2)})
+    text = "features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 100, y_mm: 0}}\n"
+    found = predict_lengths(model, part_of(tmp_path, text + "lengths: [{from: a, to: b}]"), FAST)
+    assert each(found)[0].pair == ("a", "L")
