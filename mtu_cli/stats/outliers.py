@@ -253,6 +253,7 @@ def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator)
     # The three kinds are tested side by side: the smallest p of a table under the null is
     # itself referred to its distribution.
     smallest = np.min([_tail(null, null) for _, null in tests], axis=0)
+    # Of a p value the small ones stand out: the tail of their negatives.
     entries, distance, mean = (_tail(-_tail(*test), -smallest) for test in tests)
     by_row = np.minimum(distance.min(axis=1), mean.min(axis=1))
     return Outstanding(by_row=by_row, by_cell=entries)

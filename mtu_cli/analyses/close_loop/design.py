@@ -198,6 +198,7 @@ class Design:
             if not len(members):
                 continue
             closures = self.closures[members, : k + width]
+            # Views: what is padded in `low` is so in the closures.
             terms, low = closures[:, :k], closures[:, k:]
             low[np.isin(low, base)] = PADDING
             inner = self.inner[:, members, : k + width, : k + width]
