@@ -561,3 +561,14 @@ def test_numbers_are_in_the_units_of_their_names() -> None:
     assert second["searched"]["pitch_mm"] == {
         "value": 12.5, "interval95": [12.3, 12.7], "intervals": [[12.3, 12.7]],
     }  # fmt: skip
+
+
+def test_the_name_of_a_component_is_no_unit() -> None:
+    item = on_table(verdict="none", component="UNITY")
+    scores = {
+        name: replace(getattr(item, name), by_axis={"UNITY": 1e-3})
+        for name in ("before", "after", "after_averaged")
+    }
+    item = replace(item, table=replace(item.table, axes=("UNITY",)), **scores)
+    record = loop_document(result(item)).record()
+    assert record["before"]["rms_UNITY_um"] == pytest.approx(1.0)
