@@ -45,17 +45,21 @@ def told_apart(record: Record) -> bool:
     return judge.detected(record) and judge.tellable(record)
 
 
-def gains(records: Records) -> Figure:
+def gains(after: str) -> Callable[[Records], Figure]:
     """Of the command's held-out gain over that of an oracle that knows shape and noise, on the days
     that no change of what is held out has seen.
     """
-    pairs = []
-    for record in (record for record in records if record["base"] >= HELD_OUT):
-        report, oracle = record["report"], record["truth"]["oracle"]
-        if oracle and "before" in report and "after" in report:
-            before, after = (report[key]["rms_um"] ** 2 for key in ("before", "after"))
-            pairs.append((before - after, oracle[0] - oracle[1]))
-    return ratio(pairs)
+
+    def figure(records: Records) -> Figure:
+        pairs = []
+        for record in (record for record in records if record["base"] >= HELD_OUT):
+            report, oracle = record["report"], record["truth"]["oracle"]
+            if oracle and "before" in report and after in report:
+                before, rest = (report[key]["rms_um"] ** 2 for key in ("before", after))
+                pairs.append((before - rest, oracle[0] - oracle[1]))
+        return ratio(pairs)
+
+    return figure
 
 
 def class_size(records: Records) -> Figure:
@@ -143,8 +147,10 @@ def _names() -> Iterator[Row]:
 
 def _sizes() -> Iterator[Row]:
     for a, least, more in ((0.5, 0.84, 0.87), (1.0, 0.94, 0.95), (2.0, 0.986, 0.99)):
-        label = f"share of the oracle's held-out gain, {a:g} sigma"
-        yield Row(label, f"library-{a:g}", gains, (least, np.inf), (more, np.inf))
+        # The bar is that of 61d6796, whose figure after the search was the model average.
+        label, average = f"share of the oracle's held-out gain, {a:g} sigma", "after_averaged"
+        yield Row(label, f"library-{a:g}", gains(average), (least, np.inf), (more, np.inf))
+        yield Row("  of the machine as it is written", f"library-{a:g}", gains("after"))
     kinds, sizes = ("library", "missing-1"), every(judge.sizes_hold)
     yield Row("95 % intervals cover, sizes", kinds, sizes, (0.94, 0.96), (0.945, 0.955))
     yield Row("  searched parameters", kinds, every(judge.searched_hold))

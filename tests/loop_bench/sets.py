@@ -52,9 +52,9 @@ HELD_OUT = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Ask:
-    """Places (n, 2) mm and covariates to predict at, and what is true there: the mean error and a
-    future reading (n, axes), um; half the width of the latter's 95 % interval if all were known.
-    They lie in the measured ranges, at none of the measured places.
+    """Places (n, 2 or 3) mm and covariates to predict at, and what is true there: the mean error
+    and a future reading (n, axes), um; half the width of the latter's 95 % interval if all were
+    known. They lie in the measured ranges, at none of the measured places.
     """
 
     at: dict[str, float]
@@ -204,7 +204,9 @@ def _offset_step(kind: Kind, turn: Turn, folder: Path) -> Drawn:
     level = 0.8 * float(turn.rng.choice([-1, 1]))
     repeats[:, :, a] += truth.level[a] + level
     drawn = _shop(kind, turn, folder, day, [truth], repeats)
-    drawn.oracle, drawn.asks, places = None, [], turn.rng.uniform(20, 130, (3, 2))
+    drawn.oracle, drawn.asks = None, []
+    # On both faces of the part.
+    places = np.column_stack([turn.rng.uniform(20, 130, (3, 2)), [0.0, 25.0, 0.0]])
     first = int(truth.searched["at"] + 2)
     for late, part in ((False, 3), (True, int(turn.rng.integers(first, day.P + 1)))):
         true = np.zeros((3, 2))
