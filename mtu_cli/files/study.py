@@ -73,7 +73,9 @@ class Settings(Contract):
         "Significant digits of u that adaptive Monte Carlo makes sure of"
     )
     probability: Share | None = optional("Coverage probability")
-    alpha: Share | None = optional("Family-wise rate of close-loop")
+    alpha: Annotated[float, Field(ge=0.001, lt=1)] | None = optional(
+        "Family-wise rate of close-loop"
+    )
     datum: Datum | None = optional("Best-fit alignment removed from each part")
     max_effects: Annotated[int, Field(ge=1)] | None = optional("Causes that close-loop may add")
     zeroed: Literal["auto", "cycle", "never"] | None = optional(

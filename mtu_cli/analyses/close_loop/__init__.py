@@ -45,6 +45,8 @@ from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.monte_carlo import Progress
 from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
 
+NULLS, NULLS_OF_FOLD = 299, 99
+"""Tables without effects for a p that is reported, and for what passes without a block of parts."""
 FEW_PARTS, FEWEST_ENTRIES = 5, 4
 WITHIN = "drift and warm-up but for what changes within a part"
 FREES = {
@@ -83,7 +85,10 @@ def close_loop(
 
         def diagnose(subset: ResidualTable) -> Diagnosis:
             candidates = candidates_of(subset, library, exclude)
-            diagnosis = diagnosis_of(subset, candidates, alpha=rate, most=max_effects, seed=seed)
+            nulls = NULLS if subset is table else NULLS_OF_FOLD
+            diagnosis = diagnosis_of(
+                subset, candidates, alpha=rate, most=max_effects, seed=seed, nulls=nulls
+            )
             return without_references(diagnosis)
 
         advance(0, 1)

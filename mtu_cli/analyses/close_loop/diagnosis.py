@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -84,8 +85,12 @@ def diagnosis_of(
     alpha: float,
     most: int,
     seed: int,
+    nulls: int,
 ) -> Diagnosis:
-    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
+    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most,
+    against `nulls` tables without effects, or as many more as a p below `alpha` takes.
+    """
+    nulls = max(nulls, math.ceil(2 / alpha) - 1)
     measured = np.isfinite(table.errors).all(axis=2) & table.there
     mask = outliers(table.errors, measured, free_lines(table), steps_of(table))
     errors = np.where(mask.any(axis=2, keepdims=True), np.nan, table.errors)
@@ -93,7 +98,7 @@ def diagnosis_of(
     motion = list[Scatter]()
     while True:
         likelihood = likelihood_of(table, candidates, [name for name, _, _ in motion])
-        gate = Gate(likelihood, np.random.default_rng(seed))
+        gate = Gate(likelihood, np.random.default_rng(seed), nulls)
         models = ModelSet(gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
         scatter = models.scatter(model, motion)

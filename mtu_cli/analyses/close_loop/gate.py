@@ -18,7 +18,6 @@ from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 
-PERMUTATIONS = 299
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
 """What a datum takes from each part cannot scatter."""
 CHECKS = ("pattern", "walk", "field")
@@ -34,10 +33,10 @@ AT_HAND = 100_000
 
 
 class Gate:
-    """Tests of one table; `rng` draws the null tables."""
+    """Tests of one table against B null tables that `rng` draws."""
 
-    def __init__(self, likelihood: Likelihood, rng: np.random.Generator) -> None:
-        self.likelihood, self.rng = likelihood, rng
+    def __init__(self, likelihood: Likelihood, rng: np.random.Generator, B: int) -> None:
+        self.likelihood, self.rng, self.B = likelihood, rng, B
         self.design: Design = likelihood.design
         self.strata = self.design.strata
         self.ratios: dict[Columns, dict[str, float]] = {}
@@ -85,7 +84,7 @@ class Gate:
         """
         strata, like, rng = self.strata, self.likelihood, self.rng
         ratio = np.sqrt(like.n / fit.dof)
-        Y = np.zeros((PERMUTATIONS + 1, len(fit.residual)))
+        Y = np.zeros((self.B + 1, len(fit.residual)))
         crossed = bool(strata.of(FEATURE))
         for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
             group = strata.of(kind)
@@ -100,8 +99,8 @@ class Gate:
                     Z = np.concatenate([Z, extra * sizes[:, None]], axis=1)
                 g, n = Z.shape
                 R = np.linalg.qr(Z.T)[1]
-                frame = np.linalg.qr(rng.normal(size=(PERMUTATIONS, n, min(g, n))))[0]
-                signs = rng.choice([-1.0, 1.0], size=(PERMUTATIONS, 1, frame.shape[2]))
+                frame = np.linalg.qr(rng.normal(size=(self.B, n, min(g, n))))[0]
+                signs = rng.choice([-1.0, 1.0], size=(self.B, 1, frame.shape[2]))
                 rotations = np.swapaxes((frame * signs) @ R, 1, 2)
                 for i, s in enumerate(block):
                     Y[1:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
@@ -126,8 +125,8 @@ class Gate:
     def _blocks(self) -> Iterator[slice]:
         """Null tables, as many at once as a processor keeps at hand."""
         step = max(1, AT_HAND // int(np.prod(self.strata.shape)))
-        for first in range(1, PERMUTATIONS + 1, step):
-            yield slice(first, min(first + step, PERMUTATIONS + 1))
+        for first in range(1, self.B + 1, step):
+            yield slice(first, min(first + step, self.B + 1))
 
     # Tests.
 
@@ -219,7 +218,7 @@ class Gate:
         operation = np.broadcast_to(table.operation == 1, (P, H)).ravel()
         flat = cells.reshape(P * H, A)
         squares = (flat * flat).sum(axis=1)
-        result = np.zeros((PERMUTATIONS + 1, len(levers)))
+        result = np.zeros((self.B + 1, len(levers)))
         for rows in (slice(0, 1), *self._blocks()) if levers else ():
             order = np.tile(np.arange(P * H), (rows.stop - rows.start, 1))
             order = self.rng.permuted(order, axis=1) if rows.start else order

@@ -54,7 +54,7 @@ def posed_of(own: ResidualTable, *families: str) -> Likelihood:
 
 
 def diagnosis(own: ResidualTable, *families: str) -> Diagnosis:
-    return diagnosis_of(own, candidates(own, *families), alpha=0.05, most=2, seed=1)
+    return diagnosis_of(own, candidates(own, *families), alpha=0.05, most=2, seed=1, nulls=299)
 
 
 def test_the_evidence_of_one_column_is_the_integral_over_its_size() -> None:
@@ -138,16 +138,26 @@ def test_the_gate_alarms_rarely_on_pure_noise() -> None:
     alarms = 0
     for seed, kind in enumerate(islice(cycle(kinds), sets)):
         likelihood = posed_of(noise(seed, parts=7, **kind))
-        alarms += min(Gate(likelihood, np.random.default_rng(seed))(()).values()) <= alpha
+        alarms += min(Gate(likelihood, np.random.default_rng(seed), 299)(()).values()) <= alpha
     low, high = (binom.ppf(q, sets, alpha) for q in (0.001, 0.999))
     assert low <= alarms <= high
+
+
+def test_a_rate_below_one_in_the_null_tables_finds_what_is_plain() -> None:
+    """As many null tables are drawn as a p below the rate takes; many components share a rate."""
+    own = noise(2)
+    own.errors[..., 0] += 20 * NOISE_MM * own.covariates["dir_x"]
+    chosen = candidates(own, "backlash")
+    found = diagnosis_of(own, chosen, alpha=0.002, most=1, seed=1, nulls=99)
+    assert found.names == ["backlash-x"]
+    assert found.entries[0].p == pytest.approx(1 / 1000)
 
 
 def test_a_mean_of_exactly_0_is_tested_too() -> None:
     own = noise(1)
     half = own.errors[: P // 2]
     centred = replace(own, errors=np.concatenate([half, -half]))
-    assert Gate(posed_of(centred), np.random.default_rng(0))(())["offset-x"] == 1.0
+    assert Gate(posed_of(centred), np.random.default_rng(0), 299)(())["offset-x"] == 1.0
 
 
 def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
@@ -278,7 +288,7 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
     own = replace(table(P, n, places=places, covariates=dict(own.covariates)), errors=errors)
     found = diagnosis_of(
         own, [c for c in candidates_of(own, effect_library()) if c.family == "cyclic"],
-        alpha=0.05, most=1, seed=1,
+        alpha=0.05, most=1, seed=1, nulls=299,
     )  # fmt: skip
     (effect,) = effects_of(found)
     assert effect.name == "cyclic-x"
@@ -483,7 +493,7 @@ def test_a_column_is_asked_in_the_strata_that_know_of_it() -> None:
     for own in (alone, beside):
         like = posed_of(own, "covariate")
         fit = like.fit(())
-        at, lp = Gate(like, rng)._members((), fit, fit.residual[None])
+        at, lp = Gate(like, rng, 0)._members((), fit, fit.residual[None])
         forms = [like.design.members[m].form for m in at]
         tested.append([p for p, form in zip(lp[0], forms, strict=True) if form.used == ("load",)])
     assert len(tested[0]) == 2
