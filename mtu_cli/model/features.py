@@ -66,14 +66,15 @@ def outside_warnings(prediction: Prediction) -> list[Finding]:
     by_component: dict[tuple[str, float, float], dict[str, float]] = {}
     for point, component, position, low, high in prediction.outside:
         by_component.setdefault((component, low, high), {})[point] = position
-    alike: dict[tuple[float, float, tuple[str, ...]], list[str]] = {}
+    # Of other axes the same features are at other positions.
+    alike: dict[tuple[float, float, tuple[tuple[str, float], ...]], list[str]] = {}
     for (component, low, high), positions in by_component.items():
-        alike.setdefault((low, high, tuple(positions)), []).append(component)
+        alike.setdefault((low, high, tuple(positions.items())), []).append(component)
     warnings = []
     for (low, high, points), names in alike.items():
         rest = f" (and {len(points) - 1} more)" if len(points) > 1 else ""
-        at = by_component[names[0], low, high][points[0]]
-        what = f"feature {points[0]!r} at {at:g} mm{rest}"
+        point, at = points[0]
+        what = f"feature {point!r} at {at:g} mm{rest}"
         facts = {"low": low, "high": high, "unit": "mm"}
         warnings.append(finding("outside-measured-range", what=what, names=names, **facts))
     return warnings

@@ -307,6 +307,17 @@ def test_features_have_the_coordinates_that_the_equations_need(tmp_path: Path) -
     seen = replace(model, terms=(replace(model.terms[0], estimate=px), *model.terms[1:]))
     (outside,) = outside_warnings(predict(seen, ids, points))
     assert "feature 'b' at 140 mm" in outside.message
+    # Along other axes the same features are elsewhere.
+    along_y = (
+        "py: {of: y, unit: um, coefficients: [0, 0], covariance: [[0, 0], [0, 0]]}\nequations:"
+    )
+    both = build(
+        loaded(tmp_path, SPACE.replace("equations:", f"  {along_y}").replace("y*sq", "py"))
+    )
+    near = (replace(x, estimate=replace(x.estimate, position_range=(0, 0.5))) for x in both.terms)
+    warned_of = outside_warnings(predict(replace(both, terms=tuple(near)), ids, points))
+    assert ["feature 'a' at 1 mm" in warned_of[0].message, len(warned_of)] == [True, 2]
+    assert "feature 'a' at 2 mm" in warned_of[1].message
     needing = build(loaded(tmp_path, SPACE.replace("px + y*sq", "px + z*sq")))
     with pytest.raises(InputError, match="without a z, of feature 'b'"):
         feature_points(part, needing)
