@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from mtu_cli.cli.commands import COMMANDS, analysis_of
-from mtu_cli.cli.emit import Result, result_of
+from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import KINDS, Inputs
 from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options, options_of
 from mtu_cli.cli.values import check_bounds
@@ -121,7 +121,8 @@ def simulate(*given: Any, make: str = "cmm", **options: Any) -> Result:
         raise ValueError(f"make: {make!r} is none of 'lbb', 'cmm', 'drift'")
     inputs = _inputs("simulate", given, options)
     inputs.options.values[option] = Path(f"{make}.csv")
-    return result_of(inputs, analysis_of("simulate"))
+    result: Result = analysis_of("simulate")(inputs)
+    return result
 
 
 def function_of(name: str) -> Callable[..., Result]:
@@ -136,7 +137,8 @@ def function_of(name: str) -> Callable[..., Result]:
 
 
 def _run(command: str, *items: Any, **options: Any) -> Result:
-    return result_of(_inputs(command, items, options), analysis_of(command))
+    result: Result = analysis_of(command)(_inputs(command, items, options))
+    return result
 
 
 def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> Inputs:

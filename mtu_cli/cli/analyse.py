@@ -8,18 +8,17 @@ from collections.abc import Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.emit import Gate, Outcome
+from mtu_cli.cli.emit import Gate, Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import fitted, fitted_drift, modelled, one_direction
 from mtu_cli.cli.values import known_name
 from mtu_cli.findings import error, listed
-from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.compare import CompareResult
 
 
-def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
+def fit_components(inputs: Inputs) -> Result:
     """Readings to the components of a machine."""
     from mtu_cli.model.fit import fit_warnings, machine_warnings
 
@@ -37,19 +36,19 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
         if test in instrument.tests and instrument.tests[test].significant
     ]
     reason = f"drift in {', '.join(dict.fromkeys(drifts))}" if drifts else None
-    return Outcome.reported(inputs, result, warnings, gates={"drift": lambda _: reason})
+    return Result.reported(inputs, result, warnings, gates={"drift": lambda _: reason})
 
 
-def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
+def thermal_fit(inputs: Inputs) -> Result:
     """Drift readings with temperatures to thermal models."""
     from mtu_cli.analyses.thermal_fit import METHODS
 
     method = known_name("--model", "model", inputs.options.model, METHODS)
     fit = fitted_drift(inputs, method)
-    return Outcome.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
+    return Result.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
 
 
-def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
+def predict_points(inputs: Inputs) -> Result:
     """Errors of the features of a part, or of a grid over the machine's travels."""
     from mtu_cli.analyses import predictions as analysis
     from mtu_cli.model.features import grid_of
@@ -57,40 +56,42 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
 
     modelling, grid = modelled(inputs), inputs.options.grid
     if grid is None:
-        result = analysis.predict_points(modelling.model, inputs.part, settings, inputs.at)
+        result = analysis.predict_points(modelling.model, inputs.part, inputs.settings, inputs.at)
     else:
         ids, places = grid_of(inputs.machine, modelling.model, grid)
-        result = analysis.predict_places(modelling.model, ids, places, settings, inputs.at)
+        result = analysis.predict_places(modelling.model, ids, places, inputs.settings, inputs.at)
     matrix = bool(inputs.options.covariance)
-    document = report.document(result, settings.digits, with_covariance=matrix)
+    document = report.document(result, inputs.settings.digits, with_covariance=matrix)
     conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
     gates = _conformance_gate(conformances, "position_um at a feature")
-    return Outcome.of(document, warnings=[*modelling.warnings, *result.warnings], gates=gates)
+    return Result.of(
+        inputs, document, warnings=[*modelling.warnings, *result.warnings], gates=gates
+    )
 
 
-def lengths(inputs: Inputs, settings: Settings) -> Outcome:
+def lengths(inputs: Inputs) -> Result:
     """Feature-to-feature lengths."""
     from mtu_cli.analyses.predictions import predict_lengths
 
     modelling = modelled(inputs)
-    result = predict_lengths(modelling.model, inputs.part, settings, inputs.at)
+    result = predict_lengths(modelling.model, inputs.part, inputs.settings, inputs.at)
     warnings = [*modelling.warnings, *inputs.part.warnings, *one_direction(inputs, modelling.model)]
     conformances: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
     conformances["the whole part"] = result.joint_conformance
     gates = _conformance_gate(conformances, "tolerance_um at a length")
-    return Outcome.reported(inputs, result, warnings, gates=gates)
+    return Result.reported(inputs, result, warnings, gates=gates)
 
 
-def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
+def orthogonality(inputs: Inputs) -> Result:
     """Right angles between rows and columns of features."""
     from mtu_cli.analyses.predictions import predict_orthogonality
 
     modelling = modelled(inputs)
-    result = predict_orthogonality(modelling.model, inputs.part, settings, inputs.at)
+    result = predict_orthogonality(modelling.model, inputs.part, inputs.settings, inputs.at)
     warnings = [*modelling.warnings, *one_direction(inputs, modelling.model)]
     conformances = {each.id: each.conformance for each in result.angles}
     gates = _conformance_gate(conformances, "tolerance_arcsec at an angle")
-    return Outcome.reported(inputs, result, warnings, gates=gates)
+    return Result.reported(inputs, result, warnings, gates=gates)
 
 
 def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]:
@@ -111,13 +112,13 @@ def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]
     return {"nonconforming": nonconforming}
 
 
-def anova(inputs: Inputs, settings: Settings) -> Outcome:
+def anova(inputs: Inputs) -> Result:
     """The scatter of measured parts, split."""
     from mtu_cli.analyses.anova import METHODS, analyse_variance
 
     method = known_name("--method", "method", inputs.options.method, METHODS)
     datum = inputs.choices.datum or "none"
-    result = analyse_variance(inputs.points, inputs.part_if_any, method, settings, datum)
+    result = analyse_variance(inputs.points, inputs.part_if_any, method, inputs.settings, datum)
 
     def unusual(_: float) -> str | None:
         if result.unusual is None:
@@ -125,18 +126,20 @@ def anova(inputs: Inputs, settings: Settings) -> Outcome:
         outliers = listed(item.part for item in result.unusual)
         return f"outliers among the parts: {outliers}" if result.unusual else None
 
-    return Outcome.reported(inputs, result, gates={"unusual": unusual})
+    return Result.reported(inputs, result, gates={"unusual": unusual})
 
 
-def compare(inputs: Inputs, settings: Settings) -> Outcome:
+def compare(inputs: Inputs) -> Result:
     """Predicted against measured parts."""
     from mtu_cli.analyses.compare import compare as analysis
 
     modelling = modelled(inputs)
     datum = inputs.choices.datum or "none"
-    result = analysis(modelling.model, inputs.part, inputs.points, settings, datum, inputs.at)
+    result = analysis(
+        modelling.model, inputs.part, inputs.points, inputs.settings, datum, inputs.at
+    )
     gates = {gate: partial(_verdict_reason, result, gate) for gate in ("biased", "under-predicted")}
-    return Outcome.reported(inputs, result, modelling.warnings, gates=gates)
+    return Result.reported(inputs, result, modelling.warnings, gates=gates)
 
 
 def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | None:
@@ -163,7 +166,7 @@ def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | Non
     return listed(failures) if failures else None
 
 
-def correct(inputs: Inputs, settings: Settings) -> Outcome:
+def correct(inputs: Inputs) -> Result:
     """Measured points minus the modelled error."""
     from mtu_cli.analyses.correct import correct as analysis
     from mtu_cli.analyses.correct import unused_warmth
@@ -173,6 +176,6 @@ def correct(inputs: Inputs, settings: Settings) -> Outcome:
     rounds: Iterable[Any] = (*part.part.circles, *part.part.spheres) if part else ()
     # A calibrated diameter may need a temperature that no equation uses.
     modelling = modelled(inputs, [item.temperature for item in rounds if item.temperature])
-    result = analysis(modelling.model, part, inputs.points, settings, inputs.at)
+    result = analysis(modelling.model, part, inputs.points, inputs.settings, inputs.at)
     warmth = unused_warmth(modelling.model, inputs.points, reference)
-    return Outcome.reported(inputs, result, [*modelling.warnings, *warmth])
+    return Result.reported(inputs, result, [*modelling.warnings, *warmth])

@@ -13,7 +13,7 @@ import numpy as np
 from mtu_cli import __version__
 from mtu_cli.analyses import close_loop as loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.cli.emit import Outcome, written_files
+from mtu_cli.cli.emit import Result, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import drift_estimates, fitted, modelled
 from mtu_cli.files.extend_machine import extended_machine
@@ -27,7 +27,6 @@ from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, sear
 from mtu_cli.model.estimates import EffectEstimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, machine_warnings
 from mtu_cli.model.residuals import ResidualTable, reading_tables, residual_table
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports import close_loop as report
 from mtu_cli.reports import fit_components
 from mtu_cli.reports.document import envelope
@@ -38,7 +37,7 @@ from mtu_cli.units import PARAMETER_UNITS, UNITS
 ALPHA, MAX_EFFECTS = 0.05, 4
 
 
-def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
+def close_loop(inputs: Inputs) -> Result:
     """The effects in measured data that the model lacks, added to the machine."""
     choices = inputs.choices
     library = effect_library(inputs.files("effects"))
@@ -50,19 +49,20 @@ def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
         alpha=choices.alpha or ALPHA,
         max_effects=MAX_EFFECTS if choices.max_effects is None else choices.max_effects,
         exclude=dict.fromkeys(inputs.options.exclude or ()),
-        seed=settings.seed,
-        progress=settings.progress,
+        seed=inputs.settings.seed,
+        progress=inputs.settings.progress,
     )
-    files, of_files = _written_files(inputs, earlier, settings, result)
+    files, of_files = _written_files(inputs, earlier, result)
     reason = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
-    return Outcome.of(
-        report.document(result, settings.digits),
+    return Result.of(
+        inputs,
+        report.document(result, inputs.settings.digits),
         warnings=[*warnings, *result.warnings, *of_files],
         gates={
             "found": lambda _: reason if result.verdict != "none" else None,
             "unexplained": lambda _: reason if result.verdict == "unexplained" else None,
         },
-        files=lambda: files,
+        files=files,
     )
 
 
@@ -99,7 +99,7 @@ def _tables(
 
 
 def _written_files(
-    inputs: Inputs, earlier: EffectEstimates | None, settings: Settings, result: CloseLoopResult
+    inputs: Inputs, earlier: EffectEstimates | None, result: CloseLoopResult
 ) -> tuple[dict[Path, bytes], list[Finding]]:
     """The files of --write-machine and --write-components, none without these options, and
     what to warn of. Raises InputError for effects that no machine file can hold.
@@ -126,7 +126,7 @@ def _written_files(
                 "covariance": plain(effects.covariance / np.outer(f, f)),
             }
         facts: dict[str, Any] = {"inputs": inputs.sources, "warnings": of_fit}
-        content = envelope("fit-components", settings=settings, results=results, **facts)
+        content = envelope("fit-components", settings=inputs.settings, results=results, **facts)
         files[path] = report_bytes(content)
     warnings = [
         finding("effect-not-written", effect=effect.name, reason=effect.not_written)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses.iso230 import places_read
-from mtu_cli.cli.emit import Outcome
+from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
 from mtu_cli.cli.values import above_zero, assignments, known_name
@@ -21,7 +21,6 @@ from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
 from mtu_cli.model.passes import passes_read
-from mtu_cli.model.settings import Settings
 from mtu_cli.model.stated_errors import Stated, known_names, stated
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
@@ -32,7 +31,7 @@ ROTARY = "c"
 """The axis of readings with position_deg, where --set axis does not name it."""
 
 
-def compensate(inputs: Inputs, settings: Settings) -> Outcome:
+def compensate(inputs: Inputs) -> Result:
     """The table of a control, or with --read the errors in one."""
     options = inputs.options
     feed = above_zero("--feed", str(options.feed))
@@ -53,7 +52,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             component=options.read.name, controller=control, asked=table, held=table,
             direction="both" if table.both else "mean",
         )  # fmt: skip
-        return Outcome.reported(inputs, result)
+        return Result.reported(inputs, result)
     known_name("--direction", "direction", options.direction, DIRECTIONS)
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
@@ -71,7 +70,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     parameters["type"] = parameters.get("type") or "0"
     plan = result = analysis.compensate(
         errors, control, parameters, request, component=" + ".join(names),
-        seed=settings.seed, trials=settings.trials,
+        seed=inputs.settings.seed, trials=inputs.settings.trials,
     )  # fmt: skip
     if readings := inputs.verify if options.verify else None:
         file = ", ".join(source.shown for source in readings.sources)
@@ -96,7 +95,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
     if options.to_nc:
         program = analysis.moves_program(plan, feed, DWELL_S, axis.upper(), frame)
         files[options.to_nc] = program.encode()
-    return Outcome.reported(inputs, result, files=lambda: files)
+    return Result.reported(inputs, result, files=files)
 
 
 def _names(inputs: Inputs) -> list[str]:
@@ -221,14 +220,14 @@ def _text(inputs: Inputs, path: Path) -> tuple[str, str]:
     return content.decode("utf-8-sig"), source.shown
 
 
-def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
+def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
     """The three lengths of Klipper from an angle between two axes, read back."""
     from mtu_cli.reports.compensate import skew_document
 
     options, quantum = inputs.options, skew_quantum(parameters)
     if options.read:
         text, file = _text(inputs, options.read)
-        return Outcome.of(skew_document(file, read_skew(text), quantum))
+        return Result.of(inputs, skew_document(file, read_skew(text), quantum))
     name = (options.component or [""])[0]
     known_name("--component", "component", name, known_names(inputs.machine))
     entry = inputs.machine.machine.components.get(name)
@@ -249,4 +248,4 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
     if abs(readback - angle) > quantum / 2:
         raise error("not-writable", reason=f"read back it is {readback:.9g} rad, not {angle:.9g}")
     files = {options.to_file: text.encode()} if options.to_file else {}
-    return Outcome.of(skew_document(name, readback, quantum), files=lambda: files)
+    return Result.of(inputs, skew_document(name, readback, quantum), files=files)

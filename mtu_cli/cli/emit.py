@@ -23,7 +23,6 @@ from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.headers import is_made, measured_in, number
 from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, envelope, page_bytes
 from mtu_cli.reports.fields import csv_text
@@ -45,54 +44,60 @@ DELAY_S, EVERY_S = 1.0, 0.1
 Gate = Callable[[float], str | None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """What a command reports, each part made only when it is needed.
+@dataclass(frozen=True)
+class Listing:
+    """A document of plain lines, with its `results` and the header and rows of its table."""
 
-    `tables` takes whether details are wanted; `rows` are the main table's header and rows.
-    `gates` by name: the reason why one is met, of a limit where it has one, or None. `settings`:
-    those of the report, where the command had to choose some itself. `files`: what the command
-    writes beside report, table and picture, by path.
-    """
+    lines: Sequence[str] = ()
+    results: Mapping[str, Any] = field(default_factory=dict)
+    table: tuple[Sequence[str], Iterable[Sequence[object]]] = ((), ())
+    figure: None = None
 
-    results: Callable[[], dict[str, Any]] = dict
-    tables: Callable[[bool], Iterable[object]] = lambda detail: ()
-    rows: Callable[[], tuple[Sequence[str], Iterable[Sequence[object]]]] = lambda: ((), ())
-    figure: Callable[[], figures.Figure] | None = None
-    warnings: Sequence[Finding] = ()
-    gates: Mapping[str, Gate] = field(default_factory=dict)
-    settings: Settings | None = None
-    files: Callable[[], Mapping[Path, bytes]] = dict
+    def record(self) -> dict[str, Any]:
+        """`results` of the JSON report."""
+        return dict(self.results)
 
-    @classmethod
-    def of(cls, document: Document, **more: Any) -> Outcome:
-        """What a document holds; `more` are the other fields of an outcome."""
-        return cls(
-            results=document.record,
-            tables=lambda detail: document.blocks(detail=detail),
-            rows=document.rows,
-            figure=document.figure,
-            **more,
-        )
+    def rows(self) -> tuple[Sequence[str], Iterable[Sequence[object]]]:
+        """Header and rows of the CSV."""
+        return self.table
 
-    @classmethod
-    def reported(
-        cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
-    ) -> Outcome:
-        """A command's result by the `document` of its report, and its warnings after others."""
-        report = import_module(f"mtu_cli.reports.{inputs.options.command.replace('-', '_')}")
-        document = report.document(result, inputs.settings.digits)
-        return cls.of(document, warnings=[*warnings, *result.warnings], **more)
+    def blocks(self, *, detail: bool) -> Iterable[str]:
+        """What is printed."""
+        return self.lines
 
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a command; `warnings` are those of the input and of the result."""
+    """What a command gives: its document, and the warnings of the input and of the result. `gates`
+    by name: the reason why one is met, of a limit where it has one, or None. `files`: what the
+    command writes beside report, table and picture, by path.
+    """
 
     inputs: Inputs
-    outcome: Outcome
-    settings: Settings
-    warnings: tuple[Finding, ...]
+    document: Document | Listing
+    warnings: Sequence[Finding]
+    gates: Mapping[str, Gate] = field(default_factory=dict)
+    files: Mapping[Path, bytes] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        inputs: Inputs,
+        document: Document | Listing,
+        warnings: Iterable[Finding] = (),
+        **more: Any,
+    ) -> Result:
+        """A document, with its warnings after those of the input; `more` are the other fields."""
+        return cls(inputs, document, (*inputs.suspicions, *warnings), **more)
+
+    @classmethod
+    def reported(
+        cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
+    ) -> Result:
+        """An analysis' result by the `document` of its report, and its warnings after others."""
+        report = import_module(f"mtu_cli.reports.{inputs.options.command.replace('-', '_')}")
+        document = report.document(result, inputs.settings.digits)
+        return cls.of(inputs, document, [*warnings, *result.warnings], **more)
 
     @property
     def command(self) -> str:
@@ -101,13 +106,13 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """`results` of the JSON report."""
-        return self.outcome.results()
+        return self.document.record()
 
     def to_frame(self) -> pd.DataFrame:
         """The main table, as `--csv` writes it."""
         import pandas as pd
 
-        header, rows = self.outcome.rows()
+        header, rows = self.document.rows()
         return pd.DataFrame([list(row) for row in rows], columns=list(header))
 
     def report(self) -> dict[str, Any]:
@@ -115,24 +120,14 @@ class Result:
         return envelope(
             self.command,
             inputs=self.inputs.sources,
-            settings=self.settings,
+            settings=self.inputs.settings,
             results=self.to_dict(),
             warnings=self.warnings,
             at=self.inputs.at,
         )
 
 
-def result_of(
-    inputs: Inputs, analyse: Callable[[Inputs, Settings], Outcome], **settings: Any
-) -> Result:
-    """The result of a command on its inputs, under their settings and the further `settings`."""
-    call_settings = replace(inputs.settings, **settings)
-    outcome = analyse(inputs, call_settings)
-    warnings = (*inputs.suspicions, *outcome.warnings)
-    return Result(inputs, outcome, outcome.settings or call_settings, warnings)
-
-
-def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) -> None:
+def execute(options: Options, run: Callable[[Inputs], Result]) -> None:
     """Runs one command and writes its files: all, or none.
 
     Tables go to standard output, warnings and progress to standard error; with `-o -` the
@@ -143,7 +138,8 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
         limits = asked_gates(options)
         check_outputs(inputs)
         with late_bar(options.command) as progress:
-            result = result_of(inputs, analyse, progress=progress)
+            inputs.settings = replace(inputs.settings, progress=progress)
+            result = run(inputs)
             reasons = _gate_reasons(limits, result)
             files = _files(result)
     except InputError as fault:
@@ -163,7 +159,7 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
                 # A notebook's, or `io.StringIO`, takes text.
                 sys.stdout.write(report.decode())
             elif not options.quiet:
-                show(result.outcome.tables(bool(options.detail)))
+                show(result.document.blocks(detail=bool(options.detail)))
             sys.stdout.flush()
         except BrokenPipeError:
             # The reader has left (``| head``): nothing is wrong.
@@ -231,22 +227,22 @@ def _gate_reasons(limits: Mapping[str, float], result: Result) -> dict[str, str]
     """The reasons of the gates that are met, of those with `limits`."""
     codes = [each.code for each in result.warnings if each.kind.suspicious]
     suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
-    gates = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
+    gates = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.gates}
     return {name: why for name, limit in limits.items() if (why := gates[name](limit))}
 
 
 def _files(result: Result) -> dict[Path, bytes]:
     """All files of a run, by path."""
-    options, outcome = result.inputs.options, result.outcome
-    files = dict(outcome.files())
+    options, document = result.inputs.options, result.document
+    files = dict(result.files)
     if options.out is not None:
         files[options.out] = report_bytes(result.report())
     if options.csv is not None:
-        files[options.csv] = csv_text(*outcome.rows()).encode()
+        files[options.csv] = csv_text(*document.rows()).encode()
     if options.plot is not None:
-        if outcome.figure is None:
+        if document.figure is None:
             raise error("not-applicable", reason="this result is not drawn", path="--plot")
-        files[options.plot] = figures.figure_bytes(outcome.figure(), options.plot.suffix)
+        files[options.plot] = figures.figure_bytes(document.figure(), options.plot.suffix)
     if options.report is not None:
         files[options.report] = _page(result)
     return files
@@ -257,10 +253,10 @@ def _page(result: Result) -> bytes:
     inputs, options = result.inputs, result.inputs.options
     figure = None
     with suppress(InputError):
-        figure = result.outcome.figure and result.outcome.figure()
+        figure = result.document.figure and result.document.figure()
     # A command that has no such option does not use it.
     used = [name for option, name in USED.items() if option in options.values]
-    settings = {name.replace("_", " "): getattr(result.settings, name) for name in used}
+    settings = {name.replace("_", " "): getattr(inputs.settings, name) for name in used}
     settings |= {"trials": "adaptive"} if settings.get("trials", 0) is None else {}
     names = inputs.names
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
@@ -268,7 +264,7 @@ def _page(result: Result) -> bytes:
     return page_bytes(
         options.report.suffix.lower(),
         figure,
-        result.outcome.tables(bool(options.detail)),
+        result.document.blocks(detail=bool(options.detail)),
         result.warnings,
         settings | {f"{name} =": value for name, value in inputs.at.items()},
         title=": ".join([command, *names[:1]]),

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome
+from mtu_cli.cli.emit import STANDARD_OUTPUT, Listing, Result
 from mtu_cli.cli.load import Inputs, named_file
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
@@ -18,14 +18,13 @@ from mtu_cli.findings import Finding, InputError, error
 from mtu_cli.formats import instruments
 from mtu_cli.formats.base import Ask, Imported, RawFile, local, raw_file
 from mtu_cli.formats.wide import DIRECTIONS
-from mtu_cli.model.settings import Settings
 from mtu_cli.units import UNITS
 
 LISTED = 40
 """Element paths of an XML file that the table shows; the report has all."""
 
 
-def inspect(inputs: Inputs, settings: Settings) -> Outcome:
+def inspect(inputs: Inputs) -> Result:
     """Format, facts and how the file would be understood; of XML its element paths, too."""
     file = raw_file(inputs.options.file, "file")
     inputs.sources.append(file.source)
@@ -54,11 +53,8 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
         "faults": [each.message for each in faults],
         "elements": dict(Counter(_paths(file))),
     }
-    return Outcome(
-        results=lambda: results,
-        tables=lambda detail: _lines(results),
-        warnings=[file.finding("instrument-doubt", doubt=text) for text in result.doubts],
-    )
+    doubts = [file.finding("instrument-doubt", doubt=text) for text in result.doubts]
+    return Result.of(inputs, Listing([*_lines(results)], results), doubts)
 
 
 def _paths(file: RawFile) -> Iterator[str]:
@@ -88,7 +84,7 @@ def _lines(results: dict[str, Any]) -> Iterable[str]:
         yield from [f"  and {rest} more element paths (-o)"] if rest > 0 else []
 
 
-def import_(inputs: Inputs, settings: Settings) -> Outcome:
+def import_(inputs: Inputs) -> Result:
     """The contract's CSV of all files, and how they were understood."""
     options = inputs.options
     kind = known_name("--as", "value", options.as_, ("readings", "points", "drift"))
@@ -127,12 +123,11 @@ def import_(inputs: Inputs, settings: Settings) -> Outcome:
         _check(inputs, files, tables, joined, faults)
     faults.raise_if_any()
     text = joined.csv(list(instruments.SPECS[kind].columns))
-    notes = [each for each in findings if each.severity == "note"]
-    return Outcome(
-        tables=lambda detail: [each.message for each in notes] if target else [text.rstrip("\n")],
-        warnings=[each for each in findings if not (target and each in notes)],
-        files=lambda: {target: text.encode()} if target else {},
-    )
+    if target is None:
+        return Result.of(inputs, Listing([text.rstrip("\n")]), findings)
+    lines = [each.message for each in findings if each.severity == "note"]
+    warnings = [each for each in findings if each.severity != "note"]
+    return Result.of(inputs, Listing(lines), warnings, files={target: text.encode()})
 
 
 def _join(tables: list[Imported], kind: str) -> Imported:

@@ -6,11 +6,10 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from mtu_cli.cli.emit import Outcome
+from mtu_cli.cli.emit import Listing, Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, number_of
 from mtu_cli.findings import error
-from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.model.graph.net import MeasurementGraph
@@ -20,18 +19,19 @@ DIGITS = 12
 """Digits of a value that count: 1:5:5 has whole steps but for rounding."""
 
 
-def budget(inputs: Inputs, settings: Settings) -> Outcome:
+def budget(inputs: Inputs) -> Result:
     """An uncertainty budget."""
     from mtu_cli.analyses.budget import evaluate_budget
     from mtu_cli.files.budget import load_budget
 
     loaded = load_budget(inputs.options.file)
     inputs.sources.append(loaded.source)
-    result = evaluate_budget(loaded, settings, inputs.options.k)
+    result = evaluate_budget(loaded, inputs.settings, inputs.options.k)
     factors = {output.k for output in result.outputs}
     # The report has one factor only where all outputs have the same.
     k = factors.pop() if len(factors) == 1 else math.nan
-    return Outcome.reported(inputs, result, settings=replace(settings, coverage_factor=k))
+    inputs.settings = replace(inputs.settings, coverage_factor=k)
+    return Result.reported(inputs, result)
 
 
 def _graph(inputs: Inputs) -> MeasurementGraph:
@@ -43,14 +43,14 @@ def _graph(inputs: Inputs) -> MeasurementGraph:
     return graph
 
 
-def graph_check(inputs: Inputs, settings: Settings) -> Outcome:
+def graph_check(inputs: Inputs) -> Result:
     """Whether the graph is sound, and its firing order."""
     from mtu_cli.reports import graph as report
 
-    return Outcome.of(report.check(_graph(inputs)))
+    return Result.of(inputs, report.check(_graph(inputs)))
 
 
-def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
+def graph_draw(inputs: Inputs) -> Result:
     """The file at --to, and nothing else."""
     from mtu_cli.analyses.graph import shares_by_place
     from mtu_cli.reports import graph_drawing
@@ -68,19 +68,19 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
             content = graph_drawing.assertions(net, graph).encode()
         case _:
             content = figure_bytes(graph_drawing.drawing(net), suffix)
-    return Outcome(files=lambda: {target: content})
+    return Result.of(inputs, Listing(), files={target: content})
 
 
-def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:
+def graph_simulate(inputs: Inputs) -> Result:
     """The places asked for, by Monte Carlo and to first order."""
     from mtu_cli.analyses.graph import simulate_graph
     from mtu_cli.reports import graph as report
 
-    result = simulate_graph(_graph(inputs), settings, tuple(inputs.options.of or ()))
-    return Outcome.of(report.simulate(result, settings.digits), warnings=result.warnings)
+    result = simulate_graph(_graph(inputs), inputs.settings, tuple(inputs.options.of or ()))
+    return Result.of(inputs, report.simulate(result, inputs.settings.digits), result.warnings)
 
 
-def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
+def graph_sweep(inputs: Inputs) -> Result:
     """One place over the grid of --vary, and as the file has it."""
     from mtu_cli.analyses.graph import PARAMETERS, simulate_graph, sweep_graph
     from mtu_cli.reports import graph as report
@@ -88,10 +88,10 @@ def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     vary = inputs.options.vary
     grid = assignments("--vary", vary, "NAME=VALUES", EXAMPLE, variation, PARAMETERS)
     graph, of = _graph(inputs), inputs.options.of
-    result = sweep_graph(graph, settings, of, grid)
+    result = sweep_graph(graph, inputs.settings, of, grid)
     # What follows the grid leaves its bar full.
-    base = simulate_graph(graph, replace(settings, progress=None), [of])
-    return Outcome.of(report.sweep(base, result, settings.digits), warnings=result.warnings)
+    base = simulate_graph(graph, replace(inputs.settings, progress=None), [of])
+    return Result.of(inputs, report.sweep(base, result, inputs.settings.digits), result.warnings)
 
 
 def variation(name: str, text: str) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mtu_cli import __version__
-from mtu_cli.cli.emit import Outcome, written_files
+from mtu_cli.cli.emit import Listing, Result, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import CLIMATE, DRIFT, OPTIONS, POINTS, READINGS, Options, option_name
@@ -29,7 +29,6 @@ from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports.simulate import Synthetic, drift_file, points_file, readings_file
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
@@ -37,7 +36,7 @@ from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 DEFAULT_POSITIONS = 8
 
 
-def simulate(inputs: Inputs, settings: Settings) -> Outcome:
+def simulate(inputs: Inputs) -> Result:
     """The files of the --write options, each from a random stream of its own."""
     options = inputs.options
     paths = written_files(options)
@@ -51,20 +50,18 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     # Components that are in no equation are not simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings = [each for each in of_machine if each.facts["what"] == "component"]
-    tables = {name: MAKERS[name](inputs, model, settings.seed) for name in paths}
+    tables = {name: MAKERS[name](inputs, model, inputs.settings.seed) for name in paths}
     first = next(iter(tables.values()))
-    return Outcome(
-        results=lambda: {name.removeprefix("write_"): x.values() for name, x in tables.items()},
-        tables=lambda detail: [
-            f"{path}: {tables[name].count} synthetic rows" for name, path in paths.items()
-        ],
-        rows=lambda: (tuple(first.columns), zip(*first.values().values(), strict=True)),
-        warnings=warnings,
-        files=lambda: {
-            path: tables[name].text(_heading(options, settings.seed, name)).encode()
-            for name, path in paths.items()
-        },
+    document = Listing(
+        [f"{path}: {tables[name].count} synthetic rows" for name, path in paths.items()],
+        {name.removeprefix("write_"): table.values() for name, table in tables.items()},
+        (tuple(first.columns), zip(*first.values().values(), strict=True)),
     )
+    files = {
+        path: tables[name].text(_heading(options, inputs.settings.seed, name)).encode()
+        for name, path in paths.items()
+    }
+    return Result.of(inputs, document, warnings, files=files)
 
 
 def _heading(options: Options, seed: int, name: str) -> str:

@@ -8,19 +8,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.cli.emit import Outcome
+from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import above_zero, assignments, known_name
 from mtu_cli.files.source import report_bytes
 from mtu_cli.files.study import InstrumentBudget, load_study
 from mtu_cli.findings import error, listed
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports.document import envelope
 
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 
 
-def iso230(inputs: Inputs, settings: Settings) -> Outcome:
+def iso230(inputs: Inputs) -> Result:
     """Positioning figures of every component read at targets, or a plan of targets."""
     from mtu_cli.analyses import iso230 as analysis
 
@@ -31,7 +30,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
         raise error("incomplete", what=option, other=other, expected=f"{other} MM, too")
     if options.plan is not None:
         plan = analysis.plan(options.plan, options.pitch)
-        return Outcome.reported(inputs, analysis.Iso230Result(axes={}, plan=plan))
+        return Result.reported(inputs, analysis.Iso230Result(axes={}, plan=plan))
     readings = inputs.readings
     if readings is None:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
@@ -46,8 +45,8 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
         budget=_budget(inputs),
         before=inputs.before,
         limits=limits,
-        k=settings.coverage_factor,
-        seed=settings.seed,
+        k=inputs.settings.coverage_factor,
+        seed=inputs.settings.seed,
         standard=standard,
     )
     # What the checks of all readings have reported is not repeated.
@@ -63,7 +62,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
                     for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
         return f"beyond the limit by ISO 14253-1: {listed(failures)}" if failures else None
 
-    return Outcome.reported(inputs, result, gates={"nonconforming": nonconforming})
+    return Result.reported(inputs, result, gates={"nonconforming": nonconforming})
 
 
 def _budget(inputs: Inputs) -> InstrumentBudget | None:
@@ -79,7 +78,7 @@ def _budget(inputs: Inputs) -> InstrumentBudget | None:
     return loaded.study.budget
 
 
-def circular(inputs: Inputs, settings: Settings) -> Outcome:
+def circular(inputs: Inputs) -> Result:
     """A circular test: figures of its traces and their causes, or the features of a ballbar."""
     from mtu_cli.analyses.circular import CircularResult, diagnose
     from mtu_cli.files.readings import PLANES, WAYS, read_traces
@@ -101,7 +100,7 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         if not all(xml):
             names = "traces and a ballbar's stated features"
             raise error("exclusive", names=names, expected="a call for each")
-        return _ballbar(inputs, settings, paths, planes)
+        return _ballbar(inputs, paths, planes)
     radius = [] if options.radius is None else [options.radius]
     traces = read_traces(paths, direction=ways, feed=feeds, radius=radius, plane=planes)
     inputs.sources.extend(traces.sources)
@@ -113,10 +112,10 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
 
     files = {}
     if target is not None:
-        record = envelope("fit-components", inputs=traces.sources, settings=settings,
+        record = envelope("fit-components", inputs=traces.sources, settings=inputs.settings,
                           results=report.components(result), warnings=result.warnings)  # fmt: skip
         files[target] = report_bytes(record)
-    return Outcome.reported(inputs, result, files=lambda: files)
+    return Result.reported(inputs, result, files=files)
 
 
 def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:
@@ -124,9 +123,7 @@ def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:
     return [convert(each.strip()) for each in text.split(",")] if text else []
 
 
-def _ballbar(
-    inputs: Inputs, settings: Settings, paths: Iterable[Path], planes: Sequence[str]
-) -> Outcome:
+def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Result:
     """The features that a ballbar states, in its own units and with its own signs."""
     from mtu_cli.formats.base import raw_file
     from mtu_cli.formats.renishaw import features_of
@@ -145,4 +142,4 @@ def _ballbar(
             if test_plane and plane != test_plane.upper():
                 raise file.error("contradicts", path="TEST_PLANE", value=test_plane,
                                  other=f"--plane {plane}")  # fmt: skip
-    return Outcome.of(stated_document(contents, settings.digits))
+    return Result.of(inputs, stated_document(contents, inputs.settings.digits))

@@ -20,7 +20,7 @@ from support import CONFIGS, DATA, PAPER, SIMULATED
 
 from mtu_cli.cli.analyse import fit_components
 from mtu_cli.cli.commands import COMMANDS
-from mtu_cli.cli.emit import Outcome, check_outputs, execute, warning_lines
+from mtu_cli.cli.emit import Listing, Result, check_outputs, execute, warning_lines
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.main import main
 from mtu_cli.cli.modelled import modelled
@@ -147,7 +147,8 @@ def test_warnings_are_said_once_and_notes_not_with_quiet(
         "note: not estimable: u (a); n [not-estimable]",
     ]
     for quiet in (True, False):
-        execute(Options("lengths", {"quiet": quiet}), lambda *_: Outcome(warnings=[note]))
+        run = lambda inputs: Result.of(inputs, Listing(), [note])  # noqa: E731
+        execute(Options("lengths", {"quiet": quiet}), run)
         assert ("not-estimable" in capsys.readouterr().err) != quiet
 
 
