@@ -75,7 +75,7 @@ def read_readings(
     inputs = _reading(paths, role)
     if machine is not None:
         inputs.options.values["machine"], inputs.__dict__["machine"] = machine.source.path, machine
-    files = [(path, role) for path in inputs.call_files(role)]
+    files = [(path, role) for path in inputs.files(role)]
     for_fit = role != DRIFT and components is not None
     return readings_of(files, components, for_fit=for_fit, convert=inputs.converter())
 
@@ -84,9 +84,7 @@ def read_points(paths: Iterable[FilePath], part: LoadedPart | None = None) -> Po
     """Measured points with the nominal places of `part`, or their own; raises InputError."""
     places = None if part is None else part.part.places()
     inputs = _reading(paths, "cmm")
-    return points_of(
-        [(path, "cmm") for path in inputs.call_files("cmm")], places, inputs.converter()
-    )
+    return points_of([(path, "cmm") for path in inputs.files("cmm")], places, inputs.converter())
 
 
 def _reading(paths: Iterable[FilePath], role: str) -> Inputs:

@@ -1,21 +1,185 @@
-"""The commands on readings, predictions and measured parts: what each reads, calculates, reports,
-and when its gates are met.
+"""The commands on readings, predictions and measured parts: from a call's files to a machine with
+estimates of all its components, what each command makes of it, and when its gates are met.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import fnmatch
+import json
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from mtu_cli.analyses.fit_components import FitResult, fit_result
 from mtu_cli.cli.emit import Gate, Result
-from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import fitted, fitted_drift, modelled, one_direction
+from mtu_cli.cli.load import Inputs, check_cell
 from mtu_cli.cli.values import known_name
-from mtu_cli.findings import error, listed
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_from
+from mtu_cli.files.source import read_source, report_bytes, shown_path
+from mtu_cli.findings import Finding, error, finding, listed, nearest
+from mtu_cli.model import fit as fitting
+from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
+from mtu_cli.model.estimates import Estimates, ThermalEstimate
+from mtu_cli.model.machine_model import AXES, MachineModel, build_model
+from mtu_cli.reports import fit_components as reporting
+from mtu_cli.stats.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.compare import CompareResult
+    from mtu_cli.analyses.thermal_fit import ThermalFit
+
+REFERENCE_WITHOUT_MACHINE = 20.0
+"""ISO 1."""
+LIMITS = ("reversal", "passes-drift", "instruments-disagree")
+"""Warnings of what u of a part holds nothing of; a misfit is among its repeatability."""
+DOUBTS = ("no-better", "not-held-out")
+"""Warnings of a thermal-fit report: nothing says that its model holds for the next warm-up."""
+
+
+def modelled(inputs: Inputs, extra: Collection[str] = ()) -> tuple[MachineModel, list[Finding]]:
+    """The model of a call, and warnings. A components report wins over readings, readings over the
+    machine file. Covariates that the command needs `extra`, beside those of the model, may be given
+    with --at.
+
+    Raises InputError for components without an estimate.
+    """
+    machine, report, fit = inputs.machine, inputs.reports.components, None
+    warnings = searched_warnings(machine)
+    if report is not None:
+        estimates = fitting.estimates_from_report(machine, report)
+        warnings += effect_warnings(machine, estimates.effects, report.source.shown)
+        warnings += _not_read(inputs, ("lbb", "laser"), report)
+    elif inputs.readings is not None:
+        result = fitted(inputs, machine)
+        fit, estimates = result.fit, _as_reported(machine, result)
+    else:
+        estimates = fitting.estimates_from_fit(machine, None)
+    thermal, drift_warnings = drift_estimates(inputs)
+    warnings = [*fitting.machine_warnings(machine, estimates), *warnings, *drift_warnings]
+    model = build_model(machine, replace(estimates, thermal=thermal))
+    # What u of a part does not contain, from the fit or from the report of it.
+    terms = {term.estimate.name for term in model.terms}
+    if report is not None:
+        warnings += _report_warnings(report, LIMITS, terms)
+    for item in () if fit is None else fitting.fit_warnings(fit):
+        if item.code not in LIMITS or item.facts["component"] in terms:
+            warnings += [item] * (item.code != "lack-of-fit")
+    covariates = model.covariates()
+    _expand(inputs.at, dict.fromkeys((*covariates, *extra)))
+    # The nearest of those names alone that the call would take.
+    names = [name for name in model.covariates() if name not in inputs.at]
+    for name in (name for name in inputs.at if name not in (*covariates, *extra)):
+        place = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
+        expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
+        meant = nearest(name, names)
+        warnings.append(finding("option-not-used", **place, meant=meant, expected=expected))
+    return model, warnings
+
+
+def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
+    """The components of a machine, by the readings of the call where it has any."""
+    fit, k = fitting.MachineFit(components={}, joint=()), inputs.settings.coverage_factor
+    if inputs.readings is not None:
+        fit = fitting.fit_machine(machine, inputs.readings)
+    says = {name: item.says for name, item in machine.machine.components.items() if item.says}
+    estimates = fitting.estimates_from_fit(machine, fit)
+    return fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
+
+
+def _as_reported(machine: LoadedMachine, fit: FitResult) -> Estimates:
+    """The estimates as a report holds them: readings and their report then give the same bits."""
+    record = {"schema": "mtu/fit-components/1", "results": reporting.document(fit).record()}
+    content = report_bytes(record)
+    return fitting.estimates_from_report(machine, report_from(machine.source, json.loads(content)))
+
+
+def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
+    """A thermal-fit report wins over drift readings, those over the machine file."""
+    machine = inputs.machine
+    estimates = fitting.thermal_from_machine_file(machine)
+    report = inputs.reports.thermal
+    if report is not None:
+        doubts = _report_warnings(report, DOUBTS, report.components)
+        doubts += _not_read(inputs, ("drift",), report)
+        return fitting.thermal_from_report(machine, report), doubts
+    if inputs.files("drift"):
+        fit = fitted_drift(inputs, "auto")
+        return estimates | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
+    return estimates, []
+
+
+def fitted_drift(inputs: Inputs, method: str) -> ThermalFit:
+    """The thermal models of the drift readings."""
+    from mtu_cli.analyses.thermal_fit import thermal_fit
+
+    components, reference, readings = None, REFERENCE_WITHOUT_MACHINE, inputs.drift
+    if inputs.files("machine"):
+        machine = inputs.machine.machine
+        components = {name: (item.of, item.unit) for name, item in machine.components.items()}
+        reference = machine.reference_temperature_degC
+    with one_blas_thread():
+        return thermal_fit(
+            readings,
+            components,
+            reference=reference,
+            method=method,
+            zeroed=inputs.choices.zeroed or "auto",
+        )
+
+
+def _not_read(
+    inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
+) -> list[Finding]:
+    """The warning that readings are not used with the `report` of a fit to other files."""
+    digests = {
+        path: read_source(path, role)[0].sha256 for role in roles for path in inputs.files(role)
+    }
+    entries = report.document.get("inputs")
+    items = [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
+    fit_digests = {each.get("sha256") for each in items if each.get("role") in roles}
+    if not digests or set(digests.values()) == fit_digests:
+        return []
+    other = [path for path, digest in digests.items() if digest not in fit_digests]
+    names, what = [shown_path(path) for path in other or digests], ", ".join(report.components)
+    reason = f"{report.source.shown} gives {what}"
+    if fit_digests:
+        reason += "; it was fitted to other files"
+    return [finding("not-used", what="readings", names=names, reason=reason)]
+
+
+def _report_warnings(
+    report: ComponentsReport | ThermalReport, codes: Collection[str], components: Collection[str]
+) -> list[Finding]:
+    """Warnings of a report, of these `codes` and components, that hold for predictions from it."""
+    entries, result = report.document.get("warnings"), []
+    for item in entries if isinstance(entries, list) else ():
+        code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})
+        # Earlier versions reported no facts.
+        component = facts.get("component") if isinstance(facts, dict) else None
+        if code in codes and (component is None or component in components):
+            what = {"of": code, "message": str(item.get("message"))}
+            result.append(finding("reported", file=report.source.shown, **what))
+    return list(dict.fromkeys(result))
+
+
+def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:
+    """The warning of one approach direction for all features: between them a reversal cancels."""
+    names = [name for name in inputs.at if name.startswith("dir_") and name in model.covariates()]
+    return [finding("one-direction", names=names)] if names else []
+
+
+def _expand(at: dict[str, float], covariates: Iterable[str]) -> None:
+    """Names with * and ? stand for all covariates they match that have no entry in `at`."""
+    names = list(covariates)
+    for pattern in [name for name in at if "*" in name or "?" in name]:
+        matches = fnmatch.filter(names, pattern)
+        if matches:
+            value = at.pop(pattern)
+            at |= {name: value for name in matches if name not in at}
+    for name, value in at.items():
+        check_cell(name, value)
 
 
 def fit_components(inputs: Inputs) -> Result:
@@ -54,28 +218,26 @@ def predict_points(inputs: Inputs) -> Result:
     from mtu_cli.model.features import grid_of
     from mtu_cli.reports import predict_points as report
 
-    modelling, grid = modelled(inputs), inputs.options.grid
+    (model, warnings), grid = modelled(inputs), inputs.options.grid
     if grid is None:
-        result = analysis.predict_points(modelling.model, inputs.part, inputs.settings, inputs.at)
+        result = analysis.predict_points(model, inputs.part, inputs.settings, inputs.at)
     else:
-        ids, places = grid_of(inputs.machine, modelling.model, grid)
-        result = analysis.predict_places(modelling.model, ids, places, inputs.settings, inputs.at)
+        ids, places = grid_of(inputs.machine, model, grid)
+        result = analysis.predict_places(model, ids, places, inputs.settings, inputs.at)
     matrix = bool(inputs.options.covariance)
     document = report.document(result, inputs.settings.digits, with_covariance=matrix)
     conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
     gates = _conformance_gate(conformances, "position_um at a feature")
-    return Result.of(
-        inputs, document, warnings=[*modelling.warnings, *result.warnings], gates=gates
-    )
+    return Result.of(inputs, document, warnings=[*warnings, *result.warnings], gates=gates)
 
 
 def lengths(inputs: Inputs) -> Result:
     """Feature-to-feature lengths."""
     from mtu_cli.analyses.predictions import predict_lengths
 
-    modelling = modelled(inputs)
-    result = predict_lengths(modelling.model, inputs.part, inputs.settings, inputs.at)
-    warnings = [*modelling.warnings, *inputs.part.warnings, *one_direction(inputs, modelling.model)]
+    model, warnings = modelled(inputs)
+    result = predict_lengths(model, inputs.part, inputs.settings, inputs.at)
+    warnings = [*warnings, *inputs.part.warnings, *one_direction(inputs, model)]
     conformances: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
     conformances["the whole part"] = result.joint_conformance
     gates = _conformance_gate(conformances, "tolerance_um at a length")
@@ -86,9 +248,9 @@ def orthogonality(inputs: Inputs) -> Result:
     """Right angles between rows and columns of features."""
     from mtu_cli.analyses.predictions import predict_orthogonality
 
-    modelling = modelled(inputs)
-    result = predict_orthogonality(modelling.model, inputs.part, inputs.settings, inputs.at)
-    warnings = [*modelling.warnings, *one_direction(inputs, modelling.model)]
+    model, warnings = modelled(inputs)
+    result = predict_orthogonality(model, inputs.part, inputs.settings, inputs.at)
+    warnings = [*warnings, *one_direction(inputs, model)]
     conformances = {each.id: each.conformance for each in result.angles}
     gates = _conformance_gate(conformances, "tolerance_arcsec at an angle")
     return Result.reported(inputs, result, warnings, gates=gates)
@@ -133,13 +295,11 @@ def compare(inputs: Inputs) -> Result:
     """Predicted against measured parts."""
     from mtu_cli.analyses.compare import compare as analysis
 
-    modelling = modelled(inputs)
+    model, warnings = modelled(inputs)
     datum = inputs.choices.datum or "none"
-    result = analysis(
-        modelling.model, inputs.part, inputs.points, inputs.settings, datum, inputs.at
-    )
+    result = analysis(model, inputs.part, inputs.points, inputs.settings, datum, inputs.at)
     gates = {gate: partial(_verdict_reason, result, gate) for gate in ("biased", "under-predicted")}
-    return Result.reported(inputs, result, modelling.warnings, gates=gates)
+    return Result.reported(inputs, result, warnings, gates=gates)
 
 
 def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | None:
@@ -175,7 +335,7 @@ def correct(inputs: Inputs) -> Result:
     part = inputs.part_if_any
     rounds: Iterable[Any] = (*part.part.circles, *part.part.spheres) if part else ()
     # A calibrated diameter may need a temperature that no equation uses.
-    modelling = modelled(inputs, [item.temperature for item in rounds if item.temperature])
-    result = analysis(modelling.model, part, inputs.points, inputs.settings, inputs.at)
-    warmth = unused_warmth(modelling.model, inputs.points, reference)
-    return Result.reported(inputs, result, [*modelling.warnings, *warmth])
+    model, warnings = modelled(inputs, [item.temperature for item in rounds if item.temperature])
+    result = analysis(model, part, inputs.points, inputs.settings, inputs.at)
+    warmth = unused_warmth(model, inputs.points, reference)
+    return Result.reported(inputs, result, [*warnings, *warmth])

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from mtu_cli import __version__
+from mtu_cli.cli.analyse import modelled
 from mtu_cli.cli.emit import Listing, Result, written_files
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import CLIMATE, DRIFT, OPTIONS, POINTS, READINGS, Options, option_name
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, number_of, within
 from mtu_cli.files.contract import A_NAME, is_identifier, is_name
@@ -46,7 +46,7 @@ def simulate(inputs: Inputs) -> Result:
     if options.operation is not None and not is_name(options.operation):
         place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
         raise error("wrong-type", kind="a name", **place)
-    model = modelled(inputs).model
+    model = modelled(inputs)[0]
     # Components that are in no equation are not simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings = [each for each in of_machine if each.facts["what"] == "component"]
