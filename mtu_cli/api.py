@@ -27,7 +27,7 @@ from mtu_cli.cli.commands import COMMANDS, analysis_of
 from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import KINDS, Inputs
 from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options, options_of
-from mtu_cli.cli.values import check_bounds
+from mtu_cli.cli.values import check_values
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points, Readings
@@ -161,7 +161,7 @@ def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> I
         if entries[name].kind is Path:
             value = [Path(each) for each in value] if many else Path(value)
         values[name] = value
-    check_bounds(entries, values)
+    check_values(entries, values)
     data: dict[str, Any] = {}
     for item in (*items, *(value for value in options.values() if isinstance(value, Result))):
         _place(item, command, values, data)

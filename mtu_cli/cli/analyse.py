@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.analyses.fit_components import FitResult, fit_result
 from mtu_cli.cli.emit import Gate, Result
 from mtu_cli.cli.load import Inputs, check_cell
-from mtu_cli.cli.values import known_name
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_from
 from mtu_cli.files.source import read_source, report_bytes, shown_path
@@ -184,13 +183,14 @@ def _expand(at: dict[str, float], covariates: Iterable[str]) -> None:
 
 def fit_components(inputs: Inputs) -> Result:
     """Readings to the components of a machine."""
-    from mtu_cli.model.fit import fit_warnings, machine_warnings
-
     machine = inputs.machine
     if inputs.readings is None:
         raise inputs.missing("--lbb FILE or --laser FILE", "lbb", "laser")
     result = fitted(inputs, machine)
-    warnings = [*machine_warnings(machine, result.estimates), *fit_warnings(result.fit)]
+    warnings = [
+        *fitting.machine_warnings(machine, result.estimates),
+        *fitting.fit_warnings(result.fit),
+    ]
     # Passes that drift in one direction, or differ by more than repeatability.
     drifts = [
         f"{name} ({text})"
@@ -205,10 +205,7 @@ def fit_components(inputs: Inputs) -> Result:
 
 def thermal_fit(inputs: Inputs) -> Result:
     """Drift readings with temperatures to thermal models."""
-    from mtu_cli.analyses.thermal_fit import METHODS
-
-    method = known_name("--model", "model", inputs.options.model, METHODS)
-    fit = fitted_drift(inputs, method)
+    fit = fitted_drift(inputs, inputs.options.model)
     return Result.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
 
 
@@ -276,10 +273,9 @@ def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]
 
 def anova(inputs: Inputs) -> Result:
     """The scatter of measured parts, split."""
-    from mtu_cli.analyses.anova import METHODS, analyse_variance
+    from mtu_cli.analyses.anova import analyse_variance
 
-    method = known_name("--method", "method", inputs.options.method, METHODS)
-    datum = inputs.choices.datum or "none"
+    method, datum = inputs.options.method, inputs.choices.datum or "none"
     result = analyse_variance(inputs.points, inputs.part_if_any, method, inputs.settings, datum)
 
     def unusual(_: float) -> str | None:

@@ -151,9 +151,9 @@ def _call_of(name: str) -> Callable[..., None]:
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute
-            from mtu_cli.cli.values import check_bounds
+            from mtu_cli.cli.values import check_values
 
-            check_bounds(options_of(command.options), values)
+            check_values(options_of(command.options), values)
             execute(options, analysis_of(name))
 
     # Read by typer.

@@ -25,7 +25,6 @@ from mtu_cli.model.stated_errors import Stated, known_names, stated
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
-DIRECTIONS = ("both", "mean", "forward")
 DWELL_S = 3.0
 ROTARY = "c"
 """The axis of readings with position_deg, where --set axis does not name it."""
@@ -53,7 +52,6 @@ def compensate(inputs: Inputs) -> Result:
             direction="both" if table.both else "mean",
         )  # fmt: skip
         return Result.reported(inputs, result)
-    known_name("--direction", "direction", options.direction, DIRECTIONS)
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
     frame = analysis.Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))

@@ -47,7 +47,7 @@ KINDS = {
 """What is read, by attributes of `Inputs`, and the roles of its files."""
 NEEDED = {"machine": "-m", "part": "-p", "drift": "--drift", "points": "--cmm"}
 """Kinds that a command which asks for them cannot do without, and their options."""
-MEASURED = ("lbb", "laser", "drift", "cmm", "before", "verify")
+MEASURED = ("lbb", "laser", "drift", "cmm", "before", "verify", "file")
 """Roles whose files may be an instrument's own."""
 OPTION_OF = {"coverage_factor": "k"}
 """Options that are not called as the setting of a study."""

@@ -24,7 +24,6 @@ def iso230(inputs: Inputs) -> Result:
     from mtu_cli.analyses import iso230 as analysis
 
     options = inputs.options
-    standard = known_name("--standard", "standard", options.standard, analysis.STANDARDS)
     if (options.plan is None) != (options.pitch is None):
         option, other = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
         raise error("incomplete", what=option, other=other, expected=f"{other} MM, too")
@@ -34,7 +33,7 @@ def iso230(inputs: Inputs) -> Result:
     readings = inputs.readings
     if readings is None:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
-    figures = list(analysis.STANDARDS[standard])
+    figures = list(analysis.STANDARDS[options.standard])
     names = [f"{x.name}.{each}" for x in analysis.axes_of(readings)[0] for each in figures]
     limits = assignments(
         "--limit", options.limit, "NAME=VALUE", f"{figures[0]}=10",
@@ -47,7 +46,7 @@ def iso230(inputs: Inputs) -> Result:
         limits=limits,
         k=inputs.settings.coverage_factor,
         seed=inputs.settings.seed,
-        standard=standard,
+        standard=options.standard,
     )
     # What the checks of all readings have reported is not repeated.
     outliers = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}

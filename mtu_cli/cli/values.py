@@ -73,12 +73,17 @@ def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: 
             raise error("out-of-range", **place, expected=expected)
 
 
-def check_bounds(options: Mapping[str, Option], values: Mapping[str, Any]) -> None:
-    """Raises InputError for a number that is out of the bounds of its option."""
+def check_values(options: Mapping[str, Option], values: Mapping[str, Any]) -> None:
+    """Raises InputError for a number that is out of the bounds of its option, and for a text that
+    is none of its choices.
+    """
     for name, option in options.items():
         value = values.get(name)
         if option.bounds and value is not None:
             within(option_name(name), value if option.many else [value], option.bounds)
+        if option.choices:
+            what = str(option.metavar).lower().replace("how", "value")
+            known_name(option_name(name), what, value, option.choices)
 
 
 def known_name(option: str, what: str, name: Any, choices: Collection[str]) -> Any:
