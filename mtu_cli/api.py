@@ -40,7 +40,7 @@ from mtu_cli.findings import Finding
 FUNCTIONS = {
     name.replace("-", "_").replace(" ", "_"): name
     for name, command in COMMANDS.items()
-    if command.chapter != "cli.help" and name not in ("graph draw", "import")
+    if command.chapter != "help" and name not in ("graph draw", "import")
 }
 """The functions of the commands that report or make something, by their names in Python."""
 OUTPUTS = (*WRITTEN, "date", "detail", "quiet")

@@ -221,7 +221,7 @@ def predict_points(inputs: Inputs) -> Result:
     else:
         ids, places = grid_of(inputs.machine, model, grid)
         result = analysis.predict_places(model, ids, places, inputs.settings, inputs.at)
-    matrix = bool(inputs.options.covariance)
+    matrix = inputs.options.covariance
     document = report.document(result, inputs.settings.digits, with_covariance=matrix)
     conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
     gates = _conformance_gate(conformances, "position_um at a feature")

@@ -52,7 +52,7 @@ def declare(text: str) -> dict[str, Command]:
     result = {}
     for name, chapter, panel, gates, says, options in entries(text):
         gate_names = None if gates == "-" else tuple(gates.split()[1:])
-        result[name] = Command(f"cli.{chapter}", options, says, PANELS.get(panel), gate_names)
+        result[name] = Command(chapter, options, says, PANELS.get(panel), gate_names)
     return result
 
 
@@ -135,7 +135,7 @@ COMMANDS = declare(f"""
 
 def analysis_of(name: str) -> Callable[..., Any]:
     """The function of a command in its chapter, imported now."""
-    module = import_module(f"mtu_cli.{COMMANDS[name].chapter}")
+    module = import_module(f"mtu_cli.cli.{COMMANDS[name].chapter}")
     name = name.replace("-", "_").replace(" ", "_")
     result: Callable[..., Any] = getattr(module, f"{name}_" if iskeyword(name) else name)
     return result
@@ -147,7 +147,7 @@ def _call_of(name: str) -> Callable[..., None]:
 
     def call(**values: Any) -> None:
         options = Options(name.replace(" ", "-"), values, command.gates or ())
-        if command.chapter == "cli.help":
+        if command.chapter == "help":
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute

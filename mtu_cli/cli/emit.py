@@ -159,7 +159,7 @@ def execute(options: Options, run: Callable[[Inputs], Result]) -> None:
                 # A notebook's, or `io.StringIO`, takes text.
                 sys.stdout.write(report.decode())
             elif not options.quiet:
-                show(result.document.blocks(detail=bool(options.detail)))
+                show(result.document.blocks(detail=options.detail))
             sys.stdout.flush()
         except BrokenPipeError:
             # The reader has left (``| head``): nothing is wrong.
@@ -264,7 +264,7 @@ def _page(result: Result) -> bytes:
     return page_bytes(
         options.report.suffix.lower(),
         figure,
-        result.document.blocks(detail=bool(options.detail)),
+        result.document.blocks(detail=options.detail),
         result.warnings,
         settings | {f"{name} =": value for name, value in inputs.at.items()},
         title=": ".join([command, *names[:1]]),
@@ -287,10 +287,9 @@ def check_outputs(inputs: Inputs) -> None:
     """
     options, outputs = inputs.options, written_files(inputs.options)
     sources = [(role, path) for role, path in inputs.input_files() if os.path.exists(path)]
-    problems: list[Finding] = []
-    files = []
+    problems, files = list[Finding](), list[Path]()
     for name, path in outputs.items():
-        option = WRITTEN[name].names(name)[0]
+        option, place = WRITTEN[name].names(name)[0], {"file": given_path(path)}
         if path == STANDARD_OUTPUT:
             if name not in ("out", "to_csv") and (name != "csv" or outputs.get("out") == path):
                 reason = f"{option} cannot go to standard output"
@@ -298,9 +297,10 @@ def check_outputs(inputs: Inputs) -> None:
             continue
         makes = MADE.get(options.command, {}).get(name, ())
         roles = [role for role in makes if not options.values.get(role)]
-        for file in (path, *(path.with_name(path.name + x) for x in BESIDE.get(name, ()))):
-            files.append(file)
-            why = None
+        group = [path, *(path.with_name(path.name + x) for x in BESIDE.get(name, ()))]
+        files += group
+        for file in group:
+            why: str | None = None
             if any(role not in roles and same(file, source) for role, source in sources):
                 why = "it is an input"
             elif file.is_file() and name == "csv":
@@ -308,19 +308,15 @@ def check_outputs(inputs: Inputs) -> None:
             elif file.is_file() and options.command == "simulate" and not is_made(file):
                 why = f"it holds {measured_in(file) or 'what simulate has not made'}"
             if why:
-                place = {"file": given_path(file), "expected": "another name"}
-                problems.append(finding("not-overwritten", reason=why, **place))
+                facts = {"reason": why, "expected": "another name"}
+                problems.append(finding("not-overwritten", file=given_path(file), **facts))
         ending, endings = path.suffix.lower(), WRITTEN[name].endings
         if endings and ending not in endings and (path.is_file() or not os.path.exists(path)):
             reason = f"{option} does not write {ending or 'a file without an ending'}"
             expected = f"a name that ends in {' or '.join(endings)}"
-            place = {"file": given_path(path), "expected": expected}
-            problems.append(finding("output-form", reason=reason, **place))
-    first = {
-        each.file or each.message: each for each in [*target_faults(files)[::-1], *problems[::-1]]
-    }
-    if first:
-        raise InputError(reversed(first.values()))
+            problems.append(finding("output-form", reason=reason, expected=expected, **place))
+    if problems := [*problems, *target_faults(files)]:
+        raise InputError(problems)
 
 
 @contextmanager
