@@ -225,7 +225,7 @@ def predict_points(inputs: Inputs) -> Result:
     document = report.document(result, inputs.settings.digits, with_covariance=matrix)
     conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
     gates = _conformance_gate(conformances, "position_um at a feature")
-    return Result.of(inputs, document, warnings=[*warnings, *result.warnings], gates=gates)
+    return Result(inputs, document, [*warnings, *result.warnings], gates=gates)
 
 
 def lengths(inputs: Inputs) -> Result:

@@ -41,7 +41,7 @@ def close_loop(inputs: Inputs) -> Result:
     choices = inputs.choices
     library = effect_library(inputs.files("effects"))
     tables, warnings = _tables(inputs, choices.datum or "none")
-    inputs.sources.extend(library.sources)
+    inputs.entered(library)
     result = loop.close_loop(
         tables,
         library,
@@ -53,10 +53,10 @@ def close_loop(inputs: Inputs) -> Result:
     )
     files, of_files = _written_files(inputs, result)
     reason = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
-    return Result.of(
+    return Result(
         inputs,
         report.document(result, inputs.settings.digits),
-        warnings=[*warnings, *result.warnings, *of_files],
+        [*warnings, *result.warnings, *of_files],
         gates={
             "found": lambda _: reason if result.verdict != "none" else None,
             "unexplained": lambda _: reason if result.verdict == "unexplained" else None,

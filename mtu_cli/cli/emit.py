@@ -68,27 +68,16 @@ class Listing:
 
 @dataclass(frozen=True)
 class Result:
-    """What a command gives: its document, and the warnings of the input and of the result. `gates`
-    by name: the reason why one is met, of a limit where it has one, or None. `files`: what the
-    command writes beside report, table and picture, by path.
+    """What a command gives: its document, warnings beside those of the input, and by name `gates`:
+    the reason why one is met, of a limit where it has one, or None. `files`: what the command
+    writes beside report, table and picture, by path.
     """
 
     inputs: Inputs
     document: Document | Listing
-    warnings: Sequence[Finding]
+    further: Sequence[Finding] = ()
     gates: Mapping[str, Gate] = field(default_factory=dict)
     files: Mapping[Path, bytes] = field(default_factory=dict)
-
-    @classmethod
-    def of(
-        cls,
-        inputs: Inputs,
-        document: Document | Listing,
-        warnings: Iterable[Finding] = (),
-        **more: Any,
-    ) -> Result:
-        """A document, with its warnings after those of the input; `more` are the other fields."""
-        return cls(inputs, document, (*inputs.suspicions, *warnings), **more)
 
     @classmethod
     def reported(
@@ -97,7 +86,12 @@ class Result:
         """An analysis' result by the `document` of its report, and its warnings after others."""
         report = import_module(f"mtu_cli.reports.{inputs.options.command.replace('-', '_')}")
         document = report.document(result, inputs.settings.digits)
-        return cls.of(inputs, document, [*warnings, *result.warnings], **more)
+        return cls(inputs, document, [*warnings, *result.warnings], **more)
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """Those of the input, and of the result."""
+        return (*self.inputs.suspicions, *self.further)
 
     @property
     def command(self) -> str:

@@ -115,9 +115,7 @@ class Inputs:
         options, path = self.options, self.study_file
         if path is None or (options.study is None and (options.machine or options.file)):
             return None
-        study = load_study(path, absent=self.made())
-        self.sources.append(study.source)
-        return study
+        return self.entered(load_study(path, absent=self.made()))
 
     @property
     def study_file(self) -> Path | None:
@@ -215,15 +213,20 @@ class Inputs:
         """The part file of a command that does without one, too."""
         return self.part if self.files("part") else None
 
+    def entered(self, item: T) -> T:
+        """What was read, with its files entered among the inputs of the report."""
+        value: Any = item
+        self.sources += value.sources if hasattr(value, "sources") else [value.source]
+        return item
+
     def register(self, kind: str, item: T) -> T:
         """Enters the `item` of one kind of input, its files and what the checks warn of; the item.
 
         Raises InputError for what makes a result meaningless.
         """
         self.__dict__[kind] = item
-        value: Any = item
+        value: Any = self.entered(item)
         of: Any = kind
-        self.sources += value.sources if hasattr(value, "sources") else [value.source]
         if kind == "reports":
             return item
         of_machine = self.options.command not in OF_ANY_MACHINE and self.files("machine")

@@ -61,7 +61,7 @@ def simulate(inputs: Inputs) -> Result:
         path: tables[name].text(_heading(options, inputs.settings.seed, name)).encode()
         for name, path in paths.items()
     }
-    return Result.of(inputs, document, warnings, files=files)
+    return Result(inputs, document, warnings, files=files)
 
 
 def _heading(options: Options, seed: int, name: str) -> str:

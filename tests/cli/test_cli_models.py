@@ -11,7 +11,7 @@ from mtu_cli.cli.analyse import fit_components as fitting
 from mtu_cli.cli.analyse import modelled
 from mtu_cli.cli.emit import execute
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.measurement import variation
+from mtu_cli.cli.one_file import variation
 from mtu_cli.cli.options import Options
 from mtu_cli.findings import InputError
 

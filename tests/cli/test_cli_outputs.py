@@ -146,8 +146,8 @@ def test_warnings_are_said_once_and_notes_not_with_quiet(
         "note: not estimable: u (a); n [not-estimable]",
     ]
     for quiet in (True, False):
-        run = lambda inputs: Result.of(inputs, Listing(), [note])  # noqa: E731
-        execute(Options("lengths", {"quiet": quiet}), run)
+        options = Options("lengths", {"quiet": quiet})
+        execute(options, lambda inputs: Result(inputs, Listing(), [note]))
         assert ("not-estimable" in capsys.readouterr().err) != quiet
 
 

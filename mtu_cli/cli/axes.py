@@ -1,33 +1,161 @@
-"""`mtu compensate`: readings or stated errors to a control's table, and back."""
+"""The tests of axes, and what follows: `mtu iso230`, `mtu circular`, and the tables of controls
+(`mtu compensate`).
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses import compensate as analysis
-from mtu_cli.analyses.iso230 import places_read
+from mtu_cli.analyses import iso230 as positioning
 from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
 from mtu_cli.cli.values import above_zero, assignments, known_name
-from mtu_cli.files.readings import Readings
-from mtu_cli.files.source import check_text, read_source
-from mtu_cli.findings import InputError, error
+from mtu_cli.files.readings import PLANES, WAYS, Readings, read_traces
+from mtu_cli.files.source import check_text, read_source, report_bytes
+from mtu_cli.files.study import InstrumentBudget, load_study
+from mtu_cli.findings import InputError, error, listed
 from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
 from mtu_cli.model.passes import passes_read
 from mtu_cli.model.stated_errors import Stated, known_names, stated
+from mtu_cli.reports.document import envelope
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
+XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 DWELL_S = 3.0
 ROTARY = "c"
 """The axis of readings with position_deg, where --set axis does not name it."""
+
+
+def iso230(inputs: Inputs) -> Result:
+    """Positioning figures of every component read at targets, or a plan of targets."""
+    options = inputs.options
+    if (options.plan is None) != (options.pitch is None):
+        option, other = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
+        raise error("incomplete", what=option, other=other, expected=f"{other} MM, too")
+    if options.plan is not None:
+        plan = positioning.plan(options.plan, options.pitch)
+        return Result.reported(inputs, positioning.Iso230Result(axes={}, plan=plan))
+    readings = inputs.readings
+    if readings is None:
+        raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
+    figures = list(positioning.STANDARDS[options.standard])
+    names = [f"{x.name}.{each}" for x in positioning.axes_of(readings)[0] for each in figures]
+    limits = assignments(
+        "--limit", options.limit, "NAME=VALUE", f"{figures[0]}=10",
+        lambda name, text: above_zero(f"--limit {name}", text), [*figures, *names], "figure",
+    )  # fmt: skip
+    result = positioning.evaluate_all(
+        readings,
+        budget=_budget(inputs),
+        before=inputs.before,
+        limits=limits,
+        k=inputs.settings.coverage_factor,
+        seed=inputs.settings.seed,
+        standard=options.standard,
+    )
+    # What the checks of all readings have reported is not repeated.
+    outliers = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
+    warnings = [x for x in result.warnings
+                if x.code != "outlying-value" or x.facts["what"] not in outliers]  # fmt: skip
+    result = replace(result, warnings=tuple(warnings))
+
+    def nonconforming(_: float) -> str | None:
+        if not result.decisions:
+            raise error("gate-undefined", gate="nonconforming", expected="--limit A=10, say")
+        failures = [f"{x.name} of {axis.name} {abs(x.value) / x.size:.4g} {x.unit}"
+                    for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
+        return f"beyond the limit by ISO 14253-1: {listed(failures)}" if failures else None
+
+    return Result.reported(inputs, result, gates={"nonconforming": nonconforming})
+
+
+def _budget(inputs: Inputs) -> InstrumentBudget | None:
+    """The instrument's budget: of --budget, else of the study."""
+    path = inputs.options.budget
+    if path is None:
+        return inputs.study.study.budget if inputs.study else None
+    loaded = inputs.entered(load_study(path, "budget"))
+    if loaded.study.budget is None:
+        expected = "budget: {device_U_um_per_m: 0.5, ...}"
+        raise error("missing-key", file=loaded.source.shown, key="budget", expected=expected)
+    return loaded.study.budget
+
+
+def circular(inputs: Inputs) -> Result:
+    """A circular test: figures of its traces and their causes, or the features of a ballbar."""
+    from mtu_cli.analyses.circular import diagnose
+    from mtu_cli.reports import circular as report
+
+    options = inputs.options
+    ways = _words(
+        options.direction, lambda x: known_name("--direction", "direction", x.lower(), WAYS)
+    )
+    planes = _words(options.plane, lambda x: known_name("--plane", "plane", x.upper(), PLANES))
+    feeds = _words(options.feed, partial(above_zero, "--feed"))
+    pitches = _words(options.pitch, partial(above_zero, "--pitch"))
+    if len(pitches) > 2:
+        count = f"{len(pitches)} values"
+        raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
+    paths = options.file
+    xml = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in paths]
+    if any(xml):
+        if not all(xml):
+            names = "traces and a ballbar's stated features"
+            raise error("exclusive", names=names, expected="a call for each")
+        return _ballbar(inputs, paths, planes)
+    radius = [] if options.radius is None else [options.radius]
+    traces = inputs.entered(
+        read_traces(paths, direction=ways, feed=feeds, radius=radius, plane=planes)
+    )
+    target = options.write_components
+    if target is not None and not traces.plane:
+        expected = "--plane XY, YZ or ZX, or a column 'plane'"
+        raise error("missing-input", what="the plane", expected=expected)
+    result = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None)
+
+    files = {}
+    if target is not None:
+        record = envelope("fit-components", inputs=traces.sources, settings=inputs.settings,
+                          results=report.components(result), warnings=result.warnings)  # fmt: skip
+        files[target] = report_bytes(record)
+    return Result.reported(inputs, result, files=files)
+
+
+def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:
+    """The values of an option with commas."""
+    return [convert(each.strip()) for each in text.split(",")] if text else []
+
+
+def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Result:
+    """The features that a ballbar states, in its own units and with its own signs."""
+    from mtu_cli.formats.base import raw_file
+    from mtu_cli.formats.renishaw import features_of
+    from mtu_cli.reports.circular import stated_document
+
+    if inputs.options.write_components:
+        expected = "a CSV of traces: the sign of stated features is not known"
+        raise error("missing-input", what="a trace", expected=expected)
+    contents = {}
+    for path in paths:
+        file = inputs.entered(raw_file(path, "traces"))
+        content = contents[file.source.shown] = features_of(file)
+        test_plane = str(content.get("test_plane") or "")
+        for plane in planes:
+            if test_plane and plane != test_plane.upper():
+                raise file.error("contradicts", path="TEST_PLANE", value=test_plane,
+                                 other=f"--plane {plane}")  # fmt: skip
+    return Result(inputs, stated_document(contents, inputs.settings.digits))
 
 
 def compensate(inputs: Inputs) -> Result:
@@ -152,7 +280,7 @@ def _errors(
     """
     machine, readings = inputs.machine, inputs.readings
     component, rows = machine.machine.components.get(names[0]), _rows(readings, names[0])
-    if readings and places_read(readings)[1][rows].any():
+    if readings and positioning.places_read(readings)[1][rows].any():
         if names[1:]:
             reason = f"{names[0]} is of a rotary axis: nothing is added to its readings"
             raise error("not-applicable", reason=reason)
@@ -192,7 +320,7 @@ def _columns(
     readings: Readings, rows: IntArray, axis: str
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
     """Position (mm, of a rotary axis deg), direction, error and run of some readings."""
-    position = places_read(readings)[0][rows]
+    position = positioning.places_read(readings)[0][rows]
     if np.isnan(position).any():
         place = readings.place(rows[np.argmax(np.isnan(position))]) | {"column": "position_mm"}
         raise error("empty-cell", expected="a position", **place)
@@ -225,7 +353,7 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
     options, quantum = inputs.options, skew_quantum(parameters)
     if options.read:
         text, file = _text(inputs, options.read)
-        return Result.of(inputs, skew_document(file, read_skew(text), quantum))
+        return Result(inputs, skew_document(file, read_skew(text), quantum))
     name = (options.component or [""])[0]
     known_name("--component", "component", name, known_names(inputs.machine))
     entry = inputs.machine.machine.components.get(name)
@@ -246,4 +374,4 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
     if abs(readback - angle) > quantum / 2:
         raise error("not-writable", reason=f"read back it is {readback:.9g} rad, not {angle:.9g}")
     files = {options.to_file: text.encode()} if options.to_file else {}
-    return Result.of(inputs, skew_document(name, readback, quantum), files=files)
+    return Result(inputs, skew_document(name, readback, quantum), files=files)
