@@ -182,7 +182,6 @@ def _expand(at: dict[str, float], covariates: Iterable[str]) -> None:
 
 
 def fit_components(inputs: Inputs) -> Result:
-    """Readings to the components of a machine."""
     machine = inputs.machine
     if inputs.readings is None:
         raise inputs.missing("--lbb FILE or --laser FILE", "lbb", "laser")
@@ -204,7 +203,6 @@ def fit_components(inputs: Inputs) -> Result:
 
 
 def thermal_fit(inputs: Inputs) -> Result:
-    """Drift readings with temperatures to thermal models."""
     fit = fitted_drift(inputs, inputs.options.model)
     return Result.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
 
@@ -229,7 +227,6 @@ def predict_points(inputs: Inputs) -> Result:
 
 
 def lengths(inputs: Inputs) -> Result:
-    """Feature-to-feature lengths."""
     from mtu_cli.analyses.predictions import predict_lengths
 
     model, warnings = modelled(inputs)
@@ -242,7 +239,6 @@ def lengths(inputs: Inputs) -> Result:
 
 
 def orthogonality(inputs: Inputs) -> Result:
-    """Right angles between rows and columns of features."""
     from mtu_cli.analyses.predictions import predict_orthogonality
 
     model, warnings = modelled(inputs)
@@ -272,7 +268,6 @@ def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]
 
 
 def anova(inputs: Inputs) -> Result:
-    """The scatter of measured parts, split."""
     from mtu_cli.analyses.anova import analyse_variance
 
     method, datum = inputs.options.method, inputs.choices.datum or "none"
@@ -288,7 +283,6 @@ def anova(inputs: Inputs) -> Result:
 
 
 def compare(inputs: Inputs) -> Result:
-    """Predicted against measured parts."""
     from mtu_cli.analyses.compare import compare as analysis
 
     model, warnings = modelled(inputs)
@@ -323,7 +317,6 @@ def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | Non
 
 
 def correct(inputs: Inputs) -> Result:
-    """Measured points minus the modelled error."""
     from mtu_cli.analyses.correct import correct as analysis
     from mtu_cli.analyses.correct import unused_warmth
 

@@ -4,11 +4,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -38,7 +36,6 @@ ROTARY = "c"
 
 
 def iso230(inputs: Inputs) -> Result:
-    """Positioning figures of every component read at targets, or a plan of targets."""
     options = inputs.options
     if (options.plan is None) != (options.pitch is None):
         option, other = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
@@ -98,12 +95,14 @@ def circular(inputs: Inputs) -> Result:
     from mtu_cli.reports import circular as report
 
     options = inputs.options
-    ways = _words(
-        options.direction, lambda x: known_name("--direction", "direction", x.lower(), WAYS)
-    )
-    planes = _words(options.plane, lambda x: known_name("--plane", "plane", x.upper(), PLANES))
-    feeds = _words(options.feed, partial(above_zero, "--feed"))
-    pitches = _words(options.pitch, partial(above_zero, "--pitch"))
+
+    def words(name: str) -> list[str]:
+        text = options.values.get(name)
+        return [each.strip() for each in text.split(",")] if text else []
+
+    ways = [known_name("--direction", "direction", x.lower(), WAYS) for x in words("direction")]
+    planes = [known_name("--plane", "plane", x.upper(), PLANES) for x in words("plane")]
+    feeds, pitches = ([above_zero(f"--{x}", text) for text in words(x)] for x in ("feed", "pitch"))
     if len(pitches) > 2:
         count = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
@@ -115,9 +114,8 @@ def circular(inputs: Inputs) -> Result:
             raise error("exclusive", names=names, expected="a call for each")
         return _ballbar(inputs, paths, planes)
     radius = [] if options.radius is None else [options.radius]
-    traces = inputs.entered(
-        read_traces(paths, direction=ways, feed=feeds, radius=radius, plane=planes)
-    )
+    traces = read_traces(paths, direction=ways, feed=feeds, radius=radius, plane=planes)
+    inputs.entered(traces)
     target = options.write_components
     if target is not None and not traces.plane:
         expected = "--plane XY, YZ or ZX, or a column 'plane'"
@@ -130,11 +128,6 @@ def circular(inputs: Inputs) -> Result:
                           results=report.components(result), warnings=result.warnings)  # fmt: skip
         files[target] = report_bytes(record)
     return Result.reported(inputs, result, files=files)
-
-
-def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:
-    """The values of an option with commas."""
-    return [convert(each.strip()) for each in text.split(",")] if text else []
 
 
 def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Result:

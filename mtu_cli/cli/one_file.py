@@ -32,7 +32,6 @@ LISTED = 40
 
 
 def budget(inputs: Inputs) -> Result:
-    """An uncertainty budget."""
     from mtu_cli.analyses.budget import evaluate_budget
     from mtu_cli.files.budget import load_budget
 
