@@ -4,9 +4,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,13 +16,13 @@ from mtu_cli.analyses import iso230 as positioning
 from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
-from mtu_cli.cli.values import above_zero, assignments, known_name
+from mtu_cli.cli.values import assignments, known_name, number_of
 from mtu_cli.files.readings import PLANES, WAYS, Readings, read_traces
-from mtu_cli.files.source import check_text, read_source, report_bytes
+from mtu_cli.files.source import check_text, read_source, report_bytes, shown_path
 from mtu_cli.files.study import InstrumentBudget, load_study
 from mtu_cli.findings import InputError, error, listed
 from mtu_cli.formats.control import CONTROLLERS, NAMES
-from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
+from mtu_cli.formats.control.errors import Controller, Parameters
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
 from mtu_cli.model.passes import passes_read
 from mtu_cli.model.stated_errors import Stated, known_names, stated
@@ -29,6 +30,7 @@ from mtu_cli.reports.document import envelope
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
+T = TypeVar("T")
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 DWELL_S = 3.0
 ROTARY = "c"
@@ -50,7 +52,8 @@ def iso230(inputs: Inputs) -> Result:
     names = [f"{x.name}.{each}" for x in positioning.axes_of(readings)[0] for each in figures]
     limits = assignments(
         "--limit", options.limit, "NAME=VALUE", f"{figures[0]}=10",
-        lambda name, text: above_zero(f"--limit {name}", text), [*figures, *names], "figure",
+        lambda name, text: number_of(f"--limit {name}", text, positive=True),
+        [*figures, *names], "figure",
     )  # fmt: skip
     result = positioning.evaluate_all(
         readings,
@@ -102,7 +105,10 @@ def circular(inputs: Inputs) -> Result:
 
     ways = [known_name("--direction", "direction", x.lower(), WAYS) for x in words("direction")]
     planes = [known_name("--plane", "plane", x.upper(), PLANES) for x in words("plane")]
-    feeds, pitches = ([above_zero(f"--{x}", text) for text in words(x)] for x in ("feed", "pitch"))
+    feeds, pitches = (
+        [number_of(f"--{name}", text, positive=True) for text in words(name)]
+        for name in ("feed", "pitch")
+    )
     if len(pitches) > 2:
         count = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
@@ -154,7 +160,7 @@ def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Re
 def compensate(inputs: Inputs) -> Result:
     """The table of a control, or with --read the errors in one."""
     options = inputs.options
-    feed = above_zero("--feed", str(options.feed))
+    feed = number_of("--feed", str(options.feed), positive=True)
     if options.for_ is None:
         raise error("missing-input", what="the control", expected="--for CONTROLLER")
     known_name("--for", "controller", options.for_, NAMES)
@@ -167,7 +173,7 @@ def compensate(inputs: Inputs) -> Result:
     if control is None:
         return _skew(inputs, parameters)
     if options.read:
-        table = _read(inputs, options.read, control, parameters)
+        table = _read(inputs, options.read, lambda text: control.read_back(text, parameters))
         result = analysis.CompensateResult(
             component=options.read.name, controller=control, asked=table, held=table,
             direction="both" if table.both else "mean",
@@ -184,7 +190,8 @@ def compensate(inputs: Inputs) -> Result:
     errors, axis, first = _errors(inputs, names, request, overrides.get("axis", ROTARY).lower())
     _name_axis(inputs, names[0], axis, first, control, parameters, overrides)
     if options.current:
-        request = replace(request, current=_read(inputs, options.current, control, parameters))
+        current = _read(inputs, options.current, lambda text: control.read_back(text, parameters))
+        request = replace(request, current=current)
     # Type 0 where --set names none: a file does not show its type.
     parameters["type"] = parameters.get("type") or "0"
     plan = result = analysis.compensate(
@@ -322,21 +329,15 @@ def _columns(
     return position, direction, readings.error[rows], passes.runs[group]
 
 
-def _read(inputs: Inputs, path: Path, control: Controller, parameters: Parameters) -> ErrorTable:
-    """A table that exists; raises InputError with the file's name."""
-    text, file = _text(inputs, path)
-    try:
-        return control.read_back(text, parameters)
-    except InputError as fault:
-        raise InputError([each.at(file=file) for each in fault.findings]) from None
-
-
-def _text(inputs: Inputs, path: Path) -> tuple[str, str]:
-    """The text of a control's file, and its name."""
+def _read(inputs: Inputs, path: Path, reader: Callable[[str], T]) -> T:
+    """What a control's file holds for its reader; raises InputError with the file's name."""
     source, content = read_source(path, "table")
     inputs.sources.append(source)
     check_text(content, source.shown)
-    return content.decode("utf-8-sig"), source.shown
+    try:
+        return reader(content.decode("utf-8-sig"))
+    except InputError as fault:
+        raise InputError([each.at(file=source.shown) for each in fault.findings]) from None
 
 
 def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
@@ -345,8 +346,8 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
 
     options, quantum = inputs.options, skew_quantum(parameters)
     if options.read:
-        text, file = _text(inputs, options.read)
-        return Result(inputs, skew_document(file, read_skew(text), quantum))
+        angle, name = _read(inputs, options.read, read_skew), shown_path(options.read)
+        return Result(inputs, skew_document(name, angle, quantum))
     name = (options.component or [""])[0]
     known_name("--component", "component", name, known_names(inputs.machine))
     entry = inputs.machine.machine.components.get(name)

@@ -135,14 +135,13 @@ class Inputs:
         """The files of a role: those of the option, else those of the study except the ones that
         the call makes.
         """
-        paths, made = self.study.files.get(role, ()) if self.study else (), self.made(role)
-        rest = [path for path in paths if not any(same(path, each) for each in made)]
+        paths = self.study.files.get(role, ()) if self.study else ()
+        rest = [path for path in paths if not any(same(path, each) for each in self.made())]
         return [path for _, path in self.named_files(role)] or rest
 
-    def made(self, role: str = "") -> list[Path]:
-        """The files that the call makes, of all roles or of one."""
-        makes = MADE.get(self.options.command, {})
-        paths = [self.options.values.get(x) for x, roles in makes.items() if role in (*roles, "")]
+    def made(self) -> list[Path]:
+        """The files that the command is there to make."""
+        paths = (self.options.values.get(name) for name in MADE.get(self.options.command, ()))
         return [path for path in paths if path]
 
     def converter(self) -> Convert:

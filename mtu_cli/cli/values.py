@@ -16,8 +16,8 @@ MOST_STEPS = 10_000
 SPAN = "LOW:HIGH:COUNT"
 
 
-def number_of(option: str, text: str, *, whole: bool = False) -> float:
-    """A finite number, `whole` or not.
+def number_of(option: str, text: str, *, whole: bool = False, positive: bool = False) -> float:
+    """A finite number, which may have to be `whole`, or `positive`.
 
     Raises InputError that names the `option`.
 
@@ -31,13 +31,7 @@ def number_of(option: str, text: str, *, whole: bool = False) -> float:
         raise error("wrong-type", path=option, kind=kind, value=text)
     if whole and not text.lstrip("+-").isdigit():
         raise error("wrong-type", path=option, kind="a whole number", value=text)
-    return value
-
-
-def above_zero(option: str, text: str) -> float:
-    """A finite number above 0; raises InputError as `number_of` does."""
-    value = number_of(option, text)
-    if value <= 0:
+    if positive and value <= 0:
         raise error("out-of-range", path=option, value=text, expected="a number above 0")
     return value
 
