@@ -181,30 +181,30 @@ def compensate(inputs: Inputs) -> Result:
         return Result.reported(inputs, result)
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
-    frame = analysis.Frame(zero=options.machine_zero, reverse=bool(options.reverse_axis))
+    frame = analysis.Frame(zero=options.machine_zero, reverse=options.reverse_axis)
     request = analysis.TableRequest(
         direction=options.direction, positions=_positions(inputs), reference=options.reference,
         frame=frame,
     )  # fmt: skip
-    names = _names(inputs)
-    errors, axis, first = _errors(inputs, names, request, overrides.get("axis", ROTARY).lower())
-    _name_axis(inputs, names[0], axis, first, control, parameters, overrides)
+    errors, summands = _errors(inputs, request, overrides.get("axis", ROTARY).lower())
+    first = summands[0]
+    _name_axis(inputs, first, control, parameters, overrides)
     if options.current:
         current = _read(inputs, options.current, lambda text: control.read_back(text, parameters))
         request = replace(request, current=current)
     # Type 0 where --set names none: a file does not show its type.
     parameters["type"] = parameters.get("type") or "0"
     plan = result = analysis.compensate(
-        errors, control, parameters, request, component=" + ".join(names),
+        errors, control, parameters, request, component=" + ".join(x.name for x in summands),
         seed=inputs.settings.seed, trials=inputs.settings.trials,
     )  # fmt: skip
-    if readings := inputs.verify if options.verify else None:
+    if readings := inputs.verify:
         file = ", ".join(source.shown for source in readings.sources)
-        if names[0] not in readings.components:
+        if first.name not in readings.components:
             components = ", ".join(readings.components)
-            reason = f"--verify holds readings of {components}, not of {names[0]}"
+            reason = f"--verify holds readings of {components}, not of {first.name}"
             raise error("not-applicable", reason=reason, file=file)
-        columns = _columns(readings, _rows(readings, names[0]), axis)
+        columns = _columns(readings, _rows(readings, first.name), first.axis)
         try:
             result = analysis.verify(result, *columns)
         except InputError as fault:
@@ -219,37 +219,27 @@ def compensate(inputs: Inputs) -> Result:
         notes = (control.says, frame.says, f"This table: {values}.")
         files[companion] = "".join(f"{note}\n" for note in notes).encode()
     if options.to_nc:
-        program = analysis.moves_program(plan, feed, DWELL_S, axis.upper(), frame)
+        program = analysis.moves_program(plan, feed, DWELL_S, first.axis.upper(), frame)
         files[options.to_nc] = program.encode()
     return Result.reported(inputs, result, files=files)
 
 
-def _names(inputs: Inputs) -> list[str]:
-    """The components to compensate, the one with readings first: the others are added to it."""
-    names = list(inputs.options.component)
-    first = [name for name in names if len(_rows(inputs.readings, name))]
-    if first[1:]:
-        reason = f"there are readings of {' and '.join(first)}: those of one are compensated"
-        raise error("not-applicable", reason=reason, expected="one of them")
-    return first + [name for name in names if name not in first]
-
-
 def _name_axis(
-    inputs: Inputs, name: str, axis: str, first: Stated | None, control: Controller,
-    parameters: dict[str, str], overrides: Parameters,
+    inputs: Inputs, first: Stated, control: Controller, parameters: dict[str, str],
+    overrides: Parameters,
 ) -> None:  # fmt: skip
     """The axis and the ISO 230-1 name of the component, where the control wants them: `parameters`
     hold those of X, and axes that a control numbers are counted on from it.
     """
+    name, axis, output = first.name, first.axis, first.output
     of_x = "" if "axis" in overrides else parameters.get("axis", "")
     if of_x.startswith("X"):
         parameters["axis"] = axis.upper() + of_x[1:]
     elif of_x:
         parameters["axis"] = f"{of_x[:-1]}{int(of_x[-1]) + 'xyzabc'.index(axis)}"
-    output = axis if first is None else first.output
     if "error" in parameters and not parameters["error"]:
         component = inputs.machine.machine.components.get(name)
-        iso_name = "" if first is not None and first.angle else f"E{output}{axis}".upper()
+        iso_name = "" if first.angle else f"E{output}{axis}".upper()
         parameters["error"] = (component and component.iso) or iso_name
     elif output != axis and not control.listing:
         reason = f"{name} is an error in {output} along {axis}: no table of one axis"
@@ -273,12 +263,19 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
 
 
 def _errors(
-    inputs: Inputs, names: Sequence[str], request: analysis.TableRequest, rotary: str
-) -> tuple[analysis.AxisErrors, str, Stated | None]:
-    """Errors by readings of the first name, else of the machine, plus the others; the axis, and
-    the first component as stated (None of a rotary axis).
+    inputs: Inputs, request: analysis.TableRequest, rotary: str
+) -> tuple[analysis.AxisErrors, list[Stated]]:
+    """Errors by the readings of one component, else by the machine, plus those of the others; and
+    what they are of, that component first.
     """
     machine, readings = inputs.machine, inputs.readings
+    names = sorted(inputs.options.component, key=lambda name: not len(_rows(readings, name)))
+    with_readings = [name for name in names if len(_rows(readings, name))]
+    if with_readings[1:]:
+        reason = (
+            f"there are readings of {' and '.join(with_readings)}: those of one are compensated"
+        )
+        raise error("not-applicable", reason=reason, expected="one of them")
     component, rows = machine.machine.components.get(names[0]), _rows(readings, names[0])
     if readings and positioning.places_read(readings)[1][rows].any():
         if names[1:]:
@@ -286,13 +283,14 @@ def _errors(
             raise error("not-applicable", reason=reason)
         angle = component is not None and UNITS[component.unit].dimension != LENGTH
         columns = _columns(readings, rows, rotary)
-        return analysis.axis_errors(*columns, angle=angle, rotary=True), rotary, None
-    rest = [stated(machine, name) for name in names]
-    first, axis = rest[0], rest[0].axis
-    if any(each.axis != axis for each in rest):
+        summands = [Stated(name=names[0], axis=rotary, output=rotary)]
+        return analysis.axis_errors(*columns, angle=angle, rotary=True), summands
+    summands = [stated(machine, name) for name in names]
+    first, rest = summands[0], summands
+    if any(each.axis != first.axis for each in rest):
         raise error("not-applicable", reason=f"{', '.join(names)} are not along one axis")
     if readings and len(rows):
-        errors = analysis.axis_errors(*_columns(readings, rows, axis), angle=first.angle)
+        errors = analysis.axis_errors(*_columns(readings, rows, first.axis), angle=first.angle)
         rest = rest[1:]
     else:
         if request.places is None:
@@ -306,7 +304,7 @@ def _errors(
         )  # fmt: skip
     for each in rest:
         errors = errors.plus(each.errors_at(machine, errors.targets))
-    return errors, axis, first
+    return errors, summands
 
 
 def _rows(readings: Readings | None, name: str) -> IntArray:

@@ -252,7 +252,9 @@ def _page(result: Result) -> bytes:
     used = [name for option, name in USED.items() if option in options.values]
     settings = {name.replace("_", " "): getattr(inputs.settings, name) for name in used}
     settings |= {"trials": "adaptive"} if settings.get("trials", 0) is None else {}
-    names = inputs.names
+    names = [getattr(vars(inputs)[x], x).name for x in ("machine", "part") if x in vars(inputs)]
+    names += [inputs.study.source.shown] if inputs.study else []
+    names = names or [source.shown for source in inputs.sources]
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
     return page_bytes(
@@ -270,8 +272,7 @@ def _page(result: Result) -> bytes:
 
 def written_files(options: Options) -> dict[str, Path]:
     """The files that a call writes: path by name of the option."""
-    values = {name: options.values.get(name) for name in WRITTEN}
-    return {name: path for name, path in values.items() if isinstance(path, Path)}
+    return {x: path for x in WRITTEN if isinstance(path := options.values.get(x), Path)}
 
 
 def check_outputs(inputs: Inputs) -> None:

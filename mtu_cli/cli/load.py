@@ -200,14 +200,6 @@ class Inputs:
         return error("missing-input", what=f"the {' or '.join(roles)} file", expected=expected)
 
     @property
-    def names(self) -> list[str]:
-        """The names in the files of the call: machine, part, study; at least one."""
-        cache = self.__dict__
-        result = [getattr(cache[kind], kind).name for kind in ("machine", "part") if kind in cache]
-        result += [self.study.source.shown] if self.study else []
-        return result or [source.shown for source in self.sources]
-
-    @property
     def part_if_any(self) -> LoadedPart | None:
         """The part file of a command that does without one, too."""
         return self.part if self.files("part") else None
