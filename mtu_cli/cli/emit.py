@@ -310,8 +310,10 @@ def check_outputs(inputs: Inputs) -> None:
             reason = f"{option} does not write {ending or 'a file without an ending'}"
             expected = f"a name that ends in {' or '.join(endings)}"
             problems.append(finding("output-form", reason=reason, expected=expected, **place))
-    if problems := [*problems, *target_faults(files)]:
-        raise InputError(problems)
+    # The first problem of each file.
+    first = {x.file or x.message: x for x in reversed([*problems, *target_faults(files)])}
+    if first:
+        raise InputError(reversed(first.values()))
 
 
 @contextmanager
