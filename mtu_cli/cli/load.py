@@ -158,9 +158,7 @@ class Inputs:
             # Where neither names one, the component of --component.
             of_call = self.options.component or (None,)
             entries = self.machine.machine.components if self.files("machine") else {}
-            profile = (
-                study.source.path.parent / instrument.map if study and instrument.map else None
-            )
+            folder = study.source.path.parent if study else Path()
             return Ask(
                 kind=KIND_OF[role],
                 component=names.get(path) or instrument.component or of_call[0],
@@ -168,7 +166,7 @@ class Inputs:
                 machine_units={name: entry.unit for name, entry in entries.items()},
                 decimal=instrument.decimal,
                 directions=instrument.directions,
-                profile=profile,
+                profile=folder / instrument.map if instrument.map else None,
             )
 
         def note(file: RawFile, table: Imported) -> None:

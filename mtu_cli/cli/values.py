@@ -76,7 +76,7 @@ def check_values(options: Mapping[str, Option], values: Mapping[str, Any]) -> No
         if option.bounds and value is not None:
             within(option_name(name), value if option.many else [value], option.bounds)
         if option.choices:
-            what = (name if option.metavar == "HOW" else str(option.metavar)).lower()
+            what = str(option.metavar).lower().replace("how", "value")
             known_name(option_name(name), what, value, option.choices)
 
 
