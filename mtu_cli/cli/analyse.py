@@ -113,19 +113,14 @@ def fitted_drift(inputs: Inputs, method: str) -> ThermalFit:
     """The thermal models of the drift readings."""
     from mtu_cli.analyses.thermal_fit import thermal_fit
 
-    components, reference, readings = None, REFERENCE_WITHOUT_MACHINE, inputs.drift
+    readings, zeroed = inputs.drift, inputs.choices.zeroed or "auto"
+    components, reference = None, REFERENCE_WITHOUT_MACHINE
     if inputs.files("machine"):
         machine = inputs.machine.machine
         components = {name: (item.of, item.unit) for name, item in machine.components.items()}
         reference = machine.reference_temperature_degC
     with one_blas_thread():
-        return thermal_fit(
-            readings,
-            components,
-            reference=reference,
-            method=method,
-            zeroed=inputs.choices.zeroed or "auto",
-        )
+        return thermal_fit(readings, components, reference=reference, method=method, zeroed=zeroed)
 
 
 def _not_read(

@@ -24,7 +24,7 @@ from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points, Readings, read_points, read_readings
 from mtu_cli.files.reports_read import ModelReports, read_reports
-from mtu_cli.files.source import Source, given_path, same, shown_path
+from mtu_cli.files.source import Source, given_path, resolved, same, shown_path
 from mtu_cli.files.study import STUDY_NAME, Instrument, LoadedStudy, find_study, load_study
 from mtu_cli.files.study import Settings as StudySettings
 from mtu_cli.findings import Finding, InputError, error, finding
@@ -283,7 +283,8 @@ class Inputs:
         full_names = {
             path.name: text
             for text, path in paths.items()
-            if count[path.name] == 1 and shown_path(path) == path.name
+            if count[path.name] == 1 == len({path.name, shown_path(path)})
+            and resolved(path.parent) != resolved(Path())
         }
         return [replace(each, file=full_names.get(each.file or "", each.file)) for each in findings]
 
