@@ -24,10 +24,10 @@ from pathlib import Path
 from typing import Any
 
 from mtu_cli.cli.commands import COMMANDS, analysis_of
-from mtu_cli.cli.emit import Result, result_of
+from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import KINDS, Inputs
 from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options, options_of
-from mtu_cli.cli.values import check_bounds
+from mtu_cli.cli.values import check_values
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points, Readings
@@ -40,7 +40,7 @@ from mtu_cli.findings import Finding
 FUNCTIONS = {
     name.replace("-", "_").replace(" ", "_"): name
     for name, command in COMMANDS.items()
-    if command.chapter != "cli.help" and name not in ("graph draw", "import")
+    if command.chapter != "help" and name not in ("graph draw", "import")
 }
 """The functions of the commands that report or make something, by their names in Python."""
 OUTPUTS = (*WRITTEN, "date", "detail", "quiet")
@@ -75,7 +75,7 @@ def read_readings(
     inputs = _reading(paths, role)
     if machine is not None:
         inputs.options.values["machine"], inputs.__dict__["machine"] = machine.source.path, machine
-    files = [(path, role) for path in inputs.call_files(role)]
+    files = [(path, role) for path in inputs.files(role)]
     for_fit = role != DRIFT and components is not None
     return readings_of(files, components, for_fit=for_fit, convert=inputs.converter())
 
@@ -84,9 +84,7 @@ def read_points(paths: Iterable[FilePath], part: LoadedPart | None = None) -> Po
     """Measured points with the nominal places of `part`, or their own; raises InputError."""
     places = None if part is None else part.part.places()
     inputs = _reading(paths, "cmm")
-    return points_of(
-        [(path, "cmm") for path in inputs.call_files("cmm")], places, inputs.converter()
-    )
+    return points_of([(path, "cmm") for path in inputs.files("cmm")], places, inputs.converter())
 
 
 def _reading(paths: Iterable[FilePath], role: str) -> Inputs:
@@ -121,7 +119,8 @@ def simulate(*given: Any, make: str = "cmm", **options: Any) -> Result:
         raise ValueError(f"make: {make!r} is none of 'lbb', 'cmm', 'drift'")
     inputs = _inputs("simulate", given, options)
     inputs.options.values[option] = Path(f"{make}.csv")
-    return result_of(inputs, analysis_of("simulate"))
+    result: Result = analysis_of("simulate")(inputs)
+    return result
 
 
 def function_of(name: str) -> Callable[..., Result]:
@@ -136,7 +135,8 @@ def function_of(name: str) -> Callable[..., Result]:
 
 
 def _run(command: str, *items: Any, **options: Any) -> Result:
-    return result_of(_inputs(command, items, options), analysis_of(command))
+    result: Result = analysis_of(command)(_inputs(command, items, options))
+    return result
 
 
 def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
@@ -161,7 +161,7 @@ def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> I
         if entries[name].kind is Path:
             value = [Path(each) for each in value] if many else Path(value)
         values[name] = value
-    check_bounds(entries, values)
+    check_values(entries, values)
     data: dict[str, Any] = {}
     for item in (*items, *(value for value in options.values() if isinstance(value, Result))):
         _place(item, command, values, data)

@@ -1,33 +1,190 @@
-"""The commands on readings, predictions and measured parts: what each reads, calculates, reports,
-and when its gates are met.
+"""The commands on readings, predictions and measured parts: from a call's files to a machine with
+estimates of all its components, what each command makes of it, and when its gates are met.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import fnmatch
+import json
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.emit import Gate, Outcome
-from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import fitted, fitted_drift, modelled, one_direction
-from mtu_cli.cli.values import known_name
-from mtu_cli.findings import error, listed
-from mtu_cli.model.settings import Settings
+from mtu_cli.analyses.fit_components import FitResult, fit_result
+from mtu_cli.cli.emit import Gate, Result
+from mtu_cli.cli.load import Inputs, check_cell
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_from
+from mtu_cli.files.source import read_source, report_bytes, shown_path
+from mtu_cli.findings import Finding, error, finding, listed, nearest
+from mtu_cli.model import fit as fitting
+from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
+from mtu_cli.model.estimates import Estimates, ThermalEstimate
+from mtu_cli.model.machine_model import AXES, MachineModel, build_model
+from mtu_cli.reports import fit_components as reporting
+from mtu_cli.stats.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.compare import CompareResult
+    from mtu_cli.analyses.thermal_fit import ThermalFit
+
+REFERENCE_WITHOUT_MACHINE = 20.0
+"""ISO 1."""
+LIMITS = ("reversal", "passes-drift", "instruments-disagree")
+"""Warnings of what u of a part holds nothing of; a misfit is among its repeatability."""
+DOUBTS = ("no-better", "not-held-out")
+"""Warnings of a thermal-fit report: nothing says that its model holds for the next warm-up."""
 
 
-def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
-    """Readings to the components of a machine."""
-    from mtu_cli.model.fit import fit_warnings, machine_warnings
+def modelled(inputs: Inputs, extra: Collection[str] = ()) -> tuple[MachineModel, list[Finding]]:
+    """The model of a call, and warnings. A components report wins over readings, readings over the
+    machine file. Covariates that the command needs `extra`, beside those of the model, may be given
+    with --at.
 
+    Raises InputError for components without an estimate.
+    """
+    machine, report, fit = inputs.machine, inputs.reports.components, None
+    warnings = searched_warnings(machine)
+    if report is not None:
+        estimates = fitting.estimates_from_report(machine, report)
+        warnings += effect_warnings(machine, estimates.effects, report.source.shown)
+        warnings += _not_read(inputs, ("lbb", "laser"), report)
+    elif inputs.readings is not None:
+        result = fitted(inputs, machine)
+        fit, estimates = result.fit, _as_reported(machine, result)
+    else:
+        estimates = fitting.estimates_from_fit(machine, None)
+    thermal, drift_warnings = drift_estimates(inputs)
+    warnings = [*fitting.machine_warnings(machine, estimates), *warnings, *drift_warnings]
+    model = build_model(machine, replace(estimates, thermal=thermal))
+    # What u of a part does not contain, from the fit or from the report of it.
+    terms = {term.estimate.name for term in model.terms}
+    if report is not None:
+        warnings += _report_warnings(report, LIMITS, terms)
+    for item in () if fit is None else fitting.fit_warnings(fit):
+        if item.code not in LIMITS or item.facts["component"] in terms:
+            warnings += [item] * (item.code != "lack-of-fit")
+    covariates = model.covariates()
+    _expand(inputs.at, dict.fromkeys((*covariates, *extra)))
+    # The nearest of those names alone that the call would take.
+    names = [name for name in model.covariates() if name not in inputs.at]
+    for name in (name for name in inputs.at if name not in (*covariates, *extra)):
+        place = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
+        expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
+        meant = nearest(name, names)
+        warnings.append(finding("option-not-used", **place, meant=meant, expected=expected))
+    return model, warnings
+
+
+def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
+    """The components of a machine, by the readings of the call where it has any."""
+    fit, k = fitting.MachineFit(components={}, joint=()), inputs.settings.coverage_factor
+    if inputs.readings is not None:
+        fit = fitting.fit_machine(machine, inputs.readings)
+    says = {name: item.says for name, item in machine.machine.components.items() if item.says}
+    estimates = fitting.estimates_from_fit(machine, fit)
+    return fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
+
+
+def _as_reported(machine: LoadedMachine, fit: FitResult) -> Estimates:
+    """The estimates as a report holds them: readings and their report then give the same bits."""
+    record = {"schema": "mtu/fit-components/1", "results": reporting.document(fit).record()}
+    content = report_bytes(record)
+    return fitting.estimates_from_report(machine, report_from(machine.source, json.loads(content)))
+
+
+def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
+    """A thermal-fit report wins over drift readings, those over the machine file."""
+    machine = inputs.machine
+    estimates = fitting.thermal_from_machine_file(machine)
+    report = inputs.reports.thermal
+    if report is not None:
+        doubts = _report_warnings(report, DOUBTS, report.components)
+        doubts += _not_read(inputs, ("drift",), report)
+        return fitting.thermal_from_report(machine, report), doubts
+    if inputs.files("drift"):
+        fit = fitted_drift(inputs, "auto")
+        return estimates | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
+    return estimates, []
+
+
+def fitted_drift(inputs: Inputs, method: str) -> ThermalFit:
+    """The thermal models of the drift readings."""
+    from mtu_cli.analyses.thermal_fit import thermal_fit
+
+    readings, zeroed = inputs.drift, inputs.choices.zeroed or "auto"
+    components, reference = None, REFERENCE_WITHOUT_MACHINE
+    if inputs.files("machine"):
+        machine = inputs.machine.machine
+        components = {name: (item.of, item.unit) for name, item in machine.components.items()}
+        reference = machine.reference_temperature_degC
+    with one_blas_thread():
+        return thermal_fit(readings, components, reference=reference, method=method, zeroed=zeroed)
+
+
+def _not_read(
+    inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
+) -> list[Finding]:
+    """The warning that readings are not used with the `report` of a fit to other files."""
+    digests = {
+        path: read_source(path, role)[0].sha256 for role in roles for path in inputs.files(role)
+    }
+    entries = report.document.get("inputs")
+    items = [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
+    fit_digests = {each.get("sha256") for each in items if each.get("role") in roles}
+    if not digests or set(digests.values()) == fit_digests:
+        return []
+    other = [path for path, digest in digests.items() if digest not in fit_digests]
+    names, what = [shown_path(path) for path in other or digests], ", ".join(report.components)
+    reason = f"{report.source.shown} gives {what}"
+    if fit_digests:
+        reason += "; it was fitted to other files"
+    return [finding("not-used", what="readings", names=names, reason=reason)]
+
+
+def _report_warnings(
+    report: ComponentsReport | ThermalReport, codes: Collection[str], components: Collection[str]
+) -> list[Finding]:
+    """Warnings of a report, of these `codes` and components, that hold for predictions from it."""
+    entries, result = report.document.get("warnings"), []
+    for item in entries if isinstance(entries, list) else ():
+        code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})
+        # Earlier versions reported no facts.
+        component = facts.get("component") if isinstance(facts, dict) else None
+        if code in codes and (component is None or component in components):
+            what = {"of": code, "message": str(item.get("message"))}
+            result.append(finding("reported", file=report.source.shown, **what))
+    return list(dict.fromkeys(result))
+
+
+def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:
+    """The warning of one approach direction for all features: between them a reversal cancels."""
+    names = [name for name in inputs.at if name.startswith("dir_") and name in model.covariates()]
+    return [finding("one-direction", names=names)] if names else []
+
+
+def _expand(at: dict[str, float], covariates: Iterable[str]) -> None:
+    """Names with * and ? stand for all covariates they match that have no entry in `at`."""
+    names = list(covariates)
+    for pattern in [name for name in at if "*" in name or "?" in name]:
+        matches = fnmatch.filter(names, pattern)
+        if matches:
+            value = at.pop(pattern)
+            at |= {name: value for name in matches if name not in at}
+    for name, value in at.items():
+        check_cell(name, value)
+
+
+def fit_components(inputs: Inputs) -> Result:
     machine = inputs.machine
     if inputs.readings is None:
         raise inputs.missing("--lbb FILE or --laser FILE", "lbb", "laser")
     result = fitted(inputs, machine)
-    warnings = [*machine_warnings(machine, result.estimates), *fit_warnings(result.fit)]
+    warnings = [
+        *fitting.machine_warnings(machine, result.estimates),
+        *fitting.fit_warnings(result.fit),
+    ]
     # Passes that drift in one direction, or differ by more than repeatability.
     drifts = [
         f"{name} ({text})"
@@ -37,60 +194,54 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
         if test in instrument.tests and instrument.tests[test].significant
     ]
     reason = f"drift in {', '.join(dict.fromkeys(drifts))}" if drifts else None
-    return Outcome.reported(inputs, result, warnings, gates={"drift": lambda _: reason})
+    return Result.reported(inputs, result, warnings, gates={"drift": lambda _: reason})
 
 
-def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
-    """Drift readings with temperatures to thermal models."""
-    from mtu_cli.analyses.thermal_fit import METHODS
-
-    method = known_name("--model", "model", inputs.options.model, METHODS)
-    fit = fitted_drift(inputs, method)
-    return Outcome.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
+def thermal_fit(inputs: Inputs) -> Result:
+    fit = fitted_drift(inputs, inputs.options.model)
+    return Result.reported(inputs, fit, inputs.machine.warnings if inputs.files("machine") else ())
 
 
-def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
+def predict_points(inputs: Inputs) -> Result:
     """Errors of the features of a part, or of a grid over the machine's travels."""
     from mtu_cli.analyses import predictions as analysis
     from mtu_cli.model.features import grid_of
     from mtu_cli.reports import predict_points as report
 
-    modelling, grid = modelled(inputs), inputs.options.grid
+    (model, warnings), grid = modelled(inputs), inputs.options.grid
     if grid is None:
-        result = analysis.predict_points(modelling.model, inputs.part, settings, inputs.at)
+        result = analysis.predict_points(model, inputs.part, inputs.settings, inputs.at)
     else:
-        ids, places = grid_of(inputs.machine, modelling.model, grid)
-        result = analysis.predict_places(modelling.model, ids, places, settings, inputs.at)
-    matrix = bool(inputs.options.covariance)
-    document = report.document(result, settings.digits, with_covariance=matrix)
+        ids, places = grid_of(inputs.machine, model, grid)
+        result = analysis.predict_places(model, ids, places, inputs.settings, inputs.at)
+    matrix = inputs.options.covariance
+    document = report.document(result, inputs.settings.digits, with_covariance=matrix)
     conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
     gates = _conformance_gate(conformances, "position_um at a feature")
-    return Outcome.of(document, warnings=[*modelling.warnings, *result.warnings], gates=gates)
+    return Result(inputs, document, [*warnings, *result.warnings], gates=gates)
 
 
-def lengths(inputs: Inputs, settings: Settings) -> Outcome:
-    """Feature-to-feature lengths."""
+def lengths(inputs: Inputs) -> Result:
     from mtu_cli.analyses.predictions import predict_lengths
 
-    modelling = modelled(inputs)
-    result = predict_lengths(modelling.model, inputs.part, settings, inputs.at)
-    warnings = [*modelling.warnings, *inputs.part.warnings, *one_direction(inputs, modelling.model)]
+    model, warnings = modelled(inputs)
+    result = predict_lengths(model, inputs.part, inputs.settings, inputs.at)
+    warnings = [*warnings, *inputs.part.warnings, *one_direction(inputs, model)]
     conformances: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
     conformances["the whole part"] = result.joint_conformance
     gates = _conformance_gate(conformances, "tolerance_um at a length")
-    return Outcome.reported(inputs, result, warnings, gates=gates)
+    return Result.reported(inputs, result, warnings, gates=gates)
 
 
-def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
-    """Right angles between rows and columns of features."""
+def orthogonality(inputs: Inputs) -> Result:
     from mtu_cli.analyses.predictions import predict_orthogonality
 
-    modelling = modelled(inputs)
-    result = predict_orthogonality(modelling.model, inputs.part, settings, inputs.at)
-    warnings = [*modelling.warnings, *one_direction(inputs, modelling.model)]
+    model, warnings = modelled(inputs)
+    result = predict_orthogonality(model, inputs.part, inputs.settings, inputs.at)
+    warnings = [*warnings, *one_direction(inputs, model)]
     conformances = {each.id: each.conformance for each in result.angles}
     gates = _conformance_gate(conformances, "tolerance_arcsec at an angle")
-    return Outcome.reported(inputs, result, warnings, gates=gates)
+    return Result.reported(inputs, result, warnings, gates=gates)
 
 
 def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]:
@@ -111,13 +262,11 @@ def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]
     return {"nonconforming": nonconforming}
 
 
-def anova(inputs: Inputs, settings: Settings) -> Outcome:
-    """The scatter of measured parts, split."""
-    from mtu_cli.analyses.anova import METHODS, analyse_variance
+def anova(inputs: Inputs) -> Result:
+    from mtu_cli.analyses.anova import analyse_variance
 
-    method = known_name("--method", "method", inputs.options.method, METHODS)
-    datum = inputs.choices.datum or "none"
-    result = analyse_variance(inputs.points, inputs.part_if_any, method, settings, datum)
+    method, datum = inputs.options.method, inputs.choices.datum or "none"
+    result = analyse_variance(inputs.points, inputs.part_if_any, method, inputs.settings, datum)
 
     def unusual(_: float) -> str | None:
         if result.unusual is None:
@@ -125,18 +274,17 @@ def anova(inputs: Inputs, settings: Settings) -> Outcome:
         outliers = listed(item.part for item in result.unusual)
         return f"outliers among the parts: {outliers}" if result.unusual else None
 
-    return Outcome.reported(inputs, result, gates={"unusual": unusual})
+    return Result.reported(inputs, result, gates={"unusual": unusual})
 
 
-def compare(inputs: Inputs, settings: Settings) -> Outcome:
-    """Predicted against measured parts."""
+def compare(inputs: Inputs) -> Result:
     from mtu_cli.analyses.compare import compare as analysis
 
-    modelling = modelled(inputs)
+    model, warnings = modelled(inputs)
     datum = inputs.choices.datum or "none"
-    result = analysis(modelling.model, inputs.part, inputs.points, settings, datum, inputs.at)
+    result = analysis(model, inputs.part, inputs.points, inputs.settings, datum, inputs.at)
     gates = {gate: partial(_verdict_reason, result, gate) for gate in ("biased", "under-predicted")}
-    return Outcome.reported(inputs, result, modelling.warnings, gates=gates)
+    return Result.reported(inputs, result, warnings, gates=gates)
 
 
 def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | None:
@@ -163,8 +311,7 @@ def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | Non
     return listed(failures) if failures else None
 
 
-def correct(inputs: Inputs, settings: Settings) -> Outcome:
-    """Measured points minus the modelled error."""
+def correct(inputs: Inputs) -> Result:
     from mtu_cli.analyses.correct import correct as analysis
     from mtu_cli.analyses.correct import unused_warmth
 
@@ -172,7 +319,7 @@ def correct(inputs: Inputs, settings: Settings) -> Outcome:
     part = inputs.part_if_any
     rounds: Iterable[Any] = (*part.part.circles, *part.part.spheres) if part else ()
     # A calibrated diameter may need a temperature that no equation uses.
-    modelling = modelled(inputs, [item.temperature for item in rounds if item.temperature])
-    result = analysis(modelling.model, part, inputs.points, settings, inputs.at)
-    warmth = unused_warmth(modelling.model, inputs.points, reference)
-    return Outcome.reported(inputs, result, [*modelling.warnings, *warmth])
+    model, warnings = modelled(inputs, [item.temperature for item in rounds if item.temperature])
+    result = analysis(model, part, inputs.points, inputs.settings, inputs.at)
+    warmth = unused_warmth(model, inputs.points, reference)
+    return Result.reported(inputs, result, [*warnings, *warmth])

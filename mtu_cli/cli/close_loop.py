@@ -13,9 +13,9 @@ import numpy as np
 from mtu_cli import __version__
 from mtu_cli.analyses import close_loop as loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
-from mtu_cli.cli.emit import Outcome, written_files
+from mtu_cli.cli.analyse import drift_estimates, fitted, modelled
+from mtu_cli.cli.emit import Result, written_files
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import drift_estimates, fitted, modelled
 from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.source import report_bytes
@@ -24,10 +24,8 @@ from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, searched_warnings
-from mtu_cli.model.estimates import EffectEstimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, machine_warnings
 from mtu_cli.model.residuals import ResidualTable, reading_tables, residual_table
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports import close_loop as report
 from mtu_cli.reports import fit_components
 from mtu_cli.reports.document import envelope
@@ -38,47 +36,46 @@ from mtu_cli.units import PARAMETER_UNITS, UNITS
 ALPHA, MAX_EFFECTS = 0.05, 4
 
 
-def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
+def close_loop(inputs: Inputs) -> Result:
     """The effects in measured data that the model lacks, added to the machine."""
     choices = inputs.choices
     library = effect_library(inputs.files("effects"))
-    tables, earlier, warnings = _tables(inputs, choices.datum or "none")
-    inputs.sources.extend(library.sources)
+    tables, warnings = _tables(inputs, choices.datum or "none")
+    inputs.entered(library)
     result = loop.close_loop(
         tables,
         library,
         alpha=choices.alpha or ALPHA,
         max_effects=MAX_EFFECTS if choices.max_effects is None else choices.max_effects,
         exclude=dict.fromkeys(inputs.options.exclude or ()),
-        seed=settings.seed,
-        progress=settings.progress,
+        seed=inputs.settings.seed,
+        progress=inputs.settings.progress,
     )
-    files, of_files = _written_files(inputs, earlier, settings, result)
+    files, of_files = _written_files(inputs, result)
     reason = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
-    return Outcome.of(
-        report.document(result, settings.digits),
-        warnings=[*warnings, *result.warnings, *of_files],
+    return Result(
+        inputs,
+        report.document(result, inputs.settings.digits),
+        [*warnings, *result.warnings, *of_files],
         gates={
             "found": lambda _: reason if result.verdict != "none" else None,
             "unexplained": lambda _: reason if result.verdict == "unexplained" else None,
         },
-        files=lambda: files,
+        files=files,
     )
 
 
-def _tables(
-    inputs: Inputs, datum: Any
-) -> tuple[tuple[ResidualTable, ...], EffectEstimates | None, list[Finding]]:
-    """Measured minus predicted, the effects of a components report, and what to warn of.
+def _tables(inputs: Inputs, datum: Any) -> tuple[tuple[ResidualTable, ...], list[Finding]]:
+    """Measured minus predicted, and what to warn of.
 
     Where points are measured, readings are what the components are fitted to; else they are
     what is tested, against a components report or the machine file.
     """
     machine = inputs.machine
     if inputs.files("cmm"):
-        result = modelled(inputs)
-        table, findings = residual_table(result.model, inputs.points, inputs.at, datum)
-        return (table,), result.estimates.effects, [*result.warnings, *findings]
+        model, warnings = modelled(inputs)
+        table, findings = residual_table(model, inputs.points, inputs.at, datum)
+        return (table,), [*warnings, *findings]
     readings, fit_report = inputs.readings, inputs.reports.components
     if readings is None:
         raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")
@@ -91,15 +88,14 @@ def _tables(
     warnings += [finding("option-not-used", path=name, why=why) for name in unused]
     thermal, doubts = drift_estimates(inputs)
     tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)
-    warnings = [*machine_warnings(machine, before), *warnings, *doubts, *odd]
-    return tables, before.effects, warnings
+    return tables, [*machine_warnings(machine, before), *warnings, *doubts, *odd]
 
 
 # What is written.
 
 
 def _written_files(
-    inputs: Inputs, earlier: EffectEstimates | None, settings: Settings, result: CloseLoopResult
+    inputs: Inputs, result: CloseLoopResult
 ) -> tuple[dict[Path, bytes], list[Finding]]:
     """The files of --write-machine and --write-components, none without these options, and
     what to warn of. Raises InputError for effects that no machine file can hold.
@@ -115,6 +111,8 @@ def _written_files(
         files[path] = extended.content
     if path := paths.get("write_components"):
         results, of_fit = _components(inputs, extended.machine)
+        known = inputs.reports.components
+        earlier = estimates_from_report(inputs.machine, known).effects if known else None
         effects = joint_effects(extended.machine, earlier, extended.parameters, joint(additions))
         results.pop("effects", None)
         if effects is not None:
@@ -126,7 +124,7 @@ def _written_files(
                 "covariance": plain(effects.covariance / np.outer(f, f)),
             }
         facts: dict[str, Any] = {"inputs": inputs.sources, "warnings": of_fit}
-        content = envelope("fit-components", settings=settings, results=results, **facts)
+        content = envelope("fit-components", settings=inputs.settings, results=results, **facts)
         files[path] = report_bytes(content)
     warnings = [
         finding("effect-not-written", effect=effect.name, reason=effect.not_written)

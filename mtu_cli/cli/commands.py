@@ -52,7 +52,7 @@ def declare(text: str) -> dict[str, Command]:
     result = {}
     for name, chapter, panel, gates, says, options in entries(text):
         gate_names = None if gates == "-" else tuple(gates.split()[1:])
-        result[name] = Command(f"cli.{chapter}", options, says, PANELS.get(panel), gate_names)
+        result[name] = Command(chapter, options, says, PANELS.get(panel), gate_names)
     return result
 
 
@@ -64,10 +64,10 @@ COMMANDS = declare(f"""
     thermal-fit | analyse | machine | suspicious | Drift readings with temperatures to a thermal \
         model per component. \
         | study machine drift model zeroed {OUT}
-    iso230 | standards | machine | suspicious nonconforming | Positioning figures of ISO 230-2 \
+    iso230 | axes | machine | suspicious nonconforming | Positioning figures of ISO 230-2 \
         or VDI/DGQ 3441 with uncertainties, limits, a plan. \
         | study machine lbb laser before budget standard limit plan pitch k digits seed {OUT}
-    circular | standards | machine | - | A circular test (ISO 230-4): figures, and its causes by \
+    circular | axes | machine | - | A circular test (ISO 230-4): figures, and its causes by \
         one joint fit. \
         | file:traces direction:traces radius feed pitch:circle plane k digits write_components \
         {OUT}
@@ -93,11 +93,11 @@ COMMANDS = declare(f"""
     correct | analyse | parts | suspicious | Measured points minus the modelled error; rings and \
         lengths before and after. \
         | {MODEL} cmm {OUT}
-    compensate | compensate | machine | suspicious | Errors of an axis to the table of a \
+    compensate | axes | machine | suspicious | Errors of an axis to the table of a \
         control, read back, with moves that prove it. \
         | {READ} component:table for_ direction:table from_ to:end step reference machine_zero \
         reverse_axis current set read verify to_file to_nc feed:moves seed trials digits {OUT}
-    budget | measurement | about | - | An uncertainty budget: first and second order, with Monte \
+    budget | one_file | about | - | An uncertainty budget: first and second order, with Monte \
         Carlo. \
         | file:budget k digits {RANDOM} {OUT}
     simulate | simulate | machine | - | A virtual machine: synthetic readings and points, with \
@@ -107,21 +107,21 @@ COMMANDS = declare(f"""
         cmm_room write_lbb write_laser write_cmm write_drift cycles interval_min \
         sensor_noise_degc reading_noise_um reading_noise_arcsec drift_positions settled_drift \
         twin quiet
-    graph check | measurement | - | - | Whether a graph is sound, with all its faults at once; \
+    graph check | one_file | - | - | Whether a graph is sound, with all its faults at once; \
         and its firing order. \
         | file:graph {OUT}
-    graph draw | measurement | - | - | The graph as a picture, or as text for other programs. \
+    graph draw | one_file | - | - | The graph as a picture, or as text for other programs. \
         | file:graph to of:shares
-    graph simulate | measurement | - | - | Uncertainty of the graph's places by Monte Carlo, and \
+    graph simulate | one_file | - | - | Uncertainty of the graph's places by Monte Carlo, and \
         where it comes from. \
         | file:graph of:many k digits {RANDOM} {OUT}
-    graph sweep | measurement | - | - | Uncertainty of one place over a grid of probing \
+    graph sweep | one_file | - | - | Uncertainty of one place over a grid of probing \
         uncertainties, with a formula. \
         | file:graph vary of k digits {RANDOM} {OUT}
-    inspect | instruments | about | - | What an instrument's file is and holds: format, axis, \
+    inspect | one_file | about | - | What an instrument's file is and holds: format, axis, \
         targets, runs, units, decimal sign. \
         | file:instrument decimal out quiet
-    import | instruments | about | - | Instruments' files to the contract's CSV of readings, \
+    import | one_file | about | - | Instruments' files to the contract's CSV of readings, \
         points or drift. \
         | file:import as_ component:read map unit decimal directions machine to_csv
     schema | help | about | - | The JSON Schema of a YAML contract, for editors. \
@@ -135,7 +135,7 @@ COMMANDS = declare(f"""
 
 def analysis_of(name: str) -> Callable[..., Any]:
     """The function of a command in its chapter, imported now."""
-    module = import_module(f"mtu_cli.{COMMANDS[name].chapter}")
+    module = import_module(f"mtu_cli.cli.{COMMANDS[name].chapter}")
     name = name.replace("-", "_").replace(" ", "_")
     result: Callable[..., Any] = getattr(module, f"{name}_" if iskeyword(name) else name)
     return result
@@ -147,13 +147,13 @@ def _call_of(name: str) -> Callable[..., None]:
 
     def call(**values: Any) -> None:
         options = Options(name.replace(" ", "-"), values, command.gates or ())
-        if command.chapter == "cli.help":
+        if command.chapter == "help":
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute
-            from mtu_cli.cli.values import check_bounds
+            from mtu_cli.cli.values import check_values
 
-            check_bounds(options_of(command.options), values)
+            check_values(options_of(command.options), values)
             execute(options, analysis_of(name))
 
     # Read by typer.

@@ -23,7 +23,6 @@ from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.headers import is_made, measured_in, number
 from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, envelope, page_bytes
 from mtu_cli.reports.fields import csv_text
@@ -45,54 +44,54 @@ DELAY_S, EVERY_S = 1.0, 0.1
 Gate = Callable[[float], str | None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """What a command reports, each part made only when it is needed.
+@dataclass(frozen=True)
+class Listing:
+    """A document of plain lines, with its `results` and the header and rows of its table."""
 
-    `tables` takes whether details are wanted; `rows` are the main table's header and rows.
-    `gates` by name: the reason why one is met, of a limit where it has one, or None. `settings`:
-    those of the report, where the command had to choose some itself. `files`: what the command
-    writes beside report, table and picture, by path.
-    """
+    lines: Sequence[str] = ()
+    results: Mapping[str, Any] = field(default_factory=dict)
+    table: tuple[Sequence[str], Iterable[Sequence[object]]] = ((), ())
+    figure: None = None
 
-    results: Callable[[], dict[str, Any]] = dict
-    tables: Callable[[bool], Iterable[object]] = lambda detail: ()
-    rows: Callable[[], tuple[Sequence[str], Iterable[Sequence[object]]]] = lambda: ((), ())
-    figure: Callable[[], figures.Figure] | None = None
-    warnings: Sequence[Finding] = ()
-    gates: Mapping[str, Gate] = field(default_factory=dict)
-    settings: Settings | None = None
-    files: Callable[[], Mapping[Path, bytes]] = dict
+    def record(self) -> dict[str, Any]:
+        """`results` of the JSON report."""
+        return dict(self.results)
 
-    @classmethod
-    def of(cls, document: Document, **more: Any) -> Outcome:
-        """What a document holds; `more` are the other fields of an outcome."""
-        return cls(
-            results=document.record,
-            tables=lambda detail: document.blocks(detail=detail),
-            rows=document.rows,
-            figure=document.figure,
-            **more,
-        )
+    def rows(self) -> tuple[Sequence[str], Iterable[Sequence[object]]]:
+        """Header and rows of the CSV."""
+        return self.table
 
-    @classmethod
-    def reported(
-        cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
-    ) -> Outcome:
-        """A command's result by the `document` of its report, and its warnings after others."""
-        report = import_module(f"mtu_cli.reports.{inputs.options.command.replace('-', '_')}")
-        document = report.document(result, inputs.settings.digits)
-        return cls.of(document, warnings=[*warnings, *result.warnings], **more)
+    def blocks(self, *, detail: bool) -> Iterable[str]:
+        """What is printed."""
+        return self.lines
 
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a command; `warnings` are those of the input and of the result."""
+    """What a command gives: its document, warnings beside those of the input, and by name `gates`:
+    the reason why one is met, of a limit where it has one, or None. `files`: what the command
+    writes beside report, table and picture, by path.
+    """
 
     inputs: Inputs
-    outcome: Outcome
-    settings: Settings
-    warnings: tuple[Finding, ...]
+    document: Document | Listing
+    further: Sequence[Finding] = ()
+    gates: Mapping[str, Gate] = field(default_factory=dict)
+    files: Mapping[Path, bytes] = field(default_factory=dict)
+
+    @classmethod
+    def reported(
+        cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
+    ) -> Result:
+        """An analysis' result by the `document` of its report, and its warnings after others."""
+        report = import_module(f"mtu_cli.reports.{inputs.options.command.replace('-', '_')}")
+        document = report.document(result, inputs.settings.digits)
+        return cls(inputs, document, [*warnings, *result.warnings], **more)
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """Those of the input, and of the result."""
+        return (*self.inputs.suspicions, *self.further)
 
     @property
     def command(self) -> str:
@@ -101,13 +100,13 @@ class Result:
 
     def to_dict(self) -> dict[str, Any]:
         """`results` of the JSON report."""
-        return self.outcome.results()
+        return self.document.record()
 
     def to_frame(self) -> pd.DataFrame:
         """The main table, as `--csv` writes it."""
         import pandas as pd
 
-        header, rows = self.outcome.rows()
+        header, rows = self.document.rows()
         return pd.DataFrame([list(row) for row in rows], columns=list(header))
 
     def report(self) -> dict[str, Any]:
@@ -115,24 +114,14 @@ class Result:
         return envelope(
             self.command,
             inputs=self.inputs.sources,
-            settings=self.settings,
+            settings=self.inputs.settings,
             results=self.to_dict(),
             warnings=self.warnings,
             at=self.inputs.at,
         )
 
 
-def result_of(
-    inputs: Inputs, analyse: Callable[[Inputs, Settings], Outcome], **settings: Any
-) -> Result:
-    """The result of a command on its inputs, under their settings and the further `settings`."""
-    call_settings = replace(inputs.settings, **settings)
-    outcome = analyse(inputs, call_settings)
-    warnings = (*inputs.suspicions, *outcome.warnings)
-    return Result(inputs, outcome, outcome.settings or call_settings, warnings)
-
-
-def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) -> None:
+def execute(options: Options, run: Callable[[Inputs], Result]) -> None:
     """Runs one command and writes its files: all, or none.
 
     Tables go to standard output, warnings and progress to standard error; with `-o -` the
@@ -143,7 +132,8 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
         limits = asked_gates(options)
         check_outputs(inputs)
         with late_bar(options.command) as progress:
-            result = result_of(inputs, analyse, progress=progress)
+            inputs.settings = replace(inputs.settings, progress=progress)
+            result = run(inputs)
             reasons = _gate_reasons(limits, result)
             files = _files(result)
     except InputError as fault:
@@ -163,7 +153,7 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
                 # A notebook's, or `io.StringIO`, takes text.
                 sys.stdout.write(report.decode())
             elif not options.quiet:
-                show(result.outcome.tables(bool(options.detail)))
+                show(result.document.blocks(detail=options.detail))
             sys.stdout.flush()
         except BrokenPipeError:
             # The reader has left (``| head``): nothing is wrong.
@@ -231,22 +221,22 @@ def _gate_reasons(limits: Mapping[str, float], result: Result) -> dict[str, str]
     """The reasons of the gates that are met, of those with `limits`."""
     codes = [each.code for each in result.warnings if each.kind.suspicious]
     suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
-    gates = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
+    gates = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.gates}
     return {name: why for name, limit in limits.items() if (why := gates[name](limit))}
 
 
 def _files(result: Result) -> dict[Path, bytes]:
     """All files of a run, by path."""
-    options, outcome = result.inputs.options, result.outcome
-    files = dict(outcome.files())
+    options, document = result.inputs.options, result.document
+    files = dict(result.files)
     if options.out is not None:
         files[options.out] = report_bytes(result.report())
     if options.csv is not None:
-        files[options.csv] = csv_text(*outcome.rows()).encode()
+        files[options.csv] = csv_text(*document.rows()).encode()
     if options.plot is not None:
-        if outcome.figure is None:
+        if document.figure is None:
             raise error("not-applicable", reason="this result is not drawn", path="--plot")
-        files[options.plot] = figures.figure_bytes(outcome.figure(), options.plot.suffix)
+        files[options.plot] = figures.figure_bytes(document.figure(), options.plot.suffix)
     if options.report is not None:
         files[options.report] = _page(result)
     return files
@@ -257,18 +247,20 @@ def _page(result: Result) -> bytes:
     inputs, options = result.inputs, result.inputs.options
     figure = None
     with suppress(InputError):
-        figure = result.outcome.figure and result.outcome.figure()
+        figure = result.document.figure and result.document.figure()
     # A command that has no such option does not use it.
     used = [name for option, name in USED.items() if option in options.values]
-    settings = {name.replace("_", " "): getattr(result.settings, name) for name in used}
+    settings = {name.replace("_", " "): getattr(inputs.settings, name) for name in used}
     settings |= {"trials": "adaptive"} if settings.get("trials", 0) is None else {}
-    names = inputs.names
+    names = [getattr(vars(inputs)[x], x).name for x in ("machine", "part") if x in vars(inputs)]
+    names += [inputs.study.source.shown] if inputs.study else []
+    names = names or [source.shown for source in inputs.sources]
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
     return page_bytes(
         options.report.suffix.lower(),
         figure,
-        result.outcome.tables(bool(options.detail)),
+        result.document.blocks(detail=options.detail),
         result.warnings,
         settings | {f"{name} =": value for name, value in inputs.at.items()},
         title=": ".join([command, *names[:1]]),
@@ -280,8 +272,7 @@ def _page(result: Result) -> bytes:
 
 def written_files(options: Options) -> dict[str, Path]:
     """The files that a call writes: path by name of the option."""
-    values = {name: options.values.get(name) for name in WRITTEN}
-    return {name: path for name, path in values.items() if isinstance(path, Path)}
+    return {x: path for x in WRITTEN if isinstance(path := options.values.get(x), Path)}
 
 
 def check_outputs(inputs: Inputs) -> None:
@@ -291,10 +282,9 @@ def check_outputs(inputs: Inputs) -> None:
     """
     options, outputs = inputs.options, written_files(inputs.options)
     sources = [(role, path) for role, path in inputs.input_files() if os.path.exists(path)]
-    problems: list[Finding] = []
-    files = []
+    problems, files = list[Finding](), list[Path]()
     for name, path in outputs.items():
-        option = WRITTEN[name].names(name)[0]
+        option, place = WRITTEN[name].names(name)[0], {"file": given_path(path)}
         if path == STANDARD_OUTPUT:
             if name not in ("out", "to_csv") and (name != "csv" or outputs.get("out") == path):
                 reason = f"{option} cannot go to standard output"
@@ -302,9 +292,10 @@ def check_outputs(inputs: Inputs) -> None:
             continue
         makes = MADE.get(options.command, {}).get(name, ())
         roles = [role for role in makes if not options.values.get(role)]
-        for file in (path, *(path.with_name(path.name + x) for x in BESIDE.get(name, ()))):
-            files.append(file)
-            why = None
+        group = [path, *(path.with_name(path.name + x) for x in BESIDE.get(name, ()))]
+        files += group
+        for file in group:
+            why: str | None = None
             if any(role not in roles and same(file, source) for role, source in sources):
                 why = "it is an input"
             elif file.is_file() and name == "csv":
@@ -312,17 +303,15 @@ def check_outputs(inputs: Inputs) -> None:
             elif file.is_file() and options.command == "simulate" and not is_made(file):
                 why = f"it holds {measured_in(file) or 'what simulate has not made'}"
             if why:
-                place = {"file": given_path(file), "expected": "another name"}
-                problems.append(finding("not-overwritten", reason=why, **place))
+                facts = {"reason": why, "expected": "another name"}
+                problems.append(finding("not-overwritten", file=given_path(file), **facts))
         ending, endings = path.suffix.lower(), WRITTEN[name].endings
         if endings and ending not in endings and (path.is_file() or not os.path.exists(path)):
             reason = f"{option} does not write {ending or 'a file without an ending'}"
             expected = f"a name that ends in {' or '.join(endings)}"
-            place = {"file": given_path(path), "expected": expected}
-            problems.append(finding("output-form", reason=reason, **place))
-    first = {
-        each.file or each.message: each for each in [*target_faults(files)[::-1], *problems[::-1]]
-    }
+            problems.append(finding("output-form", reason=reason, expected=expected, **place))
+    # The first problem of each file.
+    first = {x.file or x.message: x for x in reversed([*problems, *target_faults(files)])}
     if first:
         raise InputError(reversed(first.values()))
 

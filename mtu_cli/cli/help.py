@@ -33,7 +33,6 @@ def help(options: Options) -> None:
     from mtu_cli.cli.commands import COMMANDS, app
 
     commands = [*COMMANDS, "graph"]
-    codes = {*CATALOGUE, *paragraphs()}
     name = " ".join(options.topic or ())
     if not name:
         titles = {each: topic(each).partition("\n")[0].removeprefix("# ") for each in ORDER}
@@ -41,10 +40,10 @@ def help(options: Options) -> None:
         show("\n".join(["# Help", "", *lines, "- `mtu help CODE` — a warning or error", ""]))
     elif name in ORDER:
         show(topic(name))
-    elif name in codes:
+    elif name in CATALOGUE:
         show(paragraph(name))
     elif name not in commands:
-        meant = nearest(name, [*ORDER, *commands, *codes])
+        meant = nearest(name, [*ORDER, *commands, *CATALOGUE])
         expected = "a topic, a command, or the code of a finding (mtu help lists the topics)"
         raise error("unknown-name", what="topic", value=name, expected=expected, meant=meant)
     if name in commands:
@@ -60,7 +59,7 @@ def topic(name: str) -> str:
 
 
 def paragraphs() -> dict[str, str]:
-    """The paragraph of each code in help/findings.md; the loop's codes stand there alone."""
+    """The paragraph of each code in help/findings.md."""
     result: dict[str, str] = {}
     for section in re.split(r"^## ", topic(FINDINGS), flags=re.MULTILINE)[1:]:
         heading, _, text = section.partition("\n")
@@ -70,13 +69,10 @@ def paragraphs() -> dict[str, str]:
 
 def paragraph(code: str) -> str:
     """The help of a finding: severity, sentence, and its paragraph."""
-    kind = CATALOGUE.get(code)
-    severity: str = "warning" if kind is None else kind.severity
-    if kind is not None and kind.suspicious:
-        severity += ", meets --fail-if suspicious"
-    sentence = "" if kind is None else re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
-    block = f"    {sentence}\n\n" if sentence else ""
-    return f"# {code} ({severity})\n\n{block}{paragraphs().get(code, '')}\n"
+    kind = CATALOGUE[code]
+    severity = kind.severity + ", meets --fail-if suspicious" * kind.suspicious
+    sentence = re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
+    return f"# {code} ({severity})\n\n    {sentence}\n\n{paragraphs()[code]}\n"
 
 
 def show(text: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -13,25 +13,25 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
 
+from mtu_cli.checks import Data, DocumentData, PointsData, ReadingsData, warnings_of
 from mtu_cli.cli.options import MADE, ROLES, Options
 from mtu_cli.cli.values import assignments, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, SENSOR_DEGC, direction_sign, is_temperature
+from mtu_cli.files.csv_file import Convert
 from mtu_cli.files.headers import cell_text
-from mtu_cli.files.source import given_path, resolved, same, shown_path
+from mtu_cli.files.machine import LoadedMachine, load_machine
+from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.readings import Points, Readings, read_points, read_readings
+from mtu_cli.files.reports_read import ModelReports, read_reports
+from mtu_cli.files.source import Source, given_path, resolved, same, shown_path
 from mtu_cli.files.study import STUDY_NAME, Instrument, LoadedStudy, find_study, load_study
 from mtu_cli.files.study import Settings as StudySettings
 from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
-    from mtu_cli.checks import Data
-    from mtu_cli.files.machine import LoadedMachine
-    from mtu_cli.files.part import LoadedPart
-    from mtu_cli.files.readings import Points, Readings
-    from mtu_cli.files.reports_read import ModelReports
-    from mtu_cli.files.source import Source
-    from mtu_cli.formats.base import Ask
+    from mtu_cli.formats.base import Ask, Imported, RawFile
 
 T = TypeVar("T")
 KINDS = {
@@ -45,9 +45,9 @@ KINDS = {
     "points": ("cmm",),
 }
 """What is read, by attributes of `Inputs`, and the roles of its files."""
-JUDGED_AS: dict[str, Any] = {"before": "readings", "verify": "readings"}
-"""Kinds of data that the checks treat as another kind."""
-MEASURED = ("lbb", "laser", "drift", "cmm", "before", "verify")
+NEEDED = {"machine": "-m", "part": "-p", "drift": "--drift", "points": "--cmm"}
+"""Kinds that a command which asks for them cannot do without, and their options."""
+MEASURED = ("lbb", "laser", "drift", "cmm", "before", "verify", "file")
 """Roles whose files may be an instrument's own."""
 OPTION_OF = {"coverage_factor": "k"}
 """Options that are not called as the setting of a study."""
@@ -55,16 +55,59 @@ OF_ANY_MACHINE = ("anova", "iso230")
 """Commands that look at parts or readings alone: of whatever machine, unless the call names it."""
 
 
-@dataclass
 class Inputs:
-    """The files of one call, each read and checked once, when a command asks for it. Options
+    """The files of one call, each kind read and checked once, when a command asks for it. Options
     override the study; the study of this folder or above is not read where -m or a file of
-    another kind is given. `suspicions`: warnings of the checks on the files read so far.
+    another kind is given. `suspicions`: warnings of the checks on the files read so far. Readings
+    are None where there are no files of them.
     """
 
-    options: Options
-    sources: list[Source] = field(default_factory=list)
-    suspicions: list[Finding] = field(default_factory=list)
+    machine: LoadedMachine
+    part: LoadedPart
+    reports: ModelReports
+    readings: Readings | None
+    drift: Readings
+    before: Readings | None
+    verify: Readings | None
+    points: Points
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        self.sources: list[Source] = []
+        self.suspicions: list[Finding] = []
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, kind: str) -> Any:
+            """One of KINDS, when it is first asked for; raises InputError for faults of its files,
+            and where one that is NEEDED has none.
+            """
+            if kind not in KINDS:
+                raise AttributeError(kind)
+            files = [(path, role) for role in KINDS[kind] for path in self.files(role)]
+            if not files and kind in NEEDED:
+                raise self.missing(f"{NEEDED[kind]} FILE", *KINDS[kind])
+            match kind:
+                case "machine":
+                    item = load_machine(files[0][0])
+                case "part":
+                    item = load_part(files[0][0])
+                case "reports":
+                    item = read_reports([path for path, _ in files])
+                case "points":
+                    # Nominals from the part file, without one from the points.
+                    places = self.part_if_any and self.part.part.places()
+                    item = read_points(files, places, self.converter())
+                case _ if files:
+                    of_any = self.options.command in OF_ANY_MACHINE
+                    for_fit = kind == "readings" and not of_any
+                    named = self.options.machine if of_any else self.files("machine")
+                    entries = self.machine.machine.components if for_fit or named else None
+                    convert = self.converter()
+                    item = read_readings(files, entries, for_fit=for_fit, convert=convert)
+                case _:
+                    return None
+            return self.register(kind, item)
 
     @cached_property
     def study(self) -> LoadedStudy | None:
@@ -72,9 +115,7 @@ class Inputs:
         options, path = self.options, self.study_file
         if path is None or (options.study is None and (options.machine or options.file)):
             return None
-        study = load_study(path, absent=self._outputs())
-        self.sources.append(study.source)
-        return study
+        return self.entered(load_study(path, absent=self.made()))
 
     @property
     def study_file(self) -> Path | None:
@@ -84,54 +125,61 @@ class Inputs:
             return find_study(Path())
         return path / STUDY_NAME if path.is_dir() else path
 
-    def _paths(self, role: str) -> tuple[Path, ...]:
-        """The values of a role's option."""
+    def named_files(self, role: str) -> list[tuple[str | None, Path]]:
+        """The files of a role that the call names, with the component of NAME=FILE."""
         value = self.options.values.get(role) or ()
-        return tuple(value) if isinstance(value, (list, tuple)) else (value,)
+        paths = value if isinstance(value, (list, tuple)) else [value]
+        return [named_file(path) if role in MEASURED else (None, path) for path in paths]
 
-    def call_files(self, role: str) -> tuple[Path, ...]:
-        """The files of a role that the options of the call name."""
-        paths = self._paths(role)
-        return tuple(named_file(path)[1] for path in paths) if role in MEASURED else paths
+    def files(self, role: str) -> list[Path]:
+        """The files of a role: those of the option, else those of the study except the ones that
+        the call makes.
+        """
+        paths = self.study.files.get(role, ()) if self.study else ()
+        rest = [path for path in paths if not any(same(path, each) for each in self.made())]
+        return [path for _, path in self.named_files(role)] or rest
 
-    def ask_of(self, path: Path, role: str) -> Ask:
-        """How to read an instrument's file, by the call, its study and the machine."""
+    def made(self) -> list[Path]:
+        """The files that the command is there to make."""
+        paths = (self.options.values.get(name) for name in MADE.get(self.options.command, ()))
+        return [path for path in paths if path]
+
+    def converter(self) -> Convert:
+        """Reads instruments' files as the contract's CSV, by what the call, its study and the
+        machine say of them; how they were understood is noted.
+        """
         from mtu_cli.formats.base import Ask
-        from mtu_cli.formats.instruments import KIND_OF
+        from mtu_cli.formats.instruments import KIND_OF, converter
 
-        study = self.study
-        instrument = (study and study.instruments.get(path)) or Instrument(file="-")
-        names = {file: name for name, file in map(named_file, self._paths(role))}
-        # Where neither names one, the component of --component.
-        components = self.options.values.get("component") or (None,)
-        component = names.get(path) or instrument.component or components[0]
-        entries = self.machine.machine.components if self.files("machine") else {}
-        return Ask(
-            kind=KIND_OF[role],
-            component=component,
-            unit=instrument.unit,
-            machine_units={name: entry.unit for name, entry in entries.items()},
-            decimal=instrument.decimal,
-            directions=instrument.directions,
-            profile=study.source.path.parent / instrument.map if study and instrument.map else None,
-        )
-
-    def converter(self) -> Any:
-        """Reads instruments' files as the contract's CSV; how they were understood is noted."""
-        from mtu_cli.formats.base import Imported, RawFile
-        from mtu_cli.formats.instruments import converter
+        def ask(path: Path, role: str) -> Ask:
+            study = self.study
+            instrument = (study and study.instruments.get(path)) or Instrument(file="-")
+            names = {file: name for name, file in self.named_files(role)}
+            # Where neither names one, the component of --component.
+            of_call = self.options.component or (None,)
+            entries = self.machine.machine.components if self.files("machine") else {}
+            folder = study.source.path.parent if study else Path()
+            return Ask(
+                kind=KIND_OF[role],
+                component=names.get(path) or instrument.component or of_call[0],
+                unit=instrument.unit,
+                machine_units={name: entry.unit for name, entry in entries.items()},
+                decimal=instrument.decimal,
+                directions=instrument.directions,
+                profile=folder / instrument.map if instrument.map else None,
+            )
 
         def note(file: RawFile, table: Imported) -> None:
             self.suspicions.append(file.finding("instrument-file", how=table.sentence))
             self.suspicions += [file.finding("instrument-doubt", doubt=x) for x in table.doubts]
 
-        return converter(self.ask_of, note)
+        return converter(ask, note)
 
     def input_files(self) -> list[tuple[str, Path]]:
         """Role and path of all files that the call, its study or that of this folder names; of a
         faulty study its path alone.
         """
-        result = [(role, path) for role in ROLES for path in self.call_files(role)]
+        result = [(role, path) for role in ROLES for _, path in self.named_files(role)]
         if study := self.study_file:
             result.append(("study", study))
             try:
@@ -140,28 +188,6 @@ class Inputs:
                 return result
             result += [(role, path) for role, paths in files.items() for path in paths]
         return result
-
-    def files(self, role: str) -> tuple[Path, ...]:
-        """The files of a role: those of the option, else those of the study except the ones that
-        the call makes.
-        """
-        outputs, paths = self._outputs(role), self.study.files.get(role, ()) if self.study else ()
-        rest = (path for path in paths if not any(same(path, each) for each in outputs))
-        return self.call_files(role) or tuple(rest)
-
-    def _outputs(self, role: str = "") -> list[Path]:
-        """The files that the call makes, of all roles or of one."""
-        makes = MADE.get(self.options.command, {})
-        paths = [
-            self.options.values.get(name) for name, roles in makes.items() if role in (*roles, "")
-        ]
-        return [path for path in paths if path]
-
-    def _one(self, role: str, option: str) -> Path:
-        """The first file of a role that the command cannot do without."""
-        if not (result := self.files(role)):
-            raise self.missing(f"{option} FILE", role)
-        return result[0]
 
     def missing(self, options: str, *roles: str) -> InputError:
         """The error of missing files of all `roles`, with the reason why no study names one."""
@@ -172,107 +198,36 @@ class Inputs:
         return error("missing-input", what=f"the {' or '.join(roles)} file", expected=expected)
 
     @property
-    def names(self) -> list[str]:
-        """The names in the files of the call: machine, part, study; at least one."""
-        cache = self.__dict__
-        result = [getattr(cache[kind], kind).name for kind in ("machine", "part") if kind in cache]
-        result += [self.study.source.shown] if self.study else []
-        return result or [source.shown for source in self.sources]
-
-    @cached_property
-    def machine(self) -> LoadedMachine:
-        """The machine file."""
-        from mtu_cli.files.machine import load_machine
-
-        return self.register("machine", load_machine(self._one("machine", "-m")))
-
-    @cached_property
-    def part(self) -> LoadedPart:
-        """The part file."""
-        from mtu_cli.files.part import load_part
-
-        return self.register("part", load_part(self._one("part", "-p")))
-
-    @property
     def part_if_any(self) -> LoadedPart | None:
         """The part file of a command that does without one, too."""
         return self.part if self.files("part") else None
 
-    @cached_property
-    def reports(self) -> ModelReports:
-        """The reports of -c, at most one of each kind."""
-        from mtu_cli.files.reports_read import read_reports
+    def entered(self, item: T) -> T:
+        """What was read, with its files entered among the inputs of the report."""
+        value: Any = item
+        self.sources += value.sources if hasattr(value, "sources") else [value.source]
+        return item
 
-        return self.register("reports", read_reports(self.files("components")))
-
-    @cached_property
-    def readings(self) -> Readings | None:
-        """The ball-bar and laser readings, checked for a fit; None where there are none."""
-        return self._readings("readings")
-
-    @cached_property
-    def drift(self) -> Readings:
-        """The drift readings."""
-        result = self._readings("drift")
-        if result is None:
-            raise self.missing("--drift FILE", "drift")
-        return result
-
-    @cached_property
-    def before(self) -> Readings | None:
-        """The readings of an earlier test; None where there are none."""
-        return self._readings("before")
-
-    @cached_property
-    def verify(self) -> Readings | None:
-        """The readings of the verification moves; None where there are none."""
-        return self._readings("verify")
-
-    def _readings(self, kind: str) -> Readings | None:
-        files = [(path, role) for role in KINDS[kind] for path in self.files(role)]
-        if not files:
-            return None
-        from mtu_cli.files.readings import read_readings
-
-        of_any = self.options.command in OF_ANY_MACHINE
-        for_fit = kind == "readings" and not of_any
-        with_machine = for_fit or (self.options.machine if of_any else self.files("machine"))
-        entries = self.machine.machine.components if with_machine else None
-        convert = self.converter()
-        return self.register(kind, read_readings(files, entries, for_fit=for_fit, convert=convert))
-
-    @cached_property
-    def points(self) -> Points:
-        """The measured points; nominals from the part file, without one from the points."""
-        from mtu_cli.files.readings import read_points
-
-        self._one("cmm", "--cmm")
-        places = self.part.part.places() if self.files("part") else None
-        files = [(path, "cmm") for path in self.files("cmm")]
-        return self.register("points", read_points(files, places, self.converter()))
-
-    def register(self, kind: Any, item: T) -> T:
+    def register(self, kind: str, item: T) -> T:
         """Enters the `item` of one kind of input, its files and what the checks warn of; the item.
 
         Raises InputError for what makes a result meaningless.
         """
         self.__dict__[kind] = item
-        value: Any = item
-        self.sources.extend(value.sources if hasattr(value, "sources") else (value.source,))
+        value: Any = self.entered(item)
+        of: Any = kind
         if kind == "reports":
             return item
-        from mtu_cli import checks
-
-        made_here = self.options.command not in OF_ANY_MACHINE
-        machine = self.machine.machine if self.files("machine") and made_here else None
+        of_machine = self.options.command not in OF_ANY_MACHINE and self.files("machine")
+        machine = self.machine.machine if of_machine else None
         travels = machine.travels if machine else {}
-        data: Data = checks.DocumentData(value, travels)
-        of = JUDGED_AS.get(kind, kind)
+        data: Data = DocumentData(value, travels)
         if kind == "points":
-            data = checks.PointsData(value, self.part_if_any, travels, self.choices.datum or "none")
-        elif of in ("readings", "drift"):
-            data = checks.ReadingsData(value, machine.components if machine else {}, travels)
-        self.suspicions += checks.warnings_of(of, data)
+            data = PointsData(value, self.part_if_any, travels, self.choices.datum or "none")
+        elif kind not in ("machine", "part"):
+            data = ReadingsData(value, machine.components if machine else {}, travels)
+            of = "drift" if kind == "drift" else "readings"
+        self.suspicions += warnings_of(of, data)
         return item
 
     @cached_property

@@ -30,8 +30,8 @@ class Options:
 class Option:
     """One option: the type of its value, the word for it in the help, where ``...`` says that it
     may be repeated, and what it means. `shown`: the default that a study or the command chooses;
-    `panel`: its group in the help; `bounds` of a number; `endings` of the name of a file to
-    write.
+    `panel`: its group in the help; `bounds` of a number; `choices` of a text; `endings` of the
+    name of a file to write.
     """
 
     kind: type
@@ -43,6 +43,7 @@ class Option:
     shown: str | None = None
     panel: str | None = None
     bounds: tuple[float, float] | None = None
+    choices: tuple[str, ...] = ()
     endings: tuple[str, ...] = ()
 
     @property
@@ -123,9 +124,9 @@ def entries(text: str) -> list[list[str]]:
 def declare(text: str, panel: str | None = None) -> dict[str, Option]:
     """Options by name, of lines ``name | kind ... | word for the value | meaning | default``.
 
-    Behind its kind stand a short form or all names, ``argument``, bounds LOW..HIGH or endings of a
-    file's name; the default is a value, ``required``, or ``shown:`` what a study or the command
-    chooses.
+    Behind its kind stand a short form or all names, ``argument``, bounds LOW..HIGH, choices A/B or
+    endings of a file's name; the default is a value, ``required``, or ``shown:`` what a study or
+    the command chooses.
 
     >>> declare("k | float 0..9 | K... | Factor | shown: 2")["k"].bounds
     (0.0, 9.0)
@@ -140,6 +141,8 @@ def declare(text: str, panel: str | None = None) -> dict[str, Option]:
             low, dots, high = each.partition("..")
             if dots:
                 fields["bounds"] = number(low), number(high)
+            elif "/" in each:
+                fields["choices"] = tuple(each.split("/"))
             elif each == "argument":
                 fields["argument"] = True
             elif each[0] == "-":
@@ -197,8 +200,10 @@ WRITTEN = declare("""
     write_drift | path .csv | FILE | Drift readings CSV to write, of the thermal models
 """)
 CHOICES = declare("""
-    method | text | METHOD | Components of variance: reml, anova (mean squares) or paper | reml
-    model | text | MODEL | auto (the best on held-out cycles), stepwise, ridge or lagged | auto
+    method | text reml/anova/paper | METHOD | \
+        Components of variance: reml, anova (mean squares) or paper | reml
+    model | text auto/stepwise/ridge/lagged | MODEL | \
+        auto (the best on held-out cycles), stepwise, ridge or lagged | auto
     zeroed | text | HOW | Drift probe zeroed in each cycle: cycle, never, auto | shown: auto
     at | text | NAME=VALUE... | A covariate for the prediction
     grid | text | N or NX,NY,NZ | A grid over the travels instead of a part; --plot draws a map
@@ -220,13 +225,15 @@ CHOICES = declare("""
     vary | text | NAME=LOW:HIGH:COUNT... | axis_um, probe_um, perpendicular_um or repeats; or \
         NAME=a,b,c | required
     kind | text argument | KIND | machine, part, study, budget, graph, effects, import | required
-    as_ | text | KIND | What to make: readings, points or drift | required
+    as_ | text readings/points/drift | KIND | What to make: readings, points or drift | required
     component:read | text | NAME | The component that the file reads
     unit | text | UNIT | Unit of readings without one
-    decimal | text | SIGN | Decimal sign . or , where the file leaves it open
-    directions | text | HOW | Of runs, where left open: alternate, forward or reverse
+    decimal | text ./, | SIGN | Decimal sign . or , where the file leaves it open
+    directions | text alternate/forward/reverse | HOW | \
+        Of runs, where left open: alternate, forward or reverse
     topic | text argument | TOPIC... | A topic, code or command; without it all topics
-    standard | text | STANDARD | Figures of the table: iso230-2 or vdi3441 | iso230-2
+    standard | text iso230-2/vdi3441 | STANDARD | \
+        Figures of the table: iso230-2 or vdi3441 | iso230-2
     limit | text | NAME=VALUE... | Limit of a figure in the axis' unit: A=10, dx_x.R=5
     plan | float | MM | Propose targets for this travel instead, with --pitch
     pitch | float | MM | Pitch of the ball screw or scale, which no target is to meet
@@ -239,8 +246,8 @@ CHOICES = declare("""
     component:table | text | NAME... | A component or effect; of several of one axis the sum
     for_ | text | CONTROLLER | linuxcnc, siemens-enc, siemens-cec, heidenhain, beckhoff, isg-csv, \
         etalon, aerotech, acs, pmac, mitsubishi, klipper (skew) or table (for hand entry)
-    direction:table | text | HOW | both, mean (backlash of 0 or by halves), forward (as a whole) \
-        | shown: both where the format has two columns, else mean
+    direction:table | text both/mean/forward | HOW | both, mean (backlash of 0 or by halves), \
+        forward (as a whole) | shown: both where the format has two columns, else mean
     from_ | float -1e6..1e6 | MM | First point of an interpolated table, machine position
     to:end | float -1e6..1e6 | MM | Its last point
     step | float 0..1e6 | MM | Its step

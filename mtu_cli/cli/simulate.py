@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from mtu_cli import __version__
-from mtu_cli.cli.emit import Outcome, written_files
+from mtu_cli.cli.analyse import modelled
+from mtu_cli.cli.emit import Listing, Result, written_files
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import modelled
-from mtu_cli.cli.options import CLIMATE, DRIFT, OPTIONS, POINTS, READINGS, Options, option_name
+from mtu_cli.cli.options import CLIMATE, DRIFT, OPTIONS, POINTS, READINGS, option_name
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, number_of, within
 from mtu_cli.files.contract import A_NAME, is_identifier, is_name
 from mtu_cli.files.covariates import is_temperature
@@ -29,7 +29,6 @@ from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports.simulate import Synthetic, drift_file, points_file, readings_file
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
@@ -37,7 +36,7 @@ from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 DEFAULT_POSITIONS = 8
 
 
-def simulate(inputs: Inputs, settings: Settings) -> Outcome:
+def simulate(inputs: Inputs) -> Result:
     """The files of the --write options, each from a random stream of its own."""
     options = inputs.options
     paths = written_files(options)
@@ -47,28 +46,26 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     if options.operation is not None and not is_name(options.operation):
         place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
         raise error("wrong-type", kind="a name", **place)
-    model = modelled(inputs).model
+    model = modelled(inputs)[0]
     # Components that are in no equation are not simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings = [each for each in of_machine if each.facts["what"] == "component"]
-    tables = {name: MAKERS[name](inputs, model, settings.seed) for name in paths}
+    tables = {name: MAKERS[name](inputs, model) for name in paths}
     first = next(iter(tables.values()))
-    return Outcome(
-        results=lambda: {name.removeprefix("write_"): x.values() for name, x in tables.items()},
-        tables=lambda detail: [
-            f"{path}: {tables[name].count} synthetic rows" for name, path in paths.items()
-        ],
-        rows=lambda: (tuple(first.columns), zip(*first.values().values(), strict=True)),
-        warnings=warnings,
-        files=lambda: {
-            path: tables[name].text(_heading(options, settings.seed, name)).encode()
-            for name, path in paths.items()
-        },
+    document = Listing(
+        [f"{path}: {tables[name].count} synthetic rows" for name, path in paths.items()],
+        {name.removeprefix("write_"): table.values() for name, table in tables.items()},
+        (tuple(first.columns), zip(*first.values().values(), strict=True)),
     )
+    files = {
+        path: tables[name].text(_heading(inputs, name)).encode() for name, path in paths.items()
+    }
+    return Result(inputs, document, warnings, files=files)
 
 
-def _heading(options: Options, seed: int, name: str) -> str:
+def _heading(inputs: Inputs, name: str) -> str:
     """Comment lines that mark the file as synthetic, with the options that made it."""
+    options, seed = inputs.options, inputs.settings.seed
     panels = {DRIFT, CLIMATE} if name == "write_drift" else {READINGS, POINTS}
     if name == "write_cmm" and options.cmm_room:
         panels.add(CLIMATE)
@@ -82,20 +79,19 @@ def _heading(options: Options, seed: int, name: str) -> str:
     return f"{first}\n# {' '.join(arguments)}\n"
 
 
-def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
+def _laser(inputs: Inputs, model: MachineModel) -> Synthetic:
     """The readings of one component as a run file in the instrument's unit."""
     name, kind = inputs.options.laser_component, inputs.options.write_laser.suffix.lower()[1:]
     if name is None:
         raise error("missing-input", what="what the laser reads", expected="--laser-component NAME")
     names = {x.estimate.name for x in model.terms if EFFECT_MARK not in x.estimate.name}
     known_name("--laser-component", "component", name, sorted(names))
-    readings = _readings(inputs, model, seed, only=name)
+    readings = _readings(inputs, model, name)
     unit, file_unit = UNITS[readings.unit[0]], UNITS[RUN_UNITS[kind]]
     if unit.dimension != file_unit.dimension:
         reason = f"{name} is read in {unit.name}, and a .{kind} file holds {file_unit.name}"
-        raise error(
-            "not-applicable", reason=reason, expected="a file .rtl of lengths, .rta of angles"
-        )
+        expected = "a file .rtl of lengths, .rta of angles"
+        raise error("not-applicable", reason=reason, expected=expected)
     synthetic = readings_file(readings)
     columns: dict[str, list[Any]] = {
         "position_mm": readings.position.tolist(),
@@ -108,7 +104,7 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
 
 
 def _readings(
-    inputs: Inputs, model: MachineModel, seed: int, only: str | None = None
+    inputs: Inputs, model: MachineModel, only: str | None = None
 ) -> virtual.SimulatedReadings:
     estimates = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
     axes = {each.of for each in estimates if each.of is not None and only in (None, each.name)}
@@ -117,7 +113,7 @@ def _readings(
     other = next(iter(positions.values()), np.zeros(1))
     return virtual.simulate_readings(
         model,
-        seed,
+        inputs.settings.seed,
         passes=inputs.options.passes,
         directions=(1, -1),
         positions={axis: positions.get(axis, other) for axis in AXES},
@@ -160,9 +156,9 @@ def _positions(inputs: Inputs, model: MachineModel, axes: set[str]) -> dict[str,
     return result
 
 
-def _points(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
+def _points(inputs: Inputs, model: MachineModel) -> Synthetic:
     """The points of parts that the machine makes."""
-    options = inputs.options
+    options, seed = inputs.options, inputs.settings.seed
     ids, points, _ = feature_points(inputs.part, model)
     option, text, first = "--first-repeats", options.first_repeats, (0, 0)
     if text is not None:
@@ -219,12 +215,12 @@ def _equations(
     return tuple((name[names is not None :], node) for name, node in equations.items())
 
 
-MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
+MAKERS: dict[str, Callable[[Inputs, MachineModel], Synthetic]] = {
     "write_lbb": lambda *of: readings_file(_readings(*of)),
     "write_laser": _laser,
     "write_cmm": _points,
-    "write_drift": lambda inputs, model, seed: drift_file(
-        virtual.simulate_drift(*_drift_test(inputs, model), seed)
+    "write_drift": lambda inputs, model: drift_file(
+        virtual.simulate_drift(*_drift_test(inputs, model), inputs.settings.seed)
     ),
 }
 """What makes each file, by the option that names it."""

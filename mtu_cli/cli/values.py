@@ -16,8 +16,8 @@ MOST_STEPS = 10_000
 SPAN = "LOW:HIGH:COUNT"
 
 
-def number_of(option: str, text: str, *, whole: bool = False) -> float:
-    """A finite number, `whole` or not.
+def number_of(option: str, text: str, *, whole: bool = False, positive: bool = False) -> float:
+    """A finite number, which may have to be `whole`, or `positive`.
 
     Raises InputError that names the `option`.
 
@@ -31,13 +31,7 @@ def number_of(option: str, text: str, *, whole: bool = False) -> float:
         raise error("wrong-type", path=option, kind=kind, value=text)
     if whole and not text.lstrip("+-").isdigit():
         raise error("wrong-type", path=option, kind="a whole number", value=text)
-    return value
-
-
-def above_zero(option: str, text: str) -> float:
-    """A finite number above 0; raises InputError as `number_of` does."""
-    value = number_of(option, text)
-    if value <= 0:
+    if positive and value <= 0:
         raise error("out-of-range", path=option, value=text, expected="a number above 0")
     return value
 
@@ -73,12 +67,17 @@ def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: 
             raise error("out-of-range", **place, expected=expected)
 
 
-def check_bounds(options: Mapping[str, Option], values: Mapping[str, Any]) -> None:
-    """Raises InputError for a number that is out of the bounds of its option."""
+def check_values(options: Mapping[str, Option], values: Mapping[str, Any]) -> None:
+    """Raises InputError for a number that is out of the bounds of its option, and for a text that
+    is none of its choices.
+    """
     for name, option in options.items():
         value = values.get(name)
         if option.bounds and value is not None:
             within(option_name(name), value if option.many else [value], option.bounds)
+        if option.choices:
+            what = str(option.metavar).lower().replace("how", "value")
+            known_name(option_name(name), what, value, option.choices)
 
 
 def known_name(option: str, what: str, name: Any, choices: Collection[str]) -> Any:

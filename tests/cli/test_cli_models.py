@@ -8,10 +8,10 @@ from cli_runner import done, listing, mtu, prepared, report
 from support import CONFIGS
 
 from mtu_cli.cli.analyse import fit_components as fitting
+from mtu_cli.cli.analyse import modelled
 from mtu_cli.cli.emit import execute
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.measurement import variation
-from mtu_cli.cli.modelled import modelled
+from mtu_cli.cli.one_file import variation
 from mtu_cli.cli.options import Options
 from mtu_cli.findings import InputError
 
@@ -150,7 +150,7 @@ def drifting(path: Path) -> None:
 def told(code: str, **files: object) -> list[str]:
     """What lengths, or any prediction, says of a code."""
     inputs = Inputs(Options("lengths", {"machine": Path("machine.yaml"), **files}))
-    return [item.message for item in modelled(inputs).warnings if item.code == code]
+    return [item.message for item in modelled(inputs)[1] if item.code == code]
 
 
 def test_what_limits_u_comes_with_predictions_too(work: Path) -> None:

@@ -18,12 +18,11 @@ import pytest
 from cli_runner import PAGES, SMALL, TRUTH, done, listing, mtu, prepared, report, shared, shell
 from support import CONFIGS, DATA, PAPER, SIMULATED
 
-from mtu_cli.cli.analyse import fit_components
+from mtu_cli.cli.analyse import fit_components, modelled
 from mtu_cli.cli.commands import COMMANDS
-from mtu_cli.cli.emit import Outcome, check_outputs, execute, warning_lines
+from mtu_cli.cli.emit import Listing, Result, check_outputs, execute, warning_lines
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.main import main
-from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import Finding, InputError, finding
@@ -147,7 +146,8 @@ def test_warnings_are_said_once_and_notes_not_with_quiet(
         "note: not estimable: u (a); n [not-estimable]",
     ]
     for quiet in (True, False):
-        execute(Options("lengths", {"quiet": quiet}), lambda *_: Outcome(warnings=[note]))
+        options = Options("lengths", {"quiet": quiet})
+        execute(options, lambda inputs: Result(inputs, Listing(), [note]))
         assert ("not-estimable" in capsys.readouterr().err) != quiet
 
 
@@ -157,7 +157,7 @@ def test_readings_that_a_report_was_fitted_to_are_no_news(small: Path) -> None:
     execute(Options("fit-components", {"out": fitted, "quiet": True}), fit_components)
 
     def unused(values: Mapping[str, Any]) -> list[Finding]:
-        found = modelled(Inputs(Options("lengths", {"components": [fitted], **values}))).warnings
+        found = modelled(Inputs(Options("lengths", {"components": [fitted], **values})))[1]
         return [item for item in found if item.code == "not-used"]
 
     def names(values: Mapping[str, Any]) -> list[Any]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from mtu_cli.analyses.anova.tables import (
     FEWEST_PARTS,
-    METHODS,
     Analysed,
     Capability,
     Kind,
@@ -51,7 +50,7 @@ from mtu_cli.model.visits import (
 from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
-__all__ = ["METHODS", "Analysed", "AnovaResult", "Method", "analyse_variance"]
+__all__ = ["Analysed", "AnovaResult", "Method", "analyse_variance"]
 
 
 class Total(NamedTuple):

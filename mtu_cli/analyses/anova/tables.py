@@ -22,7 +22,6 @@ from mtu_cli.stats.resolution import hidden
 from mtu_cli.units import ARCSEC, UM
 
 Method = Literal["paper", "anova", "reml"]
-METHODS: tuple[Method, ...] = ("paper", "anova", "reml")
 Kind = Literal["feature", "length", "angle"]
 TAIL = (1 - PROBABILITY) / 2
 

@@ -30,8 +30,8 @@ from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
 from mtu_cli.analyses.graph import shares_by_place, simulate_graph
 from mtu_cli.analyses.thermal_fit import ThermalFit
+from mtu_cli.cli.analyse import fitted_drift
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import fitted_drift
 from mtu_cli.cli.options import Options
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.part import Tolerance
