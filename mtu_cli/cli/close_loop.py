@@ -19,7 +19,7 @@ from mtu_cli.cli.modelled import drift_estimates, fitted, modelled
 from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.source import report_bytes
-from mtu_cli.findings import Finding, finding, listed
+from mtu_cli.findings import Finding, finding, listed, plain
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_library import effect_library
@@ -31,7 +31,6 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.reports import close_loop as report
 from mtu_cli.reports import fit_components
 from mtu_cli.reports.document import envelope
-from mtu_cli.reports.fields import plain
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 

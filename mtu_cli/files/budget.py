@@ -25,7 +25,7 @@ from mtu_cli.files.contract import (
     wrong,
 )
 from mtu_cli.files.study import MAX_COVERAGE, CoverageFactor
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 from mtu_cli.findings import Finding, finding
 from mtu_cli.language import Node, check_known, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -257,9 +257,7 @@ class LoadedBudget(Loaded):
 
     def where(self, output: str) -> dict[str, Any]:
         """Where an output's equation stands, for a finding."""
-        path: YamlPath = ("equation",) if self.single else ("equations", output)
-        place = {"file": self.source.shown, "line": self.line_of(*path)}
-        return {**place, "path": ".".join(map(str, path))}
+        return self.place("equation") if self.single else self.place("equations", output)
 
 
 def load_budget(file: Path | YamlDocument) -> LoadedBudget:
@@ -372,21 +370,17 @@ def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
 def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) -> Iterator[Finding]:
     """Inputs without use, uncertainty or scatter; ``g: 9.81`` and ``u: 0`` mean constants."""
     symbols = {name for tree in trees.values() for name in names(tree)}
-
-    def noted(code: str, path: YamlPath, at: str | None = None, **facts: Any) -> Finding:
-        place = {"file": document.source.shown, "line": document.line_of(*path), "path": at}
-        return finding(code, **place, **facts)
-
     constants = []
     for name, item in budget.inputs.items():
         path: YamlPath = ("inputs", name)
         if name not in symbols:
-            yield noted("unused", path, path_text(path), what="input", name=name)
+            yield finding("unused", what="input", name=name, **document.place(path))
         elif item.readings and not item.varies:
-            where = (*path, "readings")
-            yield noted("equal-readings", where, path_text(path), n=len(item.readings))
+            place = document.place((*path, "readings"))
+            yield finding("equal-readings", n=len(item.readings), **place)
         elif isinstance(document.at(*path), dict) and not item.varies and not item.ways:
             constants.append(name)
     if constants:
+        place = {**document.place(("inputs", constants[0])), "path": None}
         expected = "u: 0 where that is meant"
-        yield noted("no-uncertainty", ("inputs", constants[0]), names=constants, expected=expected)
+        yield finding("no-uncertainty", names=constants, expected=expected, **place)

@@ -30,7 +30,7 @@ from pydantic import (
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mtu_cli.files.source import Source, a_file
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, shown_value
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath, shown_value
 from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 
 MAX_DEGREE = 9
@@ -162,9 +162,9 @@ class Loaded:
         """The file as reports know it."""
         return self.document.source
 
-    def line_of(self, *path: str | int) -> int | None:
-        """The line of a value of the file: ``line_of("components", "dx_x")``."""
-        return self.document.line_of(*path)
+    def place(self, *path: str | int) -> dict[str, Any]:
+        """File, line and path of a value, for findings: ``place("components", "dx_x")``."""
+        return self.document.place(path)
 
 
 @dataclass(slots=True)
@@ -192,10 +192,9 @@ class Faults:
         """Findings that stand here, such as those of an equation."""
         prefix, value = self.document.reached(self.place)
         # A short form stands for keys, or for a list, that the file does not have.
-        path = self.place if isinstance(value, dict) else prefix
-        place = {"file": self.document.source.shown, "line": self.document.line_of(*path)}
+        place = self.document.place(self.place if isinstance(value, dict) else prefix)
         items = findings.findings if isinstance(findings, InputError) else findings
-        self.findings += [item.at(path=path_text(path) or None, **place) for item in items]
+        self.findings += [item.at(**place) for item in items]
 
     @contextmanager
     def collected(self) -> Iterator[None]:

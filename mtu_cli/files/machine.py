@@ -39,7 +39,7 @@ from mtu_cli.files.covariates import (
     is_temperature,
     own_columns,
 )
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 from mtu_cli.findings import Finding, counted, finding, suggestion
 from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
@@ -397,30 +397,24 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
 
 def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
     """Components and parameters that no equation holds, or that count as exactly known."""
-
-    def warning(code: str, *path: str | int, **facts: object) -> Finding:
-        place = {"file": loaded.source.shown, "line": loaded.line_of(*path[:2])}
-        return finding(code, path=path_text(path), **place, **facts)
-
     for name, item in loaded.machine.components.items():
-        path = ("components", name)
+        place = loaded.place("components", name)
         figures = [key for key in NEEDS_COEFFICIENTS if getattr(item, key) is not None]
         if name not in loaded.used:
-            yield warning("unused", *path, what="component", name=name)
+            yield finding("unused", what="component", name=name, **place)
         if item.coefficients is None and figures:
             facts = {"what": "figures", "names": figures, "reason": "there are no coefficients"}
-            yield warning("not-used", *path, **facts)
+            yield finding("not-used", **facts, **place)
         elif item.coefficients is not None and not figures and name in loaded.used:
-            yield warning("no-uncertainty", *path, names=[name])
+            yield finding("no-uncertainty", names=[name], **place)
     for index, effect in enumerate(loaded.machine.effects):
         symbols = {name for text in effect.equations.values() for name in names(parse(text))}
         for name in [name for name in effect.parameters if name not in symbols]:
-            yield warning(
-                "unused", "effects", index, "parameters", name, what="parameter", name=name
-            )
+            place = loaded.place("effects", index, "parameters", name)
+            yield finding("unused", what="parameter", name=name, **place)
         parameters = [n for n, p in effect.parameters.items() if "u" not in p.model_fields_set]
         if effect.covariance is None and parameters:
-            yield warning("no-uncertainty", "effects", index, names=parameters)
+            yield finding("no-uncertainty", names=parameters, **loaded.place("effects", index))
 
 
 def _check_names(machine: Machine, faults: Faults) -> None:

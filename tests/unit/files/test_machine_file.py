@@ -171,8 +171,8 @@ def test_a_machine_is_read_with_its_linear_forms(tmp_path: Path) -> None:
     assert loaded.forms["Ey"].remainder is None
     assert set(loaded.effect_forms[0]["Ex"].coefficients) == {"lost_motion"}
     assert loaded.warnings == ()
-    assert loaded.line_of("components", "ez_x") == 8
-    assert loaded.line_of("equations", "Ey") == 15
+    assert loaded.place("components", "ez_x")["line"] == 8
+    assert loaded.place("equations", "Ey")["line"] == 15
     read = loaded.machine
     assert read.reference_temperature_degC == 20.0
     assert (read.constants["z"].value, read.constants["z"].u) == (127.0, 0.0)
