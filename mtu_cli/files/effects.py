@@ -27,13 +27,7 @@ from mtu_cli.files.contract import (
     optional,
     present,
 )
-from mtu_cli.files.covariates import (
-    COVARIATES,
-    NUMBER,
-    POSITIONS,
-    column_dimensions,
-    is_covariate,
-)
+from mtu_cli.files.covariates import COVARIATES, NUMBER, POSITIONS, column_dimensions, is_covariate
 from mtu_cli.files.machine import AxisName, EquationText, ParameterUnitName
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import read_yaml
@@ -343,7 +337,7 @@ def _levers(
             columns[name] = powers
     units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
     equation = filled_tree(tree, number)
-    check_dimension(equation, internal(LENGTH), {}, parameters=units, columns=columns)
+    check_dimension(equation, internal(LENGTH), {}, units, columns)
     if form.remainder is not None:
         reason, expected = "a term without a parameter", "parameters in every term"
         raise error("not-applicable", reason=reason, column=1, expected=expected)

@@ -499,6 +499,6 @@ def _linear_forms(
             form = linear_form(node, linear)
             # A component has no unit per kelvin or step of a column: beside one any may be meant.
             columns = own_columns(names(node), linear.union(constants))
-            check_dimension(node, internal(LENGTH), powers, parameters=units, columns=columns)
+            check_dimension(node, internal(LENGTH), powers, units, columns)
             forms[key] = form
     return forms
