@@ -17,7 +17,7 @@ from mtu_cli.findings import InputError, listed, nearest, shorten
 from mtu_cli.formats.base import Ask, Format, Import, Imported, RawFile, of_content
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
-MODULES = ("renishaw", "ecmc", "dfq", "points", "channels", "wide")
+MODULES = ("renishaw", "ecmc", "points", "channels", "wide")
 """From the surest to the least sure: the first that recognises a file reads it."""
 KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), "readings") | {
     "drift": "drift",
