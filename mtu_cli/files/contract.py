@@ -78,18 +78,9 @@ class Contract(BaseModel):
         """Adds what takes more than one value of a sound entry to see; `faults` are those here."""
 
 
-def wrong(
-    expected: str = "", code: str = "wrong-value", *at: str | int, **facts: Any
-) -> PydanticCustomError:
-    """For validators: an error that becomes a Finding of `code`; `at` the path within an entry."""
-    fault = {"code": code, "at": at, "given": {"expected": expected, **facts}}
-    return PydanticCustomError("findings", "{faults}", {"faults": [fault]})
-
-
-def all_wrong(errors: Iterable[PydanticCustomError]) -> PydanticCustomError:
-    """One error that becomes the Findings of several."""
-    faults = [fault for item in errors for fault in (item.context or {})["faults"]]
-    return PydanticCustomError("findings", "{faults}", {"faults": faults})
+def wrong(expected: str = "", code: str = "wrong-value", **facts: Any) -> PydanticCustomError:
+    """For validators: an error that becomes a Finding of `code`."""
+    return PydanticCustomError("finding", code, {"code": code, "expected": expected, **facts})
 
 
 def must(
@@ -133,9 +124,9 @@ def one_or_more(form: Any, *kinds: type) -> BeforeValidator:
     )
 
 
-def optional(description: str, default: Any = None) -> Any:
+def optional(description: str, default: Any = None, alias: str | None = None) -> Any:
     """A key of a contract that need not be given."""
-    return Field(default=default, description=description)
+    return Field(default=default, description=description, alias=alias)
 
 
 NonNegative = Annotated[float, Field(ge=0)]
@@ -299,11 +290,8 @@ def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
         faults.at(*path[:-1]).add("missing-key", key=path[-1])
     elif kind == "extra_forbidden":
         here.unknown(str(path[-1]), keys_of(type_at(model, path[:-1])), "key")
-    elif kind == "findings":
-        # Of an entry the keys at fault are named, or a value of them.
-        facts = {"value": None if isinstance(value, dict) else literal}
-        for fault in context["faults"]:
-            here.at(*fault["at"]).add(fault["code"], **{**facts, **fault["given"]})
+    elif kind == "finding":
+        here.add(**{"value": None if isinstance(value, dict) else literal, **context})
     elif kind == "literal_error":
         is_key = path != item["loc"]
         choices = get_args(get_args(type_at(model, path[:-1]))[0] if is_key else at)

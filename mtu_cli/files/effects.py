@@ -76,7 +76,7 @@ class Search(Contract):
         "1/span), or half-way between the values of `of`",
         "linear",
     )
-    from_: Bounds = Field(default=["low"], alias="from", description="The largest of these")
+    from_: Bounds = optional("The largest of these", ["low"], alias="from")
     to: Bounds = optional("The smallest of these", ["high"])
     count: Annotated[int, Field(ge=2, le=MAX_GRID)] | None = optional(
         "Number of values; the largest number of a frequency grid"

@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
@@ -240,9 +240,14 @@ SYNONYMS = {
 
 def measured_in(path: Path) -> str | None:
     """What a file holds by its header: readings or points; None of anything else."""
-    header = next((line for line in filled_lines(path) if line[0] != "#"), "")
-    names = {name.strip(' "\n') for name in re.split("[,;]", header)}
+    names = {*header_names(filled_lines(path))}
     return next((x.holds for x in (READINGS, POINTS) if {*x.required} <= names), None)
+
+
+def header_names(lines: Iterable[str]) -> list[str]:
+    """The cells of the first line that is no comment, in lower case."""
+    line = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return [cell.strip().strip('"').lower() for cell in re.split(r"[,;\t]", line)]
 
 
 def is_made(path: Path) -> bool:

@@ -31,6 +31,7 @@ REFERENCE_TEMPERATURE = 20.0
 LARGEST_MM = 1e9
 """A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
 
+TOLERANCE = "Tolerance: plus-minus, or [low, high]"
 Coordinate = Annotated[float, Field(ge=-LARGEST_MM, le=LARGEST_MM)]
 
 
@@ -80,9 +81,7 @@ class Length(Contract):
     id: IdText = optional("Default: from-to", "")
     from_: IdText = Field(alias="from")
     to: IdText
-    tolerance: Tolerated | None = Field(
-        default=None, alias="tolerance_um", description="Tolerance: plus-minus, or [low, high]"
-    )
+    tolerance: Tolerated | None = optional(TOLERANCE, alias="tolerance_um")
 
     @model_validator(mode="before")
     @classmethod
@@ -98,9 +97,7 @@ class Orthogonality(Contract):
     id: IdText
     row: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along x")
     column: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along y")
-    tolerance: Tolerated | None = Field(
-        default=None, alias="tolerance_arcsec", description="Tolerance: plus-minus, or [low, high]"
-    )
+    tolerance: Tolerated | None = optional(TOLERANCE, alias="tolerance_arcsec")
 
 
 def _by_temperature(value: object) -> object:
