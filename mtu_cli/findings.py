@@ -381,9 +381,9 @@ class Finding:
     def to_dict(self) -> dict[str, Any]:
         """As reports list it: `file`, `line`, `row` and `column` where they apply."""
         result = {"code": self.code, "severity": self.severity, "message": self.message}
-        facts = {name: _plain(value) for name, value in self.facts.items()}
         place = {"file": self.file, "line": self.line, "row": self.row, "column": self.column}
-        return {**result, "facts": facts, **{k: v for k, v in place.items() if v is not None}}
+        stated = {name: x for name, x in place.items() if x is not None}
+        return {**result, "facts": plain(self.facts), **stated}
 
 
 class MtuError(Exception):
@@ -494,17 +494,18 @@ def printable(text: str) -> str:
     return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
 
 
-def _plain(value: Any) -> Any:
-    """A fact as JSON can hold it."""
-    if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):  # numbers and arrays of numpy, which is not imported here
-        return _plain(value.tolist())
+def plain(value: Any) -> Any:
+    """The value in types of JSON: lists for arrays, None for what is not finite, or its text."""
     if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if value is None or isinstance(value, (bool, int, str)) else str(value)
+        return float(value) if math.isfinite(value) else None
+    if value is None or isinstance(value, (str, bool, int)):
+        return value
+    if isinstance(value, Mapping):
+        return {str(name): plain(each) for name, each in value.items()}
+    if hasattr(value, "tolist"):  # numbers and arrays of numpy, which is not imported here
+        finite = value.dtype.kind == "f" and math.isfinite(abs(value).max(initial=0.0))
+        return value.tolist() if finite else plain(value.tolist())
+    return [plain(each) for each in value] if isinstance(value, Iterable) else str(value)
 
 
 class _Words(Formatter):

@@ -164,8 +164,7 @@ def split(rows: Rows | None, *columns: NDArray[Any]) -> list[Rows]:
 def _findings(code: str, odd: Odd, data: Data) -> Iterator[Finding]:
     """One finding at the first of the rows, or one of each where these have values."""
     if isinstance(data, DocumentData):
-        source, line = data.loaded.source, data.loaded.line_of(*odd.path)
-        place = {"file": source.shown, "line": line, "path": ".".join(map(str, odd.path))}
+        place = data.loaded.place(*odd.path)
         yield Finding(code=code, facts=odd.facts, value=odd.value, **place)
         return
     rows, files = data.table.row[odd.rows], data.table.file_index[odd.rows]

@@ -19,7 +19,7 @@ from mtu_cli.cli.load import Inputs
 from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.source import report_bytes
-from mtu_cli.findings import Finding, finding, listed
+from mtu_cli.findings import Finding, finding, listed, plain
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_library import effect_library
@@ -29,7 +29,6 @@ from mtu_cli.model.residuals import ResidualTable, reading_tables, residual_tabl
 from mtu_cli.reports import close_loop as report
 from mtu_cli.reports import fit_components
 from mtu_cli.reports.document import envelope
-from mtu_cli.reports.fields import plain
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 

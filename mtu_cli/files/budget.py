@@ -25,7 +25,7 @@ from mtu_cli.files.contract import (
     wrong,
 )
 from mtu_cli.files.study import MAX_COVERAGE, CoverageFactor
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 from mtu_cli.findings import Finding, finding
 from mtu_cli.language import Node, check_known, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -113,6 +113,44 @@ class Contribution(Contract):
         keys = [way for way in WAYS if getattr(self, way) is not None]
         return [*keys, "low"] if self.high is not None and self.low is None else keys
 
+    def check(self, faults: Faults) -> None:
+        """That a width is stated in one way, and whole; that its distribution has what it needs,
+        and nothing has what only another one has.
+        """
+        kind, dof, ways = self.distribution or "normal", self.dof, self.ways
+        if len(ways) > 1:
+            expected = "one of u, half_width, low with high, U with k"
+            faults.add("exclusive", names=" and ".join(ways), expected=expected)
+            return
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            faults.at("low").add("wrong-value", expected=f"a number below `high`, {self.high:g}")
+            return
+        needs = {key: f"`{other}`" for key, other in PAIRS.items() if getattr(self, other) is None}
+        if not ways:
+            width = "a width: `u`, `half_width`, `U`, or `low` and `high`"
+            needs |= {"distribution": width, "dof": width}
+        for key, other in needs.items():
+            if getattr(self, key) is not None:
+                faults.at(key).add("incomplete", what=f"`{key}`", other=other)
+        if kind not in BOUNDED and ways in (["half_width"], ["low"]):
+            expected = "`distribution: rectangular`, say, or u"
+            faults.add("no-limits", distribution=kind, expected=expected)
+        if kind == "t" and dof is None:
+            faults.add("missing-key", key="dof", expected="`dof: 9`, say, of a t distribution")
+        if dof is not None and self.inexact is not None:
+            expected = "one: dof = (half_width/inexact)^2 / 2 (JCGM 100, G.4.2)"
+            faults.at("dof").add("exclusive", names="inexact and dof", expected=expected)
+        for key, (owner, ratio) in SHAPES.items():
+            value, here = getattr(self, key), faults.at(key)
+            # The widest that any half-width leaves room for.
+            limit = self.half if self.half is not None else ratio * (self.u or math.inf)
+            if value is None and kind == owner and (key == "top" or dof is None):
+                faults.add("missing-key", key=key, expected=f"that of a {owner} distribution")
+            elif value is not None and kind != owner:
+                here.add("misplaced", key=key, where=f"`distribution: {owner}`")
+            elif value is not None and value > limit:
+                here.add("wrong-value", expected=f"at most {limit:.6g}, by the half-width or u")
+
 
 class Input(Contribution):
     """An input quantity: an estimate and the contributions to its uncertainty."""
@@ -133,6 +171,30 @@ class Input(Contribution):
         widths = (part.standard or part.half or part.inexact for part in parts)
         return any(widths) or len(set(self.readings or ())) > 1
 
+    def check(self, faults: Faults) -> None:
+        """That its value is stated once, and a width of every contribution."""
+        super().check(faults)
+        if self.readings is not None:
+            for key in ("value", "low"):
+                if getattr(self, key) is not None:
+                    names = f"readings and {key}"
+                    expected = "the readings alone: their mean is the value"
+                    faults.at(key).add("exclusive", names=names, expected=expected)
+        elif self.value is None and self.low is None and self.high is None:
+            faults.add("missing-key", key="value", expected="a value or readings")
+        elif self.value is not None and self.low is not None and self.high is not None:
+            difference = abs(self.value - 0.5 * (self.low + self.high))
+            if difference > ROUNDING * max(abs(self.low), abs(self.high)):
+                expected = f"{self.middle:g}, the middle of `low` and `high`, or none"
+                faults.at("value").add("wrong-value", expected=expected)
+        for index, part in enumerate(self.contributions):
+            here = faults.at("contributions", index)
+            if part.middle is not None:
+                expected = "half_width, about the input's value"
+                here.add("misplaced", key="low", where="the input itself", expected=expected)
+            elif not part.ways:
+                here.add("missing-key", key="u", expected="u, half_width or U")
+
 
 InputEntry = Annotated[Input, BeforeValidator(_constant, json_schema_input_type=Input | float)]
 
@@ -152,6 +214,11 @@ class Coverage(Contract):
         "Coverage probability; k is then that of Student's t"
     )
     k: CoverageFactor | None = optional("Coverage factor of U = k u")
+
+    def check(self, faults: Faults) -> None:
+        """One of both."""
+        if self.probability is not None and self.k is not None:
+            faults.add("exclusive", names="probability and k", expected="one")
 
 
 class Budget(Contract):
@@ -190,9 +257,7 @@ class LoadedBudget(Loaded):
 
     def where(self, output: str) -> dict[str, Any]:
         """Where an output's equation stands, for a finding."""
-        path: YamlPath = ("equation",) if self.single else ("equations", output)
-        place = {"file": self.source.shown, "line": self.line_of(*path)}
-        return {**place, "path": ".".join(map(str, path))}
+        return self.place("equation") if self.single else self.place("equations", output)
 
 
 def load_budget(file: Path | YamlDocument) -> LoadedBudget:
@@ -205,28 +270,22 @@ def load_budget(file: Path | YamlDocument) -> LoadedBudget:
     units: dict[str, str] = {}
 
     def check(budget: Budget, faults: Faults) -> None:
-        for name, item in budget.inputs.items():
-            _check_input(item, ("inputs", name), faults)
         uses = dict.fromkeys(("pi", *BUDGET_FUNCTIONS), "part of the equation language")
-        for name in faults.valued_keys("inputs"):
-            faults.symbol(("inputs", name), name, uses)
+        at_inputs, at_equations = faults.at("inputs"), faults.at("equations")
+        for name in at_inputs.valued_keys():
+            at_inputs.at(name).symbol(name, uses)
         _check_correlations(budget, faults)
-        coverage, keys = budget.coverage, faults.valued_keys()
-        if coverage is not None and coverage.probability is not None and coverage.k is not None:
-            faults.add(("coverage",), "exclusive", names="probability and k", expected="one")
-        if {"equation", "equations"} <= set(keys):
-            names = "equation and equations"
-            faults.add(("equations",), "exclusive", names=names, expected="one")
-        elif not {"equation", "equations"} & set(keys):
-            expected = "equation: or equations:"
-            faults.add((), "missing-key", key="equation", expected=expected)
-        outputs = faults.keys("equations")
+        stated, outputs = {*faults.valued_keys()}, at_equations.keys()
+        if {"equation", "equations"} <= stated:
+            at_equations.add("exclusive", names="equation and equations", expected="one")
+        elif not {"equation", "equations"} & stated:
+            faults.add("missing-key", key="equation", expected="equation: or equations:")
         for name in budget.units or {}:
             if name not in outputs:
-                faults.unknown(("units", name), name, outputs, "output")
+                faults.at("units", name).unknown(name, outputs, "output")
         if budget.quantity is not None and outputs:
-            where, expected = "a single `equation`", "`units: {...}`"
-            faults.add(("quantity",), "misplaced", key="quantity", where=where, expected=expected)
+            facts = {"where": "a single `equation`", "expected": "`units: {...}`"}
+            faults.at("quantity").add("misplaced", key="quantity", **facts)
         for name, unit, tree in _outputs(budget, faults):
             units[name], trees[name] = unit, tree
 
@@ -237,117 +296,50 @@ def load_budget(file: Path | YamlDocument) -> LoadedBudget:
     )
 
 
-def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
-    _check_contribution(item, path, faults)
-    if item.readings is not None:
-        for key in ("value", "low"):
-            if getattr(item, key) is not None:
-                expected = "the readings alone: their mean is the value"
-                names = f"readings and {key}"
-                faults.add((*path, key), "exclusive", names=names, expected=expected)
-    elif item.value is None and item.low is None and item.high is None:
-        faults.add(path, "missing-key", key="value", expected="a value or readings")
-    elif item.value is not None and item.low is not None and item.high is not None:
-        difference = abs(item.value - 0.5 * (item.low + item.high))
-        if difference > ROUNDING * max(abs(item.low), abs(item.high)):
-            expected = f"{item.middle:g}, the middle of `low` and `high`, or none"
-            faults.add((*path, "value"), "wrong-value", value=item.value, expected=expected)
-    for index, part in enumerate(item.contributions):
-        place = (*path, "contributions", index)
-        _check_contribution(part, place, faults)
-        if part.middle is not None:
-            expected = "half_width, about the input's value"
-            faults.add(place, "misplaced", key="low", where="the input itself", expected=expected)
-        elif not part.ways:
-            faults.add(place, "missing-key", key="u", expected="u, half_width or U")
-
-
-def _check_contribution(item: Contribution, path: YamlPath, faults: Faults) -> None:
-    """That a width is stated in one way, and whole; that its distribution has what it needs, and
-    nothing has what only another one has.
-    """
-    kind, dof, ways = item.distribution or "normal", item.dof, item.ways
-    if len(ways) > 1:
-        expected = "one of u, half_width, low with high, U with k"
-        faults.add(path, "exclusive", names=" and ".join(ways), expected=expected)
-        return
-    if item.low is not None and item.high is not None and item.low >= item.high:
-        expected = f"a number below `high`, {item.high:g}"
-        faults.add((*path, "low"), "wrong-value", value=item.low, expected=expected)
-        return
-    needs = {key: f"`{other}`" for key, other in PAIRS.items() if getattr(item, other) is None}
-    if not ways:
-        width = "a width: `u`, `half_width`, `U`, or `low` and `high`"
-        needs |= {"distribution": width, "dof": width}
-    for key, other in needs.items():
-        if getattr(item, key) is not None:
-            faults.add((*path, key), "incomplete", what=f"`{key}`", other=other)
-    if kind not in BOUNDED and ways in (["half_width"], ["low"]):
-        expected = "`distribution: rectangular`, say, or u"
-        faults.add(path, "no-limits", distribution=kind, expected=expected)
-    if kind == "t" and dof is None:
-        faults.add(path, "missing-key", key="dof", expected="`dof: 9`, say, of a t distribution")
-    if dof is not None and item.inexact is not None:
-        expected = "one: dof = (half_width/inexact)^2 / 2 (JCGM 100, G.4.2)"
-        faults.add((*path, "dof"), "exclusive", names="inexact and dof", expected=expected)
-    for key, (owner, ratio) in SHAPES.items():
-        value = getattr(item, key)
-        # The widest that any half-width leaves room for.
-        limit = item.half if item.half is not None else ratio * (item.u or math.inf)
-        if value is None and kind == owner and (key == "top" or dof is None):
-            faults.add(path, "missing-key", key=key, expected=f"that of a {owner} distribution")
-        elif value is not None and kind != owner:
-            faults.add((*path, key), "misplaced", key=key, where=f"`distribution: {owner}`")
-        elif value is not None and value > limit:
-            expected = f"at most {limit:.6g}, by the half-width or u"
-            faults.add((*path, key), "wrong-value", value=value, expected=expected)
-
-
 def _check_correlations(budget: Budget, faults: Faults) -> None:
     """Correlations of uncertain inputs, no pair twice; simultaneous inputs, each once."""
-    keys, inputs = faults.keys("inputs"), budget.inputs
+    keys, inputs = faults.at("inputs").keys(), budget.inputs
     pairs: set[frozenset[str]] = set()
     for index, (first, second, r) in present(budget.correlations):
-        path: YamlPath = ("correlations", index)
+        here = faults.at("correlations", index)
         for at, name in enumerate((first, second)):
             if name not in keys:
-                faults.unknown((*path, at), name, keys)
+                here.at(at).unknown(name, keys)
             elif name in inputs and not inputs[name].varies:
                 facts = {"reason": "it has no uncertainty", "expected": "an uncertain input"}
-                faults.add((*path, at), "wrong-correlation", value=name, **facts)
+                here.at(at).add("wrong-correlation", **facts)
         if not -1.0 <= r <= 1.0:
-            faults.add((*path, 2), "wrong-value", value=f"{r:g}", expected="-1 to 1")
+            here.at(2).add("wrong-value", expected="-1 to 1")
         pair = frozenset((first, second))
         if first == second or pair in pairs:
             what = "the name" if first == second else "the correlation"
-            faults.add(path, "appears-twice", what=what, value=f"{first}, {second}")
+            here.add("appears-twice", what=what, value=f"{first}, {second}")
         pairs.add(pair)
     members: set[str] = set()
     for index, group in present(budget.simultaneous):
-        counts = {}
+        counts, here = {}, faults.at("simultaneous", index)
         if any(pair <= set(group) for pair in pairs):
             ways, expected = "correlations and simultaneous", "one: readings have a correlation"
-            faults.add(("simultaneous", index), "exclusive", names=ways, expected=expected)
+            here.add("exclusive", names=ways, expected=expected)
         for at, name in enumerate(group):
-            path = ("simultaneous", index, at)
             if name not in keys:
-                faults.unknown(path, name, keys)
+                here.at(at).unknown(name, keys)
             elif name in members:
-                faults.add(path, "appears-twice", what="the input", value=name)
+                here.at(at).add("appears-twice", what="the input")
             elif name in inputs and (readings := inputs[name].readings) is None:
-                faults.add(path, "incomplete", what=f"`{name}`", other="`readings`")
+                here.at(at).add("incomplete", what=f"`{name}`", other="`readings`")
             elif name in inputs and readings:
                 counts[name] = len(readings)
             members.add(name)
         if len(set(counts.values())) > 1:
             text = ", ".join(f"{count} of {name}" for name, count in counts.items())
             facts = {"found": f"readings: {text}", "expected": "one of each input at a time"}
-            faults.add(("simultaneous", index), "wrong-count", **facts)
+            here.add("wrong-count", **facts)
 
 
 def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
     """Name, unit and tree of each measurand whose equation can be read; adds what is wrong."""
-    keys, single = faults.keys("inputs"), budget.equation is not None
+    keys, single = faults.at("inputs").keys(), budget.equation is not None
     texts, symbols = budget.equations or {}, budget.units or {}
     if budget.equation is not None:
         quantity = budget.quantity or Quantity()
@@ -359,40 +351,36 @@ def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
     powers_of = {text: unit_powers(text) for text in (*units.values(), *outputs.values())}
     powers = {name: powers_of[text] for name, text in units.items()}
     for name, text in texts.items():
-        path: YamlPath = ("equation",) if single else ("equations", name)
+        here = faults.at("equation") if single else faults.at("equations", name)
         if name in keys:
-            name_path: YamlPath = ("quantity", "name") if single else path
-            faults.add(name_path, "name-taken", value=name, taken="an input")
-        with faults.collected(path):
+            at_name = faults.at("quantity", "name") if single else here
+            at_name.add("name-taken", value=name, taken="an input")
+        with here.collected():
             tree = parse(text, BUDGET_FUNCTIONS)
             if not keys:  # that the inputs are missing is reported; every name would be unknown
                 continue
             check_known(tree, keys)
             yield name, outputs[name], tree
             errors, result = check_consistent(tree, powers, powers_of[outputs[name]], powers_of)
-            faults.extend(path, errors)
-            unit_path = ("quantity", "unit") if single else ("units", name)
-            faults.extend(unit_path, [] if result is None else [result])
+            here.extend(errors)
+            at_unit = faults.at("quantity", "unit") if single else faults.at("units", name)
+            at_unit.extend([] if result is None else [result])
 
 
 def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) -> Iterator[Finding]:
     """Inputs without use, uncertainty or scatter; ``g: 9.81`` and ``u: 0`` mean constants."""
     symbols = {name for tree in trees.values() for name in names(tree)}
-
-    def noted(code: str, path: YamlPath, at: str | None = None, **facts: Any) -> Finding:
-        place = {"file": document.source.shown, "line": document.line_of(*path), "path": at}
-        return finding(code, **place, **facts)
-
     constants = []
     for name, item in budget.inputs.items():
         path: YamlPath = ("inputs", name)
         if name not in symbols:
-            yield noted("unused", path, path_text(path), what="input", name=name)
+            yield finding("unused", what="input", name=name, **document.place(path))
         elif item.readings and not item.varies:
-            where = (*path, "readings")
-            yield noted("equal-readings", where, path_text(path), n=len(item.readings))
+            place = document.place((*path, "readings"))
+            yield finding("equal-readings", n=len(item.readings), **place)
         elif isinstance(document.at(*path), dict) and not item.varies and not item.ways:
             constants.append(name)
     if constants:
+        place = {**document.place(("inputs", constants[0])), "path": None}
         expected = "u: 0 where that is meant"
-        yield noted("no-uncertainty", ("inputs", constants[0]), names=constants, expected=expected)
+        yield finding("no-uncertainty", names=constants, expected=expected, **place)

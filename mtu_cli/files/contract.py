@@ -1,8 +1,8 @@
 """From documents to checked contracts, with every fault of a file at once.
 
 A contract is a pydantic model. What pydantic finds wrong becomes a `Finding` with the line, the
-path, the value and what is expected there; the `check` of each kind of file adds, through `Faults`,
-what takes more than one value to see.
+path, the value and what is expected there; the `check` of each entry adds, through `Faults`, what
+takes more than one value to see.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
 from types import UnionType
@@ -30,7 +30,7 @@ from pydantic import (
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mtu_cli.files.source import Source, a_file
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, shown_value
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath, shown_value
 from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 
 MAX_DEGREE = 9
@@ -74,19 +74,13 @@ class Contract(BaseModel):
         extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
     )
 
-
-def wrong(
-    expected: str = "", code: str = "wrong-value", *at: str | int, **facts: Any
-) -> PydanticCustomError:
-    """For validators: an error that becomes a Finding of `code`; `at` the path within an entry."""
-    fault = {"code": code, "at": at, "given": {"expected": expected, **facts}}
-    return PydanticCustomError("findings", "{faults}", {"faults": [fault]})
+    def check(self, faults: Faults) -> None:
+        """Adds what takes more than one value of a sound entry to see; `faults` are those here."""
 
 
-def all_wrong(errors: Iterable[PydanticCustomError]) -> PydanticCustomError:
-    """One error that becomes the Findings of several."""
-    faults = [fault for item in errors for fault in (item.context or {})["faults"]]
-    return PydanticCustomError("findings", "{faults}", {"faults": faults})
+def wrong(expected: str = "", code: str = "wrong-value", **facts: Any) -> PydanticCustomError:
+    """For validators: an error that becomes a Finding of `code`."""
+    return PydanticCustomError("finding", code, {"code": code, "expected": expected, **facts})
 
 
 def must(
@@ -130,9 +124,9 @@ def one_or_more(form: Any, *kinds: type) -> BeforeValidator:
     )
 
 
-def optional(description: str, default: Any = None) -> Any:
+def optional(description: str, default: Any = None, alias: str | None = None) -> Any:
     """A key of a contract that need not be given."""
-    return Field(default=default, description=description)
+    return Field(default=default, description=description, alias=alias)
 
 
 NonNegative = Annotated[float, Field(ge=0)]
@@ -159,85 +153,81 @@ class Loaded:
         """The file as reports know it."""
         return self.document.source
 
-    def line_of(self, *path: str | int) -> int | None:
-        """The line of a value of the file: ``line_of("components", "dx_x")``."""
-        return self.document.line_of(*path)
+    def place(self, *path: str | int) -> dict[str, Any]:
+        """File, line and path of a value, for findings: ``place("components", "dx_x")``."""
+        return self.document.place(path)
 
 
 @dataclass(slots=True)
 class Faults:
-    """The findings of one document; `add` knows file and line by the path."""
+    """The findings of one document, to which `add` adds those at a `place`, with file and line."""
 
     document: YamlDocument
+    place: YamlPath = ()
     findings: list[Finding] = field(default_factory=list)
 
-    def add(self, path: YamlPath, code: str, *, value: object = None, **facts: Any) -> None:
-        """One more finding at `path`: `expected`, `meant`, `column` and the facts of its code.
+    def at(self, *steps: str | int) -> Faults:
+        """The same findings, at a place farther inside."""
+        return replace(self, place=(*self.place, *steps))
 
-        `value` is shown as it would be written in the file.
+    def add(self, code: str, *, value: object = None, **facts: Any) -> None:
+        """One more finding here: `expected`, `meant`, `column` and the facts of its code.
+
+        `value` is shown as it would be written in the file; None: the number or text of the file.
         """
-        text = None if value is None else shown_value(value)
-        self.extend(path, [finding(code, value=text, **facts)])
+        stands = self.document.at(*self.place)
+        value = stands if value is None and not isinstance(stands, (dict, list)) else value
+        self.extend([finding(code, value=None if value is None else shown_value(value), **facts)])
 
-    def extend(self, path: YamlPath, findings: InputError | Iterable[Finding]) -> None:
-        """Findings that stand at `path`, such as those of an equation."""
-        prefix, value = self.document.reached(path)
+    def extend(self, findings: InputError | Iterable[Finding]) -> None:
+        """Findings that stand here, such as those of an equation."""
+        prefix, value = self.document.reached(self.place)
         # A short form stands for keys, or for a list, that the file does not have.
-        path = path if isinstance(value, dict) else prefix
-        place = {"file": self.document.source.shown, "line": self.document.line_of(*path)}
+        place = self.document.place(self.place if isinstance(value, dict) else prefix)
         items = findings.findings if isinstance(findings, InputError) else findings
-        self.findings += [item.at(path=path_text(path) or None, **place) for item in items]
+        self.findings += [item.at(**place) for item in items]
 
     @contextmanager
-    def collected(self, path: YamlPath) -> Iterator[None]:
-        """Adds what is raised while an equation at `path` is read; what follows is left out."""
+    def collected(self) -> Iterator[None]:
+        """Adds what is raised while an equation here is read; what follows is left out."""
         try:
             yield
         except InputError as fault:
-            self.extend(path, fault)
+            self.extend(fault)
 
-    def unknown(
-        self, path: YamlPath, name: str, names: Collection[str], what: str = "name"
-    ) -> None:
+    def unknown(self, name: str, names: Collection[str], what: str = "name") -> None:
         """That `name` is none of the `names`; where there are none at all, what is wrong with
         the list of them is reported already.
         """
         if names or not self.findings:
             hint = suggestion(name, names) if len(self.findings) < HINTED else {}
-            self.add(path, "unknown-name", value=name, what=what, **hint)
+            self.add("unknown-name", value=name, what=what, **hint)
 
-    def symbol(
-        self, path: YamlPath, name: str, uses: Mapping[str, str], expected: str = IDENTIFIER
-    ) -> None:
+    def symbol(self, name: str, uses: Mapping[str, str], expected: str = IDENTIFIER) -> None:
         """That equations can use `name`, which has none of the `uses` yet (name: what it is)."""
         if not is_identifier(name):
             kind = "a name that equations can use"
-            self.add(path, "wrong-type", value=name, kind=kind, expected=expected)
+            self.add("wrong-type", value=name, kind=kind, expected=expected)
         elif name in uses:
-            self.add(path, "name-taken", value=name, taken=uses[name])
+            self.add("name-taken", value=name, taken=uses[name])
 
     def once(
-        self,
-        path: YamlPath,
-        items: Iterable[tuple[str | int, str]],
-        what: str,
-        *key: str,
-        **facts: Any,
+        self, items: Iterable[tuple[str | int, str]], what: str, *key: str, **facts: Any
     ) -> None:
-        """That no name at `path`, at the `key` of each item, stands further up too."""
+        """That no name here, at the `key` of each item, stands further up too."""
         first: dict[str, str | int] = {}
-        for index, name in items:
-            if first.setdefault(name, index) != index:
-                self.add((*path, index, *key), "appears-twice", value=name, what=what, **facts)
+        for step, name in items:
+            if first.setdefault(name, step) != step:
+                self.at(step, *key).add("appears-twice", value=name, what=what, **facts)
 
-    def keys(self, *path: str | int) -> tuple[str, ...]:
+    def keys(self) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""
-        result = self.document.at(*path)
+        result = self.document.at(*self.place)
         return tuple(result) if isinstance(result, dict) else ()
 
-    def valued_keys(self, *path: str | int) -> tuple[str, ...]:
+    def valued_keys(self) -> tuple[str, ...]:
         """The keys that have a value, if a wrong one: ``key: ~`` says as much as no key."""
-        return tuple(key for key in self.keys(*path) if self.document.at(*path, key) is not None)
+        return tuple(key for key in self.keys() if self.document.at(*self.place, key) is not None)
 
 
 def check_contract(
@@ -248,19 +238,20 @@ def check_contract(
 ) -> M:
     """The document as a checked `model` of the schema ``mtu/<kind>/1``.
 
-    `check` adds the faults that need more than one value. It sees the sound part of a document:
-    faulty entries of mappings are left out, faulty items of lists and single values are None.
+    `check` adds the faults of the whole, behind those of its entries. Both see the sound part of a
+    document: faulty entries of mappings are left out, faulty items of lists and single values are
+    None.
 
     Raises InputError with all findings, in the order of their lines.
     """
     faults, data = Faults(document), document.data
     schema = f"mtu/{kind}/1"
     if not isinstance(data, dict):
-        faults.add((), "wrong-type", kind=a_file(kind), value=data, expected=f"'schema: {schema}'")
+        faults.add("wrong-type", kind=a_file(kind), value=data, expected=f"'schema: {schema}'")
     elif "schema" not in data:
-        faults.add((), "missing-key", key="schema", expected=f"'schema: {schema}'")
+        faults.add("missing-key", key="schema", expected=f"'schema: {schema}'")
     elif (value := data["schema"]) != schema:
-        faults.add(("schema",), "wrong-type", kind=a_file(kind), value=value, expected=schema)
+        faults.at("schema").add("wrong-type", kind=a_file(kind), value=value, expected=schema)
     if faults.findings:
         raise InputError(faults.findings)
     try:
@@ -269,10 +260,24 @@ def check_contract(
         for item in fault.errors(include_url=False):
             _report(item, faults, model)
         result = _sound_part(model, data)
+    _check_entries(result, faults)
     check(result, faults)
     if faults.findings:
         raise InputError(faults.findings)
     return result
+
+
+def _check_entries(entry: object, faults: Faults) -> None:
+    """The checks of an entry and of all within it."""
+    if not isinstance(entry, Contract):
+        return
+    for name, info in type(entry).model_fields.items():
+        value, here = getattr(entry, name), faults.at(info.alias or name)
+        _check_entries(value, here)
+        if isinstance(value, (dict, list)):
+            for step, item in value.items() if isinstance(value, dict) else enumerate(value):
+                _check_entries(item, here.at(step))
+    entry.check(faults)
 
 
 def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
@@ -280,22 +285,19 @@ def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
     path = tuple(step for step in item["loc"] if step != "[key]")
     kind, value, context = item["type"], item["input"], item.get("ctx", {})
     literal = "null" if value is None else value
-    at = type_at(model, path)
+    at, here = type_at(model, path), faults.at(*path)
     if kind == "missing":
-        faults.add(path[:-1], "missing-key", key=path[-1])
+        faults.at(*path[:-1]).add("missing-key", key=path[-1])
     elif kind == "extra_forbidden":
-        faults.unknown(path, str(path[-1]), keys_of(type_at(model, path[:-1])), "key")
-    elif kind == "findings":
-        # Of an entry the keys at fault are named, or a value of them.
-        facts = {"value": None if isinstance(value, dict) else literal}
-        for fault in context["faults"]:
-            faults.add((*path, *fault["at"]), fault["code"], **{**facts, **fault["given"]})
+        here.unknown(str(path[-1]), keys_of(type_at(model, path[:-1])), "key")
+    elif kind == "finding":
+        here.add(**{"value": None if isinstance(value, dict) else literal, **context})
     elif kind == "literal_error":
         is_key = path != item["loc"]
         choices = get_args(get_args(type_at(model, path[:-1]))[0] if is_key else at)
-        faults.unknown(path, shown_value(literal), choices, "key" if is_key else "value")
+        here.unknown(shown_value(literal), choices, "key" if is_key else "value")
     else:
-        faults.add(path, "wrong-value", value=literal, expected=expectation(item, at))
+        here.add("wrong-value", value=literal, expected=expectation(item, at))
 
 
 def expectation(item: ErrorDetails, annotation: Any) -> str:

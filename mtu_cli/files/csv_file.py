@@ -10,9 +10,7 @@ from __future__ import annotations
 import codecs
 import csv
 import gzip
-import math
 import re
-import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -23,30 +21,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.files.contract import is_name
-from mtu_cli.files.covariates import direction_sign
 from mtu_cli.files.headers import (
     EXCLUSIVE,
-    WANTED,
     CellFaults,
     Column,
     Decimal,
     File,
-    Flags,
-    Floats,
     Ints,
     Table,
     TableSpec,
     check_header,
-    expectation,
     joined,
     number,
     perhaps_equal,
     stacked,
-    time_of,
 )
 from mtu_cli.files.source import Source, check_text, read_source
-from mtu_cli.findings import InputError, counted, error, finding, nearest, suggestion
+from mtu_cli.findings import InputError, counted, error, finding
 from mtu_cli.units import plain_unit
 
 if TYPE_CHECKING:
@@ -177,9 +168,9 @@ def read_table(
             if column.kind == "free" and any(number(x, file.decimal) is None for x in labels if x):
                 text_columns.add(name)
             if column.kind != "free" or name not in text_columns:
-                numbers[name][part] = np.array([_value(file, column, x) for x in labels])[codes]
+                numbers[name][part] = np.array([column.value(x, file) for x in labels])[codes]
     lines = cache(lambda: file.content.decode().split("\n"))
-    described = cache(lambda label, name: _fault(name, kinds[name], file.decimal, label))
+    described = cache(lambda cell, name: kinds[name].fault(name, cell, file.decimal))
 
     def fault(i: int, name: str) -> dict[str, Any]:
         # A cell as the file has it: its float may be another number.
@@ -192,7 +183,7 @@ def read_table(
             table.texts[name] = stacked(labelled)
         if name in text_columns and column.kind == "free":
             continue
-        odd = _excluded(values, column)
+        odd = column.excludes(values)
         if odd.any():
             faults.cells(table, odd, name, partial(fault, name=name))
             values = np.where(np.isinf(values), np.nan, values)
@@ -364,57 +355,3 @@ def _labelled(values: pd.Series[Any], column: Column) -> tuple[Ints, list[str]]:
         # The sign for micro and the Greek letter look alike.
         cells = [cell if cell in column.texts else plain_unit(cell) for cell in cells]
     return codes, [*cells, ""]
-
-
-def _value(file: File, column: Column, label: str) -> float:
-    """What stands for a cell: 0 for a text; nan for an empty cell, infinity for what may not be."""
-    if not label:
-        return math.nan
-    value: float | None
-    if column.kind == "text":
-        value = 0.0 if (is_name(label) if column.texts is None else label in column.texts) else None
-    elif column.kind == "sign":
-        value = direction_sign(label)
-    elif column.kind == "time":
-        value, *aware = time_of(label) or (None,)
-        file.aware |= {*aware}
-    else:
-        value = number(label, file.decimal)
-    return math.inf if value is None or math.isnan(value) else value
-
-
-def _fault(name: str, column: Column, decimal: Decimal, label: str) -> dict[str, Any]:
-    """What a Finding of a cell says that is no value of its column."""
-    if not label:
-        expected = column.says or WANTED.get(column.kind, ("", "a number"))[1]
-        return {"code": "empty-cell", "expected": expected}
-    facts = {"value": label, "code": "wrong-type"}
-    if column.texts is not None:
-        hint = suggestion(label, column.texts)
-        return {**facts, "code": "unknown-name", "what": name, **hint}
-    value = number(label, decimal) if column.kind not in WANTED else None
-    if value is None or not math.isfinite(value):
-        expected = column.says or expectation(label, decimal)
-        kind, expected = WANTED.get(column.kind, ("a number", expected))
-        meant = nearest(label, ("forward", "reverse")) if column.kind == "sign" else ()
-        return {**facts, "kind": kind, "expected": expected, "meant": meant}
-    expected = f"at most {column.largest:g} in size"
-    if column.whole and (value % 1 or value < 0):
-        expected = "a whole number" + " from 0 on" * (column.kind == "count")
-    facts["expected"] = column.says or expected
-    if column.whole and value % 1:
-        return {**facts, "kind": "a whole number"}
-    return {**facts, "code": "out-of-range"}
-
-
-def _excluded(numbers: Floats, column: Column) -> Flags:
-    """Where numbers (n,) are none that the column may hold; nan is an empty cell."""
-    largest = min(column.largest, sys.float_info.max)
-    # Extremes cost less than flags: nan makes both nan.
-    in_range = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
-    odd = np.zeros(len(numbers), bool) if in_range else ~(np.abs(numbers) <= largest)
-    if column.whole:
-        odd |= numbers != np.rint(numbers)
-    if column.kind == "count":
-        odd |= numbers < 0
-    return odd & ~np.isnan(numbers) if column.may_be_empty and odd.any() else odd

@@ -27,16 +27,10 @@ from mtu_cli.files.contract import (
     optional,
     present,
 )
-from mtu_cli.files.covariates import (
-    COVARIATES,
-    NUMBER,
-    POSITIONS,
-    column_dimensions,
-    is_covariate,
-)
+from mtu_cli.files.covariates import COVARIATES, NUMBER, POSITIONS, column_dimensions, is_covariate
 from mtu_cli.files.machine import AxisName, EquationText, ParameterUnitName
 from mtu_cli.files.source import Source
-from mtu_cli.files.yaml_file import YamlPath, read_yaml
+from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import InputError, error, finding, nearest
 from mtu_cli.language import Node, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
@@ -82,7 +76,7 @@ class Search(Contract):
         "1/span), or half-way between the values of `of`",
         "linear",
     )
-    from_: Bounds = Field(default=["low"], alias="from", description="The largest of these")
+    from_: Bounds = optional("The largest of these", ["low"], alias="from")
     to: Bounds = optional("The smallest of these", ["high"])
     count: Annotated[int, Field(ge=2, le=MAX_GRID)] | None = optional(
         "Number of values; the largest number of a frequency grid"
@@ -192,11 +186,10 @@ def load_effects(path: Path, owners: Mapping[str, str] | None = None) -> EffectL
         family_names = []
         for index, family in present(effects.effects):
             if owner := (owners or {}).get(family.family):
-                where = ("effects", index, "family")
-                faults.add(where, "name-taken", taken=owner, value=family.family)
-            families.append(_loaded(family, ("effects", index), faults))
+                faults.at("effects", index, "family").add("name-taken", taken=owner)
+            families.append(_loaded(family, faults.at("effects", index)))
             family_names.append((index, families[-1].name))
-        faults.once(("effects",), family_names, "the name of a family's candidates")
+        faults.at("effects").once(family_names, "the name of a family's candidates")
 
     document = read_yaml(path, "effects")
     check_contract(document, Effects, "effects", check)
@@ -230,41 +223,41 @@ def number_of(raw: str) -> tuple[str, str] | None:
     return ("{" + match[1] + "}" if marks(raw) else match[1]), match[2]
 
 
-def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
+def _loaded(family: Family, faults: Faults) -> LoadedFamily:
     """A family whose keys and names in braces agree; else their faults are added."""
-    forms = [(member, (*path, "members", index)) for index, member in present(family.members)]
+    at_members, at_margins = faults.at("members"), faults.at("margins")
+    forms = [(member, at_members.at(index)) for index, member in present(family.members)]
     if family.parameters is not None and family.equations is not None:
         of_family = {key: getattr(family, key) for key in ("parameters", "equations", "search")}
-        forms.insert(0, (MemberTemplate.model_construct(**of_family), path))
+        forms.insert(0, (MemberTemplate.model_construct(**of_family), faults))
     if family.kind == "scatter":
         if family.family not in SCATTERS:
             expected = f"a family that is one of: {', '.join(SCATTERS)}"
-            faults.add((*path, "kind"), "wrong-value", value=family.kind, expected=expected)
-    elif not forms and "members" not in (keys := faults.valued_keys(*path)):
+            faults.at("kind").add("wrong-value", expected=expected)
+    elif not forms and "members" not in (keys := faults.valued_keys()):
         for key in ("parameters", "equations"):
             if key not in keys:
-                faults.add(path, "missing-key", key=key)
+                faults.add("missing-key", key=key)
     if family.kind == "outlier" and family.over is None:
-        expected = "over: feature, part or operation"
-        faults.add(path, "missing-key", key="over", expected=expected)
+        faults.add("missing-key", key="over", expected="over: feature, part or operation")
     placeholders = _marks_of(form for form, _ in forms)
     name, margins = family.name or family.family + ("-{a}" if "a" in placeholders else ""), []
     for index, margin in present(family.margins):
         # A margin has what is searched where its equations name it.
         words = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
         search = {name: item for name, item in family.search.items() if name in words}
-        margins.append((margin.model_copy(update={"search": search}), (*path, "margins", index)))
+        margins.append((margin.model_copy(update={"search": search}), at_margins.at(index)))
     placeholders |= marks(name) | _marks_of(margin for margin, _ in margins)
     for mark, other in (("b", "{a}"), ("n", "{b}")):
         if mark in placeholders and other[1] not in placeholders:
-            faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)
+            faults.add("incomplete", what=f"`{{{mark}}}`", other=other)
     if "each" in placeholders and placeholders & {*AXIS_MARKS} != {"each"}:
-        faults.add(path, "misplaced", key="{each}", where="a family without {a} and {b}")
+        faults.add("misplaced", key="{each}", where="a family without {a} and {b}")
     return LoadedFamily(
         family=family,
         name=name,
-        templates=tuple(_template(form, family, where, faults) for form, where in forms),
-        margins=tuple(_template(form, family, where, faults) for form, where in margins),
+        templates=tuple(_template(form, family, here) for form, here in forms),
+        margins=tuple(_template(form, family, here) for form, here in margins),
     )
 
 
@@ -272,35 +265,35 @@ def _marks_of(forms: Iterable[MemberTemplate]) -> set[str]:
     return marks(*(text for form in forms for pair in form.equations.items() for text in pair))
 
 
-def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faults) -> Template:
+def _template(form: MemberTemplate, family: Family, faults: Faults) -> Template:
     """The template, whose faults are added: of names, of the search, of equations."""
     before, base = len(faults.findings), dict.fromkeys(LANGUAGE, "part of the equation language")
     places = [("parameters", name) for name in form.parameters]
     places += [("search", name) for name in form.search]
     for key, name in places:
         uses = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | base
-        faults.symbol((*path, key, name), filled(name, {"each": "each"}), uses, NAMED)
+        faults.at(key, name).symbol(filled(name, {"each": "each"}), uses, NAMED)
     searched, search = next(iter(form.search.items()), (None, None))
     if search is not None:
-        _check_search(search, family, (*path, "search", str(searched)), faults)
+        _check_search(search, family, faults.at("search", str(searched)))
     trees, levers = dict[str, Node](), dict[str, dict[str, Node]]()
     for key, text in form.equations.items():
-        location = (*path, "equations", key)
+        here = faults.at("equations", key)
         if not _EQUATION.fullmatch(key):
             expected = "Ex, Ey, Ez, E{a}, E{b}, E{n} or E{each}"
-            faults.add(location, "wrong-value", value=key, expected=expected)
+            here.add("wrong-value", value=key, expected=expected)
         elif key == "E{each}" and len(form.equations) > 1:
-            faults.add(location, "misplaced", key=key, where="an effect with no other equation")
-        with faults.collected(location):
+            here.add("misplaced", key=key, where="an effect with no other equation")
+        with here.collected():
             trees[key] = parse(text, name=BRACED)
             levers[key] = _levers(trees[key], key, form.parameters, searched, family)
     symbols = dict.fromkeys(name for tree in trees.values() for name in names(tree))
     if len(faults.findings) == before:
-        unused = [((*path, *place), place[1]) for place in places if place[1] not in symbols]
+        unused = [(faults.at(*place), place[1]) for place in places if place[1] not in symbols]
         if family.over is not None and CHOSEN not in symbols:
-            unused.append(((*path, "equations"), CHOSEN))
-        for where, name in unused:
-            faults.add(where, "not-applicable", reason="it is in no equation", value=name)
+            unused.append((faults.at("equations"), CHOSEN))
+        for here, name in unused:
+            here.add("not-applicable", reason="it is in no equation", value=name)
     return Template(
         units=dict(form.parameters),
         trees=trees,
@@ -344,24 +337,24 @@ def _levers(
             columns[name] = powers
     units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
     equation = filled_tree(tree, number)
-    check_dimension(equation, internal(LENGTH), {}, parameters=units, columns=columns)
+    check_dimension(equation, internal(LENGTH), {}, units, columns)
     if form.remainder is not None:
         reason, expected = "a term without a parameter", "parameters in every term"
         raise error("not-applicable", reason=reason, column=1, expected=expected)
     return form.coefficients
 
 
-def _check_search(search: Search, family: Family, path: YamlPath, faults: Faults) -> None:
+def _check_search(search: Search, family: Family, faults: Faults) -> None:
     """The ends of a grid are expressions in `BOUNDS`."""
     symbols = set[str]()
     for key in ("from_", "to"):
         for text in getattr(search, key):
-            with faults.collected((*path, key.rstrip("_"))):
+            with faults.at(key.rstrip("_")).collected():
                 tree = parse(text)
                 check_known(tree, BOUNDS)
                 symbols |= names(tree).keys()
     if search.of is None and (symbols or search.grid in ("between", "frequency")):
         expected = "the position or column that span, low and the grid are of"
-        faults.add(path, "missing-key", key="of", expected=expected)
+        faults.add("missing-key", key="of", expected=expected)
     elif search.of is not None and not _is_column(search.of, family):
-        faults.add((*path, "of"), "unknown-name", what="name", value=search.of, expected=COLUMNS)
+        faults.at("of").add("unknown-name", what="name", expected=COLUMNS)

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
@@ -18,11 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.contract import A_NAME, is_name
-from mtu_cli.files.covariates import SIGN_EXPECTED, is_covariate
+from mtu_cli.files.covariates import SIGN_EXPECTED, direction_sign, is_covariate
 from mtu_cli.files.source import SYNTHETIC, Source
-from mtu_cli.findings import Finding, InputError, error, finding, listed
+from mtu_cli.findings import Finding, InputError, error, finding, listed, nearest, suggestion
 from mtu_cli.units import UNITS
 
+Decimal = Literal[".", ","]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
 Kind = Literal["number", "whole", "count", "free", "sign", "time", "text"]
 LARGEST_READING = 1e12
 """Beyond it no cell is a measurement, and squares would overflow."""
@@ -35,6 +40,11 @@ WANTED = {
     "sign": ("a direction", SIGN_EXPECTED),
 }
 """What a cell of a kind is, and how it is written; those of other kinds are numbers."""
+OF_DECIMAL = {
+    ".": "a number with a decimal point (a decimal comma needs semicolons between columns)",
+    ",": "a number with a decimal comma, as in the rest of the file",
+}
+"""What is expected of a number with the other decimal sign."""
 SAYS_NOTHING = {"no", "nr", "number", "num", "id", "name", "mm", "s"}
 """Words of a column's name that tell it from no other."""
 LIKE = 0.6
@@ -67,6 +77,64 @@ class Column:
     def whole(self) -> bool:
         """Whether its numbers are whole."""
         return self.kind in ("whole", "count")
+
+    def value(self, cell: str, file: File) -> float:
+        """What stands for a cell: 0 for a text; nan for an empty cell, infinity for what may not
+        be. Whether a time states its offset from UTC is noted in the `file`.
+        """
+        value: float | None
+        if not cell:
+            return math.nan
+        if self.kind == "text":
+            sound = is_name(cell) if self.texts is None else cell in self.texts
+            value = 0.0 if sound else None
+        elif self.kind == "sign":
+            value = direction_sign(cell)
+        elif self.kind == "time":
+            value, *aware = time_of(cell) or (None,)
+            file.aware |= {*aware}
+        else:
+            value = number(cell, file.decimal)
+        return math.inf if value is None or math.isnan(value) else value
+
+    def excludes(self, numbers: Floats) -> Flags:
+        """Where numbers (n,) are none that it may hold; nan is an empty cell."""
+        largest = min(self.largest, sys.float_info.max)
+        # Extremes cost less than flags: nan makes both nan.
+        in_range = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
+        odd = np.zeros(len(numbers), bool) if in_range else ~(np.abs(numbers) <= largest)
+        if self.whole:
+            odd |= numbers != np.rint(numbers)
+        if self.kind == "count":
+            odd |= numbers < 0
+        return odd & ~np.isnan(numbers) if self.may_be_empty and odd.any() else odd
+
+    def fault(self, name: str, cell: str, decimal: Decimal) -> dict[str, Any]:
+        """What a Finding says of a cell that is no value of the column of this `name`."""
+        kind, expected = WANTED.get(self.kind, ("a number", "a number"))
+        if not cell:
+            return {"code": "empty-cell", "expected": self.says or expected}
+        if self.texts is not None:
+            hint = suggestion(cell, self.texts)
+            return {"code": "unknown-name", "value": cell, "what": name, **hint}
+        facts = {"code": "wrong-type", "value": cell, "kind": kind, "expected": expected}
+        if self.kind in WANTED:
+            meant = nearest(cell, ("forward", "reverse")) if self.kind == "sign" else ()
+            return {**facts, "meant": meant}
+        value, other = number(cell, decimal), number(cell, "." if decimal == "," else ",")
+        if value is None or not math.isfinite(value):
+            if value is not None:
+                expected = "a finite number"
+            elif other is not None:
+                expected = OF_DECIMAL[decimal]
+            return {**facts, "expected": self.says or expected}
+        expected = f"at most {self.largest:g} in size"
+        if self.whole and (value % 1 or value < 0):
+            expected = "a whole number" + " from 0 on" * (self.kind == "count")
+        facts["expected"] = self.says or expected
+        if self.whole and value % 1:
+            return {**facts, "kind": "a whole number"}
+        return {**facts, "code": "out-of-range"}
 
 
 SENSOR = Column(may_be_empty=True, largest=math.inf)
@@ -172,9 +240,14 @@ SYNONYMS = {
 
 def measured_in(path: Path) -> str | None:
     """What a file holds by its header: readings or points; None of anything else."""
-    header = next((line for line in filled_lines(path) if line[0] != "#"), "")
-    names = {name.strip(' "\n') for name in re.split("[,;]", header)}
+    names = {*header_names(filled_lines(path))}
     return next((x.holds for x in (READINGS, POINTS) if {*x.required} <= names), None)
+
+
+def header_names(lines: Iterable[str]) -> list[str]:
+    """The cells of the first line that is no comment, in lower case."""
+    line = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return [cell.strip().strip('"').lower() for cell in re.split(r"[,;\t]", line)]
 
 
 def is_made(path: Path) -> bool:
@@ -246,11 +319,6 @@ def _words(name: str) -> frozenset[str]:
     words = frozenset(re.findall(r"[^\W\d_]+", plain))
     return words - SAYS_NOTHING or words
 
-
-Decimal = Literal[".", ","]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-Flags = NDArray[np.bool_]
 
 LISTED_FAULTS = 10_000
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -519,17 +587,6 @@ def number(cell: str, decimal: Decimal = ".") -> float | None:
         return None
     # Python also reads 1_000 and digits of other scripts.
     return value if text.isascii() and "_" not in text else None
-
-
-def expectation(cell: str, decimal: Decimal) -> str:
-    """What was expected of a cell that is no finite number."""
-    if number(cell, decimal) is not None:
-        return "a finite number"
-    if number(cell, "." if decimal == "," else ",") is None:
-        return "a number"
-    if decimal == ",":
-        return "a number with a decimal comma, as in the rest of the file"
-    return "a number with a decimal point (a decimal comma needs semicolons between columns)"
 
 
 def time_of(cell: str) -> tuple[float, bool] | None:

@@ -4,7 +4,7 @@ declared effects, and what a machine may not say.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -39,7 +39,7 @@ from mtu_cli.files.covariates import (
     is_temperature,
     own_columns,
 )
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 from mtu_cli.findings import Finding, counted, finding, suggestion
 from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
@@ -146,6 +146,27 @@ class Thermal(Contract):
             result["sensor_u_degC"] = dict.fromkeys(sensors, noise)
         return result
 
+    def check(self, faults: Faults) -> None:
+        """Positions once, and as many of them as degree and gradients need; sensors."""
+        positions = [f"{position + 0.0:g}" for position in self.positions_mm or ()]
+        faults.at("positions_mm").once(enumerate(positions), "the position")
+        count = len(positions) or 1
+        if self.degree >= count:
+            facts = {"what": counted(count, "position"), "expected": f"at most {count - 1}"}
+            faults.at("degree").add("too-little-data", **facts)
+        kind, expected = "the name of a temperature", "T_<sensor>_degC, the column of its readings"
+        for sensor, values in self.gradients.items():
+            here = faults.at("gradients", sensor)
+            if not is_temperature(sensor):
+                here.add("wrong-type", kind=kind, value=sensor, expected=expected)
+            if len(values) != count:
+                text = f"{counted(len(values), 'gradient')} at {counted(count, 'position')}"
+                here.add("wrong-count", found=text, expected="one a position")
+        for key in ("time_constants_min", "sensor_u_degC"):
+            for sensor in getattr(self, key):
+                if sensor not in self.gradients:
+                    faults.at(key, sensor).unknown(sensor, self.gradients.keys(), "sensor")
+
 
 class Component(Contract):
     """One error component: a polynomial or a table of the position along one axis, or a constant.
@@ -209,6 +230,43 @@ class Component(Contract):
         """Whether its coefficients are values at positions."""
         return self.shape == "table"
 
+    def check(self, faults: Faults) -> None:
+        """Degree or positions, sizes and matrices."""
+        if self.thermal is not None and self.thermal.positions_mm and self.of is None:
+            what = "positions of a component"
+            faults.at("thermal", "positions_mm").add("incomplete", what=what, other="`of`")
+        count, of_table = len(self.coefficients or ()), self.is_table
+        if self.of is None and (of_table or self.degree != 0):
+            key, what = ("shape", "a table") if of_table else ("degree", "a degree")
+            faults.at(key).add("incomplete", what=what, other="`of`")
+            return
+        if of_table:
+            size = len(self.at_mm or ())
+            description = f"a table of {counted(size, 'position')}"
+        else:
+            size = count if self.degree == AUTO else int(self.degree) + 1
+            description = f"a component of degree {self.degree}"
+            for key in OF_TABLES:
+                if getattr(self, key) is not None:
+                    faults.at(key).add("misplaced", key=key, where="a component of `shape: table`")
+        if of_table and count and not size:
+            what = "the values of a table"
+            faults.at("coefficients").add("incomplete", what=what, other="`at_mm`")
+            return
+        if count not in (0, size):
+            text = f"{counted(count, 'coefficient')} of {description}"
+            faults.at("coefficients").add("wrong-count", found=text, expected=f"{size}")
+        size = size or 2
+        check_covariance(self.covariance, size, faults.at("covariance"))
+        check_covariance(self.pass_covariance, min(2, size), faults.at("pass_covariance"))
+        if self.pass_dof == 0 and any(map(any, self.pass_covariance or ())):
+            facts = {"what": "a covariance of passes", "other": "degrees of freedom"}
+            expected = "more than 0, or no key: known exactly"
+            faults.at("pass_dof").add("incomplete", expected=expected, **facts)
+        for key in ("s_repeat", "pass_covariance", "covariance"):
+            if self.u_future is not None and getattr(self, key) is not None:
+                faults.at(key).add("contradicts", other="u_future, which stands for it")
+
 
 class Parameter(Contract):
     """A fitted number of an effect."""
@@ -240,6 +298,17 @@ class Effect(Contract):
     alike: dict[str, Any] = optional("Of older files, not used", {})
     within: dict[str, Any] = optional("Of older files, not used", {})
     found: dict[str, Any] = optional("Where it was found, free", {})
+
+    def check(self, faults: Faults) -> None:
+        """Values of all components, whose names are not those of parameters; the covariance."""
+        for name, component in self.components.items():
+            here = faults.at("components", name)
+            if component.coefficients is None:
+                what = "a component of an effect"
+                here.add("incomplete", what=what, other="`coefficients`")
+            if name in self.parameters:
+                here.add("name-taken", value=name, taken="a parameter")
+        check_covariance(self.covariance, len(self.parameters), faults.at("covariance"))
 
 
 class Machine(Contract):
@@ -273,7 +342,6 @@ ROUNDING = 1e-6
 """Relative to the standard deviations: what printed digits may leave of an asymmetry."""
 INDEFINITE = 1e-8
 """Negative eigenvalue of the correlation matrix that is rounding: more makes variances negative."""
-PASSES = "a covariance of passes"
 OF_TABLES = ("at_mm", "roughness_um2_per_mm3", "between_um2", "own_um2_per_mm3")
 NEEDS_COEFFICIENTS = ("covariance", "s_repeat", "pass_covariance", "u_future")
 
@@ -313,31 +381,12 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
 
     def check(machine: Machine, faults: Faults) -> None:
         _check_names(machine, faults)
-        iso = [(name, x.iso) for name, x in machine.components.items() if x.iso]
-        faults.once(("components",), iso, "the name", "iso")
-        for name, component in machine.components.items():
-            _check_component(component, ("components", name), faults)
-            _check_thermal(component, ("components", name, "thermal"), faults)
-        if not faults.keys("components"):
+        if not faults.at("components").keys():
             # That is reported; every name of every equation would be unknown.
             return
-        forms.update(_linear_forms(machine, machine.equations, {}, ("equations",), faults))
+        forms.update(_linear_forms(machine, machine, (), faults))
         for index, effect in present(machine.effects):
-            units = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
-            units |= {name: UNITS[item.unit] for name, item in effect.components.items()}
-            path = ("effects", index, "equations")
-            effect_forms.append(_linear_forms(machine, effect.equations, units, path, faults))
-            for name, component in effect.components.items():
-                place = ("effects", index, "components", name)
-                _check_component(component, place, faults)
-                if component.coefficients is None:
-                    what, other = "a component of an effect", "`coefficients`"
-                    faults.add(place, "incomplete", what=what, other=other)
-                if name in effect.parameters:
-                    faults.add(place, "name-taken", value=name, taken="a parameter")
-            if effect.covariance is not None:
-                path = ("effects", index, "covariance")
-                check_covariance(effect.covariance, len(effect.parameters), path, faults)
+            effect_forms.append(_linear_forms(machine, effect, ("effects", index), faults))
 
     machine = check_contract(document, Machine, "machine", check)
     loaded = LoadedMachine(
@@ -348,101 +397,58 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
 
 def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
     """Components and parameters that no equation holds, or that count as exactly known."""
-
-    def warning(code: str, *path: str | int, **facts: object) -> Finding:
-        place = {"file": loaded.source.shown, "line": loaded.line_of(*path[:2])}
-        return finding(code, path=path_text(path), **place, **facts)
-
     for name, item in loaded.machine.components.items():
-        path = ("components", name)
+        place = loaded.place("components", name)
         figures = [key for key in NEEDS_COEFFICIENTS if getattr(item, key) is not None]
         if name not in loaded.used:
-            yield warning("unused", *path, what="component", name=name)
+            yield finding("unused", what="component", name=name, **place)
         if item.coefficients is None and figures:
             facts = {"what": "figures", "names": figures, "reason": "there are no coefficients"}
-            yield warning("not-used", *path, **facts)
+            yield finding("not-used", **facts, **place)
         elif item.coefficients is not None and not figures and name in loaded.used:
-            yield warning("no-uncertainty", *path, names=[name])
+            yield finding("no-uncertainty", names=[name], **place)
     for index, effect in enumerate(loaded.machine.effects):
         symbols = {name for text in effect.equations.values() for name in names(parse(text))}
         for name in [name for name in effect.parameters if name not in symbols]:
-            yield warning(
-                "unused", "effects", index, "parameters", name, what="parameter", name=name
-            )
+            place = loaded.place("effects", index, "parameters", name)
+            yield finding("unused", what="parameter", name=name, **place)
         parameters = [n for n, p in effect.parameters.items() if "u" not in p.model_fields_set]
         if effect.covariance is None and parameters:
-            yield warning("no-uncertainty", "effects", index, names=parameters)
+            yield finding("no-uncertainty", names=parameters, **loaded.place("effects", index))
 
 
 def _check_names(machine: Machine, faults: Faults) -> None:
     """Names of covariates, constants, components and parameters: usable, and used once."""
     effects = present(machine.effects)
-    faults.once(("effects",), [(i, effect.name) for i, effect in effects], "the effect", "name")
-    entries: list[tuple[YamlPath, str, str]] = [
-        (("covariates", i), name, "a covariate") for i, name in present(machine.covariates)
-    ]
+    faults.at("effects").once([(i, effect.name) for i, effect in effects], "the effect", "name")
+    iso = [(name, item.iso) for name, item in machine.components.items() if item.iso]
+    faults.at("components").once(iso, "the name", "iso")
+    columns = present(machine.covariates)
+    entries = [(faults.at("covariates", i), name, "a covariate") for i, name in columns]
     for key, what in (("constants", "a constant"), ("components", "a component")):
-        entries += [((key, name), name, what) for name in faults.valued_keys(key)]
+        at = faults.at(key)
+        entries += [(at.at(name), name, what) for name in at.valued_keys()]
     for i, effect in effects:
-        entries += [(("effects", i, "parameters", name), name, "") for name in effect.parameters]
-        entries += [(("effects", i, "components", name), name, "") for name in effect.components]
+        for key in ("parameters", "components"):
+            at = faults.at("effects", i, key)
+            entries += [(at.at(name), name, "") for name in getattr(effect, key)]
     uses = dict.fromkeys(("pi", *MACHINE_FUNCTIONS), "part of the equation language")
     uses |= dict.fromkeys(POSITIONS, "a position")
-    for path, name, what in entries:
+    for at, name, what in entries:
         if what != "a covariate" and is_covariate(name):
-            faults.add(path, "name-taken", value=name, taken="a covariate")
+            at.add("name-taken", value=name, taken="a covariate")
         elif not (what == "a constant" and name in POSITIONS):
             # A position among the constants fixes it.
-            faults.symbol(path, name, uses)
+            at.symbol(name, uses)
         if what:
             uses[name] = what
 
 
-def _check_component(item: Component, path: YamlPath, faults: Faults) -> None:
-    """Degree or positions, sizes and matrices of a component."""
-    count = size = len(item.coefficients or ())
-    kind, of_table = "degree", item.is_table
-    if of_table:
-        size, kind = len(item.at_mm or ()), "table"
-    elif item.degree != AUTO:
-        size = int(item.degree) + 1
-    if item.of is None and (of_table or item.degree != 0):
-        field, value = ("shape", "table") if of_table else ("degree", item.degree)
-        faults.add((*path, field), "incomplete", value=value, what=f"a {kind}", other="`of`")
-        return
-    for key in OF_TABLES:
-        if not of_table and getattr(item, key) is not None:
-            faults.add((*path, key), "misplaced", key=key, where="a component of `shape: table`")
-    if of_table and count and not size:
-        facts = {"what": "the values of a table", "other": "`at_mm`"}
-        faults.add((*path, "coefficients"), "incomplete", **facts)
-        return
-    if count not in (0, size):
-        description = f"a table of {counted(size, 'position')}"
-        description = description if of_table else f"a component of degree {item.degree}"
-        text = f"{counted(count, 'coefficient')} of {description}"
-        faults.add((*path, "coefficients"), "wrong-count", found=text, expected=f"{size}")
-    size = size or 2
-    if item.covariance is not None:
-        check_covariance(item.covariance, size, (*path, "covariance"), faults)
-    if item.pass_covariance is not None:
-        check_covariance(item.pass_covariance, min(2, size), (*path, "pass_covariance"), faults)
-        if item.pass_dof == 0 and any(map(any, item.pass_covariance)):
-            facts = {"what": PASSES, "other": "degrees of freedom"}
-            expected = "more than 0, or no key: known exactly"
-            faults.add((*path, "pass_dof"), "incomplete", value=0, expected=expected, **facts)
-    for key in ("s_repeat", "pass_covariance", "covariance"):
-        if item.u_future is not None and getattr(item, key) is not None:
-            faults.add((*path, key), "contradicts", other="u_future, which stands for it")
-
-
-def check_covariance(
-    rows: Sequence[Sequence[float]], size: int, path: YamlPath, faults: Faults
-) -> None:
-    """That a matrix can be a covariance (size, size)."""
-    if reason := covariance_fault(rows, size):
+def check_covariance(rows: Matrix | None, size: int, faults: Faults) -> None:
+    """That a matrix, if there is one, can be a covariance (size, size)."""
+    if rows is not None and (reason := covariance_fault(rows, size)):
         expected = f"a covariance matrix of {counted(size, 'row')}"
-        faults.add(path, "wrong-correlation", reason=reason, value=rows, expected=expected)
+        faults.add("wrong-correlation", reason=reason, value=rows, expected=expected)
 
 
 def covariance_fault(rows: Sequence[Sequence[float]], size: int) -> str | None:
@@ -467,45 +473,18 @@ def covariance_fault(rows: Sequence[Sequence[float]], size: int) -> str | None:
     return "not positive semidefinite: a combination has a negative variance"
 
 
-def _check_thermal(item: Component, path: YamlPath, faults: Faults) -> None:
-    """Positions, degree, sensors and the number of gradients of a component's drift."""
-    if (thermal := item.thermal) is None:
-        return
-    place, positions = (*path, "positions_mm"), thermal.positions_mm or ()
-    if positions and item.of is None:
-        faults.add(place, "incomplete", what="positions of a component", other="`of`")
-    faults.once(place, enumerate(f"{position + 0.0:g}" for position in positions), "the position")
-    count = len(positions) or 1
-    if thermal.degree >= count:
-        facts = {"what": counted(count, "position"), "expected": f"at most {count - 1}"}
-        faults.add((*path, "degree"), "too-little-data", value=thermal.degree, **facts)
-    kind, expected = "the name of a temperature", "T_<sensor>_degC, the column of its readings"
-    for sensor, values in thermal.gradients.items():
-        if not is_temperature(sensor):
-            where = (*path, "gradients", sensor)
-            faults.add(where, "wrong-type", kind=kind, value=sensor, expected=expected)
-        if len(values) != count:
-            text = f"{counted(len(values), 'gradient')} at {counted(count, 'position')}"
-            facts = {"found": text, "expected": "one a position"}
-            faults.add((*path, "gradients", sensor), "wrong-count", **facts)
-    for key in ("time_constants_min", "sensor_u_degC"):
-        for sensor in getattr(thermal, key):
-            if sensor not in thermal.gradients:
-                faults.unknown((*path, key, sensor), sensor, thermal.gradients.keys(), "sensor")
-
-
 def _linear_forms(
-    machine: Machine,
-    equations: Mapping[EquationName, str],
-    units: Mapping[str, Unit],
-    path: YamlPath,
-    faults: Faults,
+    machine: Machine, entry: Machine | Effect, steps: YamlPath, faults: Faults
 ) -> dict[str, LinearForm]:
-    """Equations in mm as linear forms, those of them that are sound: readable, of known names,
-    linear in the components and in the names of the effect's `units`, each term a length. Names
-    whose entry is faulty are known.
+    """The equations in mm of a machine, or of its effect at `steps`, as linear forms, those of them
+    that are sound: readable, of known names, linear in the components and in the names of the
+    effect, each term a length. Names whose entry is faulty are known.
     """
-    components, constants = faults.keys("components"), faults.keys("constants")
+    units: dict[str, Unit] = {}
+    if isinstance(entry, Effect):
+        units = {name: PARAMETER_UNITS[item.unit] for name, item in entry.parameters.items()}
+        units |= {name: UNITS[item.unit] for name, item in entry.components.items()}
+    components, constants = (faults.at(key).keys() for key in ("components", "constants"))
     covariates = [name for _, name in present(machine.covariates)]
     symbols = (*units, *POSITIONS, *components, *constants, *COVARIATES, *covariates)
     powers = dict.fromkeys(POSITIONS, internal(LENGTH))
@@ -513,13 +492,13 @@ def _linear_forms(
     powers |= {name: internal(unit.dimension) for name, unit in units.items()}
     linear = {*components, *units}
     forms: dict[str, LinearForm] = {}
-    for key, text in equations.items():
-        with faults.collected((*path, key)):
+    for key, text in entry.equations.items():
+        with faults.at(*steps, "equations", key).collected():
             node = parse(text)
             check_known(node, [*symbols, *filter(is_covariate, names(node))])
             form = linear_form(node, linear)
             # A component has no unit per kelvin or step of a column: beside one any may be meant.
             columns = own_columns(names(node), linear.union(constants))
-            check_dimension(node, internal(LENGTH), powers, parameters=units, columns=columns)
+            check_dimension(node, internal(LENGTH), powers, units, columns)
             forms[key] = form
     return forms

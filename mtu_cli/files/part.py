@@ -23,7 +23,7 @@ from mtu_cli.files.contract import (
     present,
     wrong,
 )
-from mtu_cli.files.yaml_file import YamlPath, read_yaml
+from mtu_cli.files.yaml_file import read_yaml
 
 Place = tuple[float, float, float | None]
 """Nominal x, y, z in mm; z None where nothing states it."""
@@ -31,6 +31,7 @@ REFERENCE_TEMPERATURE = 20.0
 LARGEST_MM = 1e9
 """A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
 
+TOLERANCE = "Tolerance: plus-minus, or [low, high]"
 Coordinate = Annotated[float, Field(ge=-LARGEST_MM, le=LARGEST_MM)]
 
 
@@ -80,9 +81,7 @@ class Length(Contract):
     id: IdText = optional("Default: from-to", "")
     from_: IdText = Field(alias="from")
     to: IdText
-    tolerance: Tolerated | None = Field(
-        default=None, alias="tolerance_um", description="Tolerance: plus-minus, or [low, high]"
-    )
+    tolerance: Tolerated | None = optional(TOLERANCE, alias="tolerance_um")
 
     @model_validator(mode="before")
     @classmethod
@@ -98,9 +97,7 @@ class Orthogonality(Contract):
     id: IdText
     row: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along x")
     column: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along y")
-    tolerance: Tolerated | None = Field(
-        default=None, alias="tolerance_arcsec", description="Tolerance: plus-minus, or [low, high]"
-    )
+    tolerance: Tolerated | None = optional(TOLERANCE, alias="tolerance_arcsec")
 
 
 def _by_temperature(value: object) -> object:
@@ -178,29 +175,27 @@ def load_part(path: Path) -> LoadedPart:
 
 def _check(part: Part, faults: Faults) -> None:
     """Features that the file has, none twice; lengths above 0; ids once."""
-    places, keys = part.places(), faults.keys("features")
-    references: list[tuple[YamlPath, str]] = []
-    for index, length in present(part.lengths):
-        ends: YamlPath = ("lengths", index)
-        references += [((*ends, "from"), length.from_), ((*ends, "to"), length.to)]
-        if places.get(length.from_, length.from_) == places.get(length.to, length.to):
-            expected = f"a feature at another place than {length.from_!r}"
-            facts = {"what": "the place", "value": length.to, "expected": expected}
-            faults.add((*ends, "to"), "appears-twice", **facts)
-    for kind in ("orthogonality", "circles", "spheres"):
-        for index, item in present(getattr(part, kind)):
+    places, keys = part.places(), faults.at("features").keys()
+    references: list[tuple[Faults, str]] = []
+    for kind in ("lengths", "orthogonality", "circles", "spheres"):
+        entries = present(getattr(part, kind))
+        ids = [(index, item.id) for index, item in entries]
+        faults.at(kind).once(ids, "the id", "id", expected="another `id`")
+        for index, item in entries:
+            here = faults.at(kind, index)
+            if isinstance(item, Length):
+                references += [(here.at("from"), item.from_), (here.at("to"), item.to)]
+                if places.get(item.from_, item.from_) == places.get(item.to, item.to):
+                    expected = f"a feature at another place than {item.from_!r}"
+                    here.at("to").add("appears-twice", what="the place", expected=expected)
             for key in ("row", "column", "features"):
-                path: YamlPath = (kind, index, key)
-                names = getattr(item, key, ())
-                faults.once(path, enumerate(names), "the feature")
-                references += [((*path, place), name) for place, name in enumerate(names)]
+                names = [*enumerate(getattr(item, key, ()))]
+                here.at(key).once(names, "the feature")
+                references += [(here.at(key, place), name) for place, name in names]
             if len(getattr(item, "calibrated_mm", None) or ()) > 1 and item.temperature is None:
                 facts = {"what": "diameters at several temperatures", "other": "`temperature`"}
-                faults.add((kind, index, "calibrated_mm"), "incomplete", **facts)
-    for path, name in references:
+                here.at("calibrated_mm").add("incomplete", **facts)
+    for at, name in references:
         # A feature whose entry is faulty is not unknown.
         if name not in keys:
-            faults.unknown(path, name, keys, "feature")
-    for kind in ("lengths", "orthogonality", "circles", "spheres"):
-        ids = [(index, item.id) for index, item in present(getattr(part, kind))]
-        faults.once((kind,), ids, "the id", "id", expected="another `id`")
+            at.unknown(name, keys, "feature")

@@ -101,8 +101,17 @@ def read_readings(
                 expected = f"forward or reverse, as in the other rows of {label}"
                 faults.cells(table, blank, "direction", code="empty-cell", expected=expected)
             degree = 0 if component is None or component.of is None else component.degree
-            if sound and isinstance(degree, int) and degree:
-                _count_positions(table, label, inside, degree, faults)
+            positions = np.unique(table.number("position_mm")[inside])
+            is_placed = sound and isinstance(degree, int) and not np.isnan(positions).any()
+            if is_placed and len(positions) <= degree:
+                count = counted(len(positions), "position")
+                facts = {
+                    "what": f"{label!r} of degree {degree} is measured at {count} only",
+                    "value": ", ".join(f"{value:g}" for value in positions) + " mm",
+                    "expected": f"at least {degree + 1} positions",
+                }
+                place = table.place(int(np.flatnonzero(inside)[0]), "position_mm")
+                faults.add(finding("too-little-data", **place, **facts))
     faults.raise_if_any()
     return _readings(table, components)
 
@@ -158,24 +167,6 @@ def _check_component(
         meant = nearest("position_mm", table.files[i].header)
         faults.add(finding("missing-column", **place, meant=meant))
     faults.cells(table, unplaced & has_column, "position_mm", code="empty-cell", expected=expected)
-
-
-def _count_positions(
-    table: Table, label: str, inside: Flags, degree: int, faults: CellFaults
-) -> None:
-    """Whether there are enough positions for a polynomial."""
-    positions = table.number("position_mm")[inside]
-    distinct = np.unique(positions)
-    if len(distinct) > degree or np.isnan(positions).any():
-        return
-    count = counted(len(distinct), "position")
-    facts = {
-        "what": f"{label!r} of degree {degree} is measured at {count} only",
-        "value": ", ".join(f"{value:g}" for value in distinct) + " mm",
-        "expected": f"at least {degree + 1} positions",
-    }
-    place = table.place(int(np.flatnonzero(inside)[0]), "position_mm")
-    faults.add(finding("too-little-data", **place, **facts))
 
 
 def _dimensions(table: Table) -> Ints:

@@ -11,18 +11,18 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import isnan, nan
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field
 
 from mtu_cli.files.contract import (
     SIZED,
+    Contract,
+    Faults,
     NonNegative,
     Number,
-    all_wrong,
     check_contract,
     must,
-    wrong,
 )
 from mtu_cli.files.machine import (
     AxisName,
@@ -49,10 +49,10 @@ Matrix = list[list[Figure]]
 Known = list[list[Number]]
 
 
-class _Reported(BaseModel):
+class _Reported(Contract):
     """A part of a report."""
 
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+    model_config = ConfigDict(extra="ignore", strict=False)
     differences: ClassVar[tuple[str, ...]] = ()
     """Matrices that are differences of mean squares: they may be negative."""
 
@@ -60,29 +60,23 @@ class _Reported(BaseModel):
         """The shapes of lists (n,) and matrices (n, m)."""
         return {}
 
-    @model_validator(mode="after")
-    def _shaped(self) -> Self:
-        """Raises where one has another shape, and where a covariance is none."""
-        faults = []
+    def check(self, faults: Faults) -> None:
+        """Adds lists of another shape, and covariances that are none."""
         for key, (size, *width) in self.shapes().items():
-            values = getattr(self, key)
-            odd = values is not None and (
-                len(values) != size or any(len(row) not in width for row in values if width)
-            )
-            if odd:
+            values, here = getattr(self, key), faults.at(key)
+            if values is None:
+                continue
+            square = "covariance" in key or "mean_square" in key
+            if len(values) != size or any(len(row) not in width for row in values if width):
                 shape = " x ".join(map(str, (size, *width)))
-                faults.append(wrong(shape, "wrong-count", key, found="another size"))
+                here.add("wrong-count", found="another size", expected=shape)
             elif (
-                values
-                and ("covariance" in key or "mean_square" in key)
+                square
                 and key not in self.differences
                 and not any(isnan(value) for row in values for value in row)
                 and (reason := covariance_fault(values, size))
             ):
-                faults.append(wrong("", "wrong-correlation", key, reason=reason))
-        if faults:
-            raise all_wrong(faults)
-        return self
+                here.add("wrong-correlation", reason=reason)
 
 
 class ReportedComponent(_Reported):
@@ -202,20 +196,18 @@ class ComponentsReport(_Results):
     """A fit-components report."""
 
     components: dict[str, ReportedComponent]
-    joint_pass_covariance: list[ReportedGroup] = []
+    joint_pass_covariance: list[ReportedGroup] = Field(default=[])
     effects: ReportedEffects | None = None
 
-    @model_validator(mode="after")
-    def _joint(self) -> Self:
+    def check(self, faults: Faults) -> None:
         """Jointly fitted components are components of the report, with as many coefficients."""
         for i, group in enumerate(self.joint_pass_covariance):
-            at = ("joint_pass_covariance", i)
             items = [self.components[name] for name in group.components if name in self.components]
             widths = [len(item.coefficients) for item in items]
             if group.widths != widths or len(items) < len(group.components):
                 expected = f"components of the report, whose widths are {widths}"
-                raise wrong(expected, "wrong-value", *at, value=group.components)
-        return self
+                here = faults.at("joint_pass_covariance", i)
+                here.add("wrong-value", value=group.components, expected=expected)
 
 
 class ThermalReport(_Results):

@@ -218,25 +218,21 @@ def files_written(contents: Mapping[Path, bytes]) -> Iterator[None]:
                 path.write_bytes(contents[path])
         for path, (target, new, _) in pending.items():
             with _naming(path):
-                _write_temporary(new, target, contents[path])
+                with new.open("xb") as stream:
+                    stream.write(contents[path])
+                    stream.flush()
+                    os.fsync(stream.fileno())
+                if target.exists():
+                    # A rename would also replace a file that is write-protected on purpose.
+                    if not os.access(target, os.W_OK):
+                        raise PermissionError(13, "Permission denied")
+                    new.chmod(stat.S_IMODE(target.stat().st_mode))
         yield
         _put_in_place(pending)
     finally:
         for path in (path for _, *both in pending.values() for path in both):
             with suppress(OSError):
                 path.unlink(missing_ok=True)
-
-
-def _write_temporary(new: Path, target: Path, content: bytes) -> None:
-    with new.open("xb") as stream:
-        stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    if target.exists():
-        # A rename would also replace a file that is write-protected on purpose.
-        if not os.access(target, os.W_OK):
-            raise PermissionError(13, "Permission denied")
-        new.chmod(stat.S_IMODE(target.stat().st_mode))
 
 
 def _put_in_place(pending: Mapping[Path, tuple[Path, Path, Path]]) -> None:

@@ -101,6 +101,16 @@ class InstrumentBudget(Contract):
         "Whether the readings are corrected to 20 degC already; false: mtu corrects them"
     )
 
+    def check(self, faults: Faults) -> None:
+        """A temperature says nothing without the expansion; nobody corrects to 20 degC twice."""
+        warm = self.T_mean_degC != 20.0
+        if (warm or self.T_half_width_K) and self.alpha_um_per_m_K is None:
+            expected = "the expansion coefficient, um/(m K)"
+            faults.add("missing-key", key="alpha_um_per_m_K", expected=expected)
+        if warm and self.already_at_20 is None:
+            expected = "true where the instrument has corrected the readings to 20 degC, else false"
+            faults.add("missing-key", key="already_at_20", expected=expected)
+
 
 class Study(Contract):
     """Files that belong together, relative to the study file."""
@@ -163,18 +173,8 @@ def load_study(
                 is_needed = absent is not None and not any(same(file, item) for item in exceptions)
                 if is_needed and not file.exists():
                     facts = {"value": name, "meant": near_name(file), "expected": FROM_HERE}
-                    faults.add((key, i), "no-such-file", **facts)
-            faults.once((key,), names, "the file")
-        if (budget := study.budget) is None:
-            return
-        # A temperature says nothing without the expansion, and nobody corrects to 20 degC twice.
-        of_heat = bool(budget.T_half_width_K) or budget.T_mean_degC != 20.0
-        if of_heat and budget.alpha_um_per_m_K is None:
-            facts = {"key": "alpha_um_per_m_K", "expected": "the expansion coefficient, um/(m K)"}
-            faults.add(("budget",), "missing-key", **facts)
-        if budget.T_mean_degC != 20.0 and budget.already_at_20 is None:
-            expected = "true where the instrument has corrected the readings to 20 degC, else false"
-            faults.add(("budget",), "missing-key", key="already_at_20", expected=expected)
+                    faults.at(key, i).add("no-such-file", **facts)
+            faults.at(key).once(names, "the file")
 
     study = check_contract(document, Study, "study", check)
     return LoadedStudy(document=document, study=study, files=files, instruments=instruments)

@@ -65,6 +65,11 @@ class YamlDocument:
         """The line of a value, or of the nearest value around it that the file holds."""
         return self.lines.get(self.reached(path)[0])
 
+    def place(self, path: YamlPath) -> dict[str, Any]:
+        """File, line and path of a value, for findings."""
+        line = self.line_of(*path)
+        return {"file": self.source.shown, "line": line, "path": path_text(path) or None}
+
     def at(self, *path: str | int) -> Any:
         """The value at a path; None where there is none."""
         prefix, value = self.reached(path)

@@ -4,20 +4,19 @@ the contract's CSV, of which that CSV is one entry.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
 from mtu_cli.files.csv_file import GZIP, Convert, Converted
-from mtu_cli.files.headers import POINTS, READINGS
+from mtu_cli.files.headers import POINTS, READINGS, header_names
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, listed, nearest, shorten
 from mtu_cli.formats.base import Ask, Format, Import, Imported, RawFile, of_content
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
-MODULES = ("renishaw", "ecmc", "dfq", "points", "channels", "wide")
+MODULES = ("renishaw", "ecmc", "points", "channels", "wide")
 """From the surest to the least sure: the first that recognises a file reads it."""
 KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), "readings") | {
     "drift": "drift",
@@ -35,10 +34,8 @@ def registry() -> Iterator[Format]:
 
 
 def header_of(content: bytes) -> list[str]:
-    """The cells of the first line that is no comment, in lower case."""
-    text = content[:HEAD].decode("utf-8-sig", "replace")
-    lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
-    return [cell.strip().strip('"').lower() for cell in re.split(r"[,;\t]", next(lines, ""))]
+    """The names in the header of a CSV, in lower case."""
+    return header_names(content[:HEAD].decode("utf-8-sig", "replace").splitlines())
 
 
 def is_contract(content: bytes) -> bool:

@@ -13,7 +13,6 @@ from pydantic import Field
 from mtu_cli.files.contract import Contract, Faults, check_contract, optional
 from mtu_cli.files.headers import Column, TableSpec
 from mtu_cli.files.yaml_file import read_yaml
-from mtu_cli.findings import suggestion
 from mtu_cli.formats.base import Import
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
 from mtu_cli.formats.wide import directed
@@ -92,14 +91,12 @@ def read_profile(source: Path | Mapping[str, Any]) -> Profile:
     def check(profile: Profile, faults: Faults) -> None:
         for name, unit in profile.units.items():
             if plain_unit(unit) not in UNITS:
-                faults.add(("units", name), "unknown-name", value=unit, what="unit",
-                           **suggestion(unit, UNITS))  # fmt: skip
+                faults.at("units", name).unknown(unit, UNITS, "unit")
         columns = [*profile.made, *profile.operands]
         for key in ("scale", "subtract", "units"):
             for name in getattr(profile, key):
                 if name not in columns and (key, name) != ("units", "error"):
-                    faults.add((key, name), "unknown-name", value=name, what="column",
-                               **suggestion(name, columns))  # fmt: skip
+                    faults.at(key, name).unknown(name, columns, "column")
 
     if not isinstance(source, Path):
         return Profile(**source)

@@ -6,9 +6,8 @@ the file adds it with `Finding.at`.
 """
 
 from mtu_cli.language.functions import evaluate
-from mtu_cli.language.linear import LinearForm, linear_form
 from mtu_cli.language.parser import parse
-from mtu_cli.language.tree import Node, check_known, names, to_text
+from mtu_cli.language.tree import LinearForm, Node, check_known, linear_form, names, to_text
 from mtu_cli.language.unit_algebra import check_dimension
 
 __all__ = [

@@ -12,20 +12,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language.functions import (
-    FUNCTIONS,
-    ORDER,
-    Slopes,
-    apply_scalar,
-    power_slopes,
-    value_of,
-)
+from mtu_cli.language.functions import BUDGET_FUNCTIONS, FUNCTIONS, apply_scalar, evaluate, value_of
+from mtu_cli.language.parser import parse
 from mtu_cli.language.tree import Call, Name, Node, Number, names
 from mtu_cli.language.tree import names as names_in
 
@@ -33,7 +27,10 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Directions = Callable[[str], FloatArray | None]
 """The two directions (2, pairs) of each pair along a name; None where they do not move it."""
+Slopes = Callable[[float], list[float]]
+"""The first to third derivative of a function, nan or infinite where there is none."""
 
+ORDER = 3
 TERMS = tuple((total - b, b) for total in range(ORDER + 1) for b in range(total + 1))
 """Exponents (a, b) of s^a t^b, in the order of the coefficients."""
 PLACE = {term: i for i, term in enumerate(TERMS)}
@@ -148,8 +145,8 @@ class _Expansion:
             case "+" | "-" | "neg":
                 result: FloatArray = FUNCTIONS[function].scalar(*parts)
                 return result
-        value, slopes = apply_scalar(function, (float(first[0, 0]),)), FUNCTIONS[function].slopes
-        return self.chained(f"{function}()", value, slopes, first, column)
+        value = apply_scalar(function, (float(first[0, 0]),))
+        return self.chained(f"{function}()", value, partial(_slopes, function), first, column)
 
     def constant(self, value: float) -> FloatArray:
         series = np.zeros((len(TERMS), self.pairs))
@@ -159,7 +156,7 @@ class _Expansion:
     def power(self, base: FloatArray, exponent: float, what: str, column: int) -> FloatArray:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
         value = apply_scalar("**", (float(base[0, 0]), exponent))
-        return self.chained(what, value, partial(power_slopes, exponent=exponent), base, column)
+        return self.chained(what, value, partial(_power_slopes, exponent), base, column)
 
     def raised(self, base: FloatArray, exponent: FloatArray, column: int) -> FloatArray:
         if not np.any(exponent[1:]):
@@ -218,7 +215,35 @@ class _Expansion:
         self.faults.append(finding("no-finite-value", what=what, where=where, column=column))
 
 
-ZERO, ONE, TWO, MINUS = (Number(value, 0) for value in (0.0, 1.0, 2.0, -1.0))
+KINKS = ("abs", "step")
+"""Functions without a derivative at 0."""
+
+
+@cache
+def _slope_of(function: str, order: int) -> Node:
+    """The derivative of this order of a function, as an equation in u."""
+    if order == 1:
+        return parse(FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
+    return slope(_slope_of(function, order - 1), "u")
+
+
+def _slopes(function: str, x: float) -> list[float]:
+    if function in KINKS and x == 0.0:
+        return [math.nan] * ORDER
+    return [float(evaluate(_slope_of(function, k + 1), {"u": x})) for k in range(ORDER)]
+
+
+def _power_slopes(exponent: float, x: float) -> list[float]:
+    """Those of ``x**exponent``, negative x and 0 included."""
+    slopes, factor = [], 1.0
+    for k in range(ORDER):
+        factor *= exponent - k
+        rest = apply_scalar("**", (x, exponent - k - 1)) if factor else 0.0
+        slopes.append(math.nan if rest is None else factor * rest)
+    return slopes
+
+
+ZERO, ONE, MINUS = (Number(value, 0) for value in (0.0, 1.0, -1.0))
 
 
 def slope(node: Node, name: str) -> Node:
@@ -257,16 +282,16 @@ def _partial(node: Call) -> tuple[Node, ...]:
                 less = Number(last.value - 1, 0)
             power = _call("*", last, _call("**", first, less))
             return power, _call("*", node, _call("log", first))
-    return ({
-        "neg": MINUS,
-        "sin": _call("cos", first),
-        "cos": _call("neg", _call("sin", first)),
-        "exp": node,
-        "log": _call("/", ONE, first),
-        "sqrt": _call("/", ONE, _call("*", TWO, node)),
-        "abs": _call("-", _call("*", TWO, _call("step", first)), ONE),
-        "step": ZERO,
-    }[node.function],)  # fmt: skip
+        case "neg":
+            return (MINUS,)
+    return (_placed(_slope_of(node.function, 1), first),)
+
+
+def _placed(node: Node, u: Node) -> Node:
+    """An equation with `u` in the place of its one name."""
+    if isinstance(node, Call):
+        return _call(node.function, *(_placed(item, u) for item in node.arguments))
+    return u if isinstance(node, Name) else Number(node.value, 0)
 
 
 def _call(function: str, *arguments: Node) -> Node:

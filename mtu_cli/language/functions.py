@@ -1,6 +1,6 @@
 """The functions and operators of equations, one table for all of the language; values of equations.
 
-A function has its value at floats, that of numpy at arrays, its derivatives, and the rule by which
+A function has its value at floats, that of numpy at arrays, its derivative, and the rule by which
 units follow. Whoever adds one adds a line here, and nothing elsewhere.
 """
 
@@ -21,79 +21,41 @@ if TYPE_CHECKING:
 
     Value = float | NDArray[np.float64]
 
-Slopes = Callable[[float], list[float]]
 UnitRule = Literal["number", "same", "alike", "product", "quotient", "power", "root", "any"]
-ORDER = 3
-"""Derivatives are known to this order."""
 
 
 class Function(NamedTuple):
     """A function of equations.
 
-    `scalar` is its value at floats, `array` the name of numpy's, `slopes` gives the first to third
-    derivative of one of one argument, nan where there is none. `unit`: what its arguments and
-    value are: of a plain `number` a number, of one unit the `same`, of two `alike` a number, of
-    `any` unit a number; the others say themselves.
+    `scalar` is its value at floats, `array` the name of numpy's, `slope` the derivative of one of
+    one argument u as an equation. `unit`: what its arguments and value are: of a plain `number` a
+    number, of one unit the `same`, of two `alike` a number, of `any` unit a number; the others say
+    themselves.
     """
 
     scalar: Callable[..., Any]
     array: str
-    slopes: Slopes | None = None
+    slope: str = ""
     unit: UnitRule = "number"
     arity: int = 1
 
 
-def power_slopes(x: float, exponent: float) -> list[float]:
-    """The first to third derivative of ``x**exponent``, negative x and 0 included."""
-    slopes, factor = [], 1.0
-    for k in range(ORDER):
-        factor *= exponent - k
-        rest = apply_scalar("**", (x, exponent - k - 1)) if factor else 0.0
-        slopes.append(math.nan if rest is None else factor * rest)
-    return slopes
-
-
-def _tan(x: float) -> list[float]:
-    t = math.tan(x)
-    q = 1.0 + t * t
-    return [q, 2.0 * t * q, 2.0 * q * (1.0 + 3.0 * t * t)]
-
-
-def _asin(x: float) -> list[float]:
-    q = 1.0 - x * x
-    if q <= 0.0:
-        return [math.nan] * ORDER
-    return [q**-0.5, x * q**-1.5, (1.0 + 2.0 * x * x) * q**-2.5]
-
-
-def _atan(x: float) -> list[float]:
-    q = 1.0 / (1.0 + x * x)
-    return [q, -2.0 * x * q**2, (6.0 * x * x - 2.0) * q**3]
-
-
 MACHINE_FUNCTIONS: dict[str, Function] = {
-    "sin": Function(math.sin, "sin", lambda x: [math.cos(x), -math.sin(x), -math.cos(x)]),
-    "cos": Function(math.cos, "cos", lambda x: [-math.sin(x), -math.cos(x), math.sin(x)]),
-    "exp": Function(math.exp, "exp", lambda x: [math.exp(x)] * ORDER),
-    "log": Function(math.log, "log", lambda x: [1.0 / x, *power_slopes(x, -1.0)[: ORDER - 1]]),
-    "sqrt": Function(math.sqrt, "sqrt", lambda x: power_slopes(x, 0.5), "root"),
-    "abs": Function(
-        abs, "abs", lambda x: [math.copysign(1.0, x) if x else math.nan, 0.0, 0.0], "same"
-    ),
-    "step": Function(
-        lambda x: 0.0 if x < 0 else 1.0,
-        "heaviside",
-        lambda x: [0.0 if x else math.nan, 0.0, 0.0],
-        "any",
-    ),
+    "sin": Function(math.sin, "sin", "cos(u)"),
+    "cos": Function(math.cos, "cos", "-sin(u)"),
+    "exp": Function(math.exp, "exp", "exp(u)"),
+    "log": Function(math.log, "log", "1/u"),
+    "sqrt": Function(math.sqrt, "sqrt", "1/(2*sqrt(u))", "root"),
+    "abs": Function(abs, "abs", "2*step(u) - 1", "same"),
+    "step": Function(lambda u: 0.0 if u < 0 else 1.0, "heaviside", "0", "any"),
 }
 """`step(u)` is 0 for u < 0, else 1."""
 
 BUDGET_FUNCTIONS: dict[str, Function] = MACHINE_FUNCTIONS | {
-    "tan": Function(math.tan, "tan", _tan),
-    "asin": Function(math.asin, "arcsin", _asin),
-    "acos": Function(math.acos, "arccos", lambda x: [-slope for slope in _asin(x)]),
-    "atan": Function(math.atan, "arctan", _atan),
+    "tan": Function(math.tan, "tan", "1 + tan(u)**2"),
+    "asin": Function(math.asin, "arcsin", "1/sqrt(1 - u**2)"),
+    "acos": Function(math.acos, "arccos", "-1/sqrt(1 - u**2)"),
+    "atan": Function(math.atan, "arctan", "1/(1 + u**2)"),
     "atan2": Function(math.atan2, "arctan2", unit="alike", arity=2),
 }
 """Budgets and graphs know the other circular functions too."""

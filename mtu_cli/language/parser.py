@@ -52,20 +52,14 @@ def _too_large(what: str, most: int, column: int) -> InputError:
 def _tokens(text: str, name: str) -> list[_Token]:
     """The words of an equation, and last its end."""
     pattern = re.compile(
-        r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
-        rf"|(?P<name>{name})|(?P<operator>\*\*|[-+*/(),]))"
+        r"(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+        rf"|(?P<name>{name})|(?P<operator>\*\*|[-+*/(),])|(?P<other>\S)"
     )
-    tokens: list[_Token] = []
-    position, end = 0, len(text.rstrip())
-    while position < end:
-        match = pattern.match(text, position)
-        if match is None:
-            rest = text[position:].lstrip()
-            token = _Token("", rest[0], len(text) - len(rest) + 1)
+    matches = pattern.finditer(text)
+    tokens = [_Token(str(match.lastgroup), match[0], match.start() + 1) for match in matches]
+    for token in tokens:
+        if token.kind == "other":
             raise _unexpected(token, "a number, a name, + - * / ** or parentheses")
-        kind = match.lastgroup or ""
-        tokens.append(_Token(kind, match.group(kind), match.start(kind) + 1))
-        position = match.end()
     operators = [token for token in tokens if token.text in PRECEDENCE]
     if len(operators) > MAX_OPERATORS:
         raise _too_large("operators", MAX_OPERATORS, operators[MAX_OPERATORS].column)

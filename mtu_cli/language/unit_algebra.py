@@ -61,23 +61,19 @@ class Algebra:
                 return ANY
             case Name(name):
                 return self.units.get(name, ANY)
-            case Call():
-                return self._of_call(node)
-
-    def _of_call(self, node: Call) -> Powers:
         first, last = node.arguments[0], node.arguments[-1]
         match FUNCTIONS[node.function].unit:
             case "product":
                 return self._of_factor(first) * self._of_factor(last)
             case "quotient":
                 return self._of_factor(first) / self._of_factor(last)
-            case "power":
-                if (exponent := literal_value(last)) is not None:
-                    return self._raised(first, exponent)
-                self._check_number(last, "an exponent")
-                return self.of(first) * ANY
-            case "root":
-                return self._raised(first, 0.5)
+            case "power" | "root" as rule:
+                exponent = 0.5 if rule == "root" else literal_value(last)
+                if exponent is None:
+                    self._check_number(last, "an exponent")
+                    return self.of(first) * ANY
+                result = self.of(first) ** exponent
+                return result if self.empirical else result.whole
             case "same" if first is last:
                 return self.of(first)
             case "same":
@@ -94,10 +90,6 @@ class Algebra:
 
     def _of_factor(self, node: Node) -> Powers:
         return self.of(node) if literal_value(node) is None else self.factor
-
-    def _raised(self, node: Node, power: float) -> Powers:
-        result = self.of(node) ** power
-        return result if self.empirical else result.whole
 
     def _alike(self, left: Node, right: Node, column: int, verb: str) -> Powers:
         one, other = self.of(left), self.of(right)
@@ -172,9 +164,8 @@ def check_dimension(
     node: Node,
     target: Powers,
     units: Mapping[str, Powers],
-    *,
-    parameters: Mapping[str, Unit] | None = None,
-    columns: Mapping[str, Powers] | None = None,
+    parameters: Mapping[str, Unit],
+    columns: Mapping[str, Powers],
 ) -> None:
     """Checks an equation of a machine, whose terms all have the unit `target`, in internal units.
 
@@ -184,43 +175,30 @@ def check_dimension(
     Raises InputError with all that does not agree: terms of another unit, sums of two, functions
     of plain numbers of what is none.
     """
-    stated, all_units = parameters or {}, {**units, **(columns or {})}
-    all_units |= {name: unit.powers for name, unit in stated.items()}
+    all_units = {**units, **columns, **{name: unit.powers for name, unit in parameters.items()}}
     faults: list[Finding] = []
     for term in terms(node):
-        symbol = next((name for name in names(term) if name in stated), None)
-        table = units if symbol is None else all_units
-        algebra = Algebra(units=table, factor=NO_LENGTH)
-        powers = algebra.of(term)
-        if not (powers.agrees(target) or algebra.faults):
-            expected = _expected(powers, target, None if symbol is None else stated[symbol], symbol)
-            if expected is not None:
-                column, text = first_column(term), short_text(term)
-                algebra.add("this term", powers, target, expected, column=column, value=text)
+        symbol = next((name for name in names(term) if name in parameters), None)
+        algebra = Algebra(units=units if symbol is None else all_units, factor=NO_LENGTH)
+        powers, expected = algebra.of(term), f"a term that is {target.text()}"
+        faults += algebra.faults
+        if powers.agrees(target) or algebra.faults:
+            continue
+        if powers.exponents[0] < target.exponents[0]:
+            expected = "its lever arm as a factor (a position or a named constant)"
+        if symbol is not None:
+            unit, ratio = parameters[symbol], (powers / target).exponents
+            plain = not any(unit.powers.exponents[1:-1]) and ratio[0] == 0
+            if meant := parameter_units_of(unit.powers * target / powers, unit.name):
+                expected = f"{symbol} in {' or '.join(meant)}"
+            elif plain and any(power > 1 for power in ratio):
+                # In no unit is it right, as beside a temperature squared.
+                continue
+        column, text = first_column(term), short_text(term)
+        algebra.add("this term", powers, target, expected, column=column, value=text)
         faults += algebra.faults
     if faults:
         raise InputError(faults)
-
-
-def _expected(
-    powers: Powers, target: Powers, unit: Unit | None, parameter: str | None
-) -> str | None:
-    """What would make a term right; None where its parameter could be stated in no unit that does,
-    as of a temperature squared.
-    """
-    if unit is not None:
-        if meant := parameter_units_of(unit.powers * target / powers, unit.name):
-            return f"{parameter} in {' or '.join(meant)}"
-        ratio = (powers / target).exponents
-        if (
-            not any(unit.powers.exponents[1:-1])
-            and ratio[0] == 0
-            and any(power > 1 for power in ratio)
-        ):
-            return None
-    if powers.exponents[0] < target.exponents[0]:
-        return "its lever arm as a factor (a position or a named constant)"
-    return f"a term that is {target.text()}"
 
 
 def check_consistent(

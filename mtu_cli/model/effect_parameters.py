@@ -167,7 +167,7 @@ def searched_warnings(machine: LoadedMachine) -> list[Finding]:
         names = effect.found.get("class")
         rivals = [str(x) for x in names if x != effect.name] if isinstance(names, list) else []
         if rivals:
-            facts = {"file": machine.source.shown, "line": machine.line_of("effects", i)}
+            facts = {"file": machine.source.shown, "line": machine.document.line_of("effects", i)}
             what, more = f"the effect {effect.name}", {"others": rivals, "consequence": ELSEWHERE}
             warnings.append(finding("not-separable", what=what, **facts, **more))
     return warnings

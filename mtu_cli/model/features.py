@@ -46,8 +46,7 @@ def feature_points(
     points = np.array([places[i] for i in ids], np.float64).reshape(len(ids), 3)
 
     def named(i: int) -> tuple[str, dict[str, Any]]:
-        place = {"file": part.source.shown, "line": part.line_of("features", ids[i])}
-        return ids[i], {**place, "path": f"features.{ids[i]}"}
+        return ids[i], part.place("features", ids[i])
 
     if (problem := without_coordinate(model, points, named)) is not None:
         raise InputError(problem)
@@ -129,14 +128,13 @@ def grid_of(
     if (count := math.prod(counts)) > MOST_PLACES:
         expected = f"at most {MOST_PLACES} places, not {count}"
         raise error("out-of-range", path="--grid", value=text, expected=expected)
-    place = {"file": machine.source.shown, "line": machine.line_of("axes"), "path": "axes"}
     if lacking := [axis for axis in AXES if axis in needed and axis not in travels]:
         raise InputError(
             finding(
                 "missing-key",
                 key=f"{axis}.travel_mm",
                 expected=f"axes: {{{axis}: {{travel_mm: [LOW, HIGH]}}}}",
-                **place,
+                **machine.place("axes"),
             )
             for axis in lacking
         )

@@ -86,7 +86,10 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     rest, warnings = without_effects(machine, readings)
     fits = {name: fit_component(rest, name, x) for name, x in components.items() if name in read}
     if missing:
-        place = {"file": machine.source.shown, "line": machine.line_of("components", missing[0])}
+        place = {
+            "file": machine.source.shown,
+            "line": machine.document.line_of("components", missing[0]),
+        }
         reason = f"no readings in {files}, and none in the machine file"
         facts = {"quantity": "coefficients", "names": missing, "reason": reason}
         warnings.append(finding("not-estimable", **facts, **place))

@@ -239,25 +239,23 @@ def _levers(parts: Sequence[Part]) -> dict[str, dict[str, Node]]:
 
 def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequence[str]) -> None:
     """Raises InputError for `missing` components and those of too few readings for a scatter."""
-    file = machine.source.shown
     if not terms and not missing:
-        raise error("not-applicable", reason="no equation contains a component", file=file)
+        file, reason = machine.source.shown, "no equation contains a component"
+        raise error("not-applicable", reason=reason, file=file)
     sources = "readings (--lbb, --laser), coefficients here, or a components report (-c)"
     sources += "; with -m no study is read"
     few, problems = "more readings of it, best in several passes", []
-    lines = {name: machine.line_of("components", name) for name in missing}
-    if missing := sorted(missing, key=lambda name: lines[name] or 0):
-        place = {"line": lines[missing[0]], "path": f"components.{missing[0]}"}
-        what = f"an estimate of {listed(missing)}"
+    places = {name: machine.place("components", name) for name in missing}
+    if missing := sorted(missing, key=lambda name: places[name]["line"] or 0):
+        what, place = f"an estimate of {listed(missing)}", places[missing[0]]
         problems.append(finding("missing-input", what=what, expected=sources, **place))
     for item in (term.estimate for term in terms):
         if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat)):
-            place = {"line": machine.line_of("components", item.name)}
-            place["path"] = f"components.{item.name}"
+            place = machine.place("components", item.name)
             what = f"as many readings of {item.name!r} as coefficients"
             problems.append(finding("too-little-data", what=what, expected=few, **place))
     if problems:
-        raise InputError(problem.at(file=file) for problem in problems)
+        raise InputError(problems)
 
 
 def missing_covariates(

@@ -368,9 +368,7 @@ def check_square(part: LoadedPart, entries: Iterable[int]) -> None:
                 finding(
                     "contradicts",
                     other=f"the nominal places: {entry.id!r} runs {degrees:.3g} degrees off {axis}",
-                    file=part.source.shown,
-                    line=part.line_of("orthogonality", index, kind),
-                    path=f"orthogonality[{index}].{kind}",
+                    **part.place("orthogonality", index, kind),
                     expected=f"features in a line along {axis}, seen in the plane of x and y, at "
                     f"most {most:.2g} degrees off",
                 )

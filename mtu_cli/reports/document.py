@@ -17,10 +17,10 @@ from rich.text import Text
 
 from mtu_cli import __version__
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding, error, listed
+from mtu_cli.findings import Finding, error, listed, plain
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import figures
-from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, plain, record
+from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, record
 from mtu_cli.reports.numbers import MISSING, chance
 from mtu_cli.reports.tables import Sheet
 

@@ -35,7 +35,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
@@ -44,6 +43,7 @@ from typing import Any
 
 import numpy as np
 
+from mtu_cli.findings import plain
 from mtu_cli.reports import numbers
 from mtu_cli.units import ARCSEC, UM
 
@@ -370,21 +370,6 @@ def _quotient(value: Any, size: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_quotient(each, size) for each in value]
     return value / size
-
-
-def plain(value: Any) -> Any:
-    """The value in types of JSON: lists for arrays, None for what is not finite."""
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    if value is None or isinstance(value, str | bool | int):
-        return value
-    if isinstance(value, Mapping):
-        return {str(name): plain(each) for name, each in value.items()}
-    if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isfinite(value).all():
-        return value.tolist()
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    return [plain(each) for each in value]
 
 
 def csv_rows(fields: Fields, items: Iterable[Any]) -> tuple[list[str], Iterator[list[Any]]]:

@@ -101,7 +101,7 @@ def test_forms_and_dimensions_are_told_or_refused(text: str, linear: set[str], w
     told = ["linear"]
     for check in (
         lambda found: linear_form(found, linear),
-        lambda found: check_dimension(found, internal(wanted), UNITS),
+        lambda found: check_dimension(found, internal(wanted), UNITS, {}, {}),
     ):
         try:
             check(node)

@@ -185,8 +185,7 @@ def inputs_of(loaded: LoadedBudget) -> Inputs:
         try:
             sources.append(_correlated(rows, [inputs[i] for i in rows], covariance))
         except InputError as fault:
-            at = {"file": loaded.source.shown, "line": loaded.line_of("correlations")}
-            problems += [each.at(path="correlations", **at) for each in fault.findings]
+            problems += [each.at(**loaded.place("correlations")) for each in fault.findings]
     if problems:
         raise InputError(problems)
     parts = [(i, x) for i, item in enumerate(inputs) if not several[label[i]] for x in item.parts]

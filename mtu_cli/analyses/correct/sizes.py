@@ -215,10 +215,8 @@ def measurands_of(
                     "unknown-name",
                     what="temperature",
                     expected=f"a column of this name{near}, or --at {name}=VALUE",
-                    file=part.source.shown,
-                    line=part.line_of(f"{kind}s", index, "temperature"),
-                    path=f"{kind}s[{index}].temperature",
                     value=name,
+                    **part.place(f"{kind}s", index, "temperature"),
                 )
             measurand = Measurand(
                 kind=kind,

@@ -76,7 +76,7 @@ class Controller:
 
     name: str
     sign: str
-    write: Callable[[ErrorTable, Parameters], str]
+    write: Callable[[ErrorTable, Parameters], list[str]]
     read: Callable[[str, Parameters], ErrorTable]
     parameters: Parameters
     _: KW_ONLY
@@ -126,8 +126,8 @@ class Controller:
             faults.append(finding("not-applicable", reason=reason, expected="a larger --step"))
         if faults:
             raise InputError(faults)
-        notes = [f"{self.comment} {line}\n" for line in (self.says, note) if line and self.comment]
-        return "".join([*notes, self.write(table, parameters)]).replace("\n", self.newline)
+        notes = [f"{self.comment} {line}" for line in (self.says, note) if line and self.comment]
+        return self.newline.join([*notes, *self.write(table, parameters), ""])
 
     def read_back(self, text: str, parameters: Parameters) -> ErrorTable:
         """What a file says; raises InputError for one that the control would not read so.

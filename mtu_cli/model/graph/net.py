@@ -18,7 +18,7 @@ import numpy as np
 
 from mtu_cli.files.contract import Faults, check_contract, present
 from mtu_cli.files.graph_contract import COORDINATES, Graph, Place, Transition
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
+from mtu_cli.files.yaml_file import YamlDocument, read_yaml
 from mtu_cli.findings import error, listed, suggestion
 from mtu_cli.language import Node, check_known, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -173,7 +173,7 @@ class _Net:
 
     def __init__(self, graph: Graph, faults: Faults) -> None:
         self.faults, self.places = faults, graph.places or {}
-        self.place_names = dict.fromkeys(faults.keys("places"))
+        self.place_names = dict.fromkeys(faults.at("places").keys())
         self.transitions = dict(present(graph.transitions))
         self.report = present(graph.report)
         self.makers: dict[str, list[int]] = {}
@@ -196,23 +196,23 @@ class _Net:
             self.check_value(step)
             for name in step.outputs:
                 if self.units[name] is None or self.places[name].kind == "vector":
-                    with self.faults.collected(("transitions", step.index, "formula")):
+                    with self.faults.at("transitions", step.index, "formula").collected():
                         self.units[name] = step.unit(self.units)
 
     def step(self, index: int, item: Transition) -> Step | None:
         """A transition against its signature; None with its faults, and where it makes a place a
         second time: faults that follow from that are not its own.
         """
-        path, faults, before = ("transitions", index), self.faults, len(self.faults.findings)
+        faults, before = self.faults.at("transitions", index), len(self.faults.findings)
         for key, owner in ONLY.items():
             if getattr(item, key) is not None and item.do != owner:
-                faults.add((*path, key), "misplaced", key=key, where=owner)
-        self.check_known((*path, "in"), enumerate(item.in_))
-        self.check_known((*path, "out"), enumerate(item.out))
-        faults.once((*path, "out"), enumerate(item.out), "the output")
+                faults.at(key).add("misplaced", key=key, where=owner)
+        self.check_known(faults.at("in"), enumerate(item.in_))
+        self.check_known(faults.at("out"), enumerate(item.out))
+        faults.at("out").once(enumerate(item.out), "the output")
         if not all(name in self.places for name in (*item.in_, *item.out)):
             return None
-        formula = self.formula(item, path) if item.do == "compute" else None
+        formula = self.formula(item, faults) if item.do == "compute" else None
         takes, makes = (
             [described(self.places[name].kind, self.places[name].axis) for name in group]
             for group in (item.in_, item.out)
@@ -225,11 +225,11 @@ class _Net:
             side, verb, kinds = ("out", "make", makes) if taking else ("in", "take", takes)
             facts = {"do": item.do, "expected": "; or ".join(dict.fromkeys(options)), "verb": verb}
             places = ", ".join(kinds) or "nothing"
-            faults.add((*path, side), "wrong-connection", places=places, **facts)
+            faults.at(side).add("wrong-connection", places=places, **facts)
         elif item.do == "meas" and makes == ["a point"] and item.along is None:
-            faults.add(path, "missing-key", key="along", expected="x, -x, ... or [i, j, k]")
+            faults.add("missing-key", key="along", expected="x, -x, ... or [i, j, k]")
         elif item.do == "meas" and makes != ["a point"] and item.along is not None:
-            faults.add((*path, "along"), "misplaced", key="along", where="a point")
+            faults.at("along").add("misplaced", key="along", where="a point")
         again = any(self.makers[name][0] != index for name in item.out)
         if again or len(faults.findings) > before:
             return None
@@ -238,31 +238,30 @@ class _Net:
             formula=formula,
         )  # fmt: skip
 
-    def check_known(self, path: YamlPath, items: Iterable[tuple[int, str]]) -> None:
-        for at, name in items:
+    def check_known(self, faults: Faults, items: Iterable[tuple[int, str]]) -> None:
+        for index, name in items:
             if name not in self.place_names:
-                self.faults.unknown((*path, at), name, self.place_names, "place")
+                faults.at(index).unknown(name, self.place_names, "place")
 
-    def formula(self, item: Transition, path: YamlPath) -> Node | None:
+    def formula(self, item: Transition, faults: Faults) -> Node | None:
         """The tree of a formula whose names are inputs: a constant or coordinate by its name, a
         point or vector by those of its coordinates, ``H1.x``.
         """
         if item.formula is None:
-            expected = "a formula in the input places"
-            self.faults.add(path, "missing-key", key="formula", expected=expected)
+            faults.add("missing-key", key="formula", expected="a formula in the input places")
             return None
         inputs: list[str] = []
         for name in item.in_:
             kind = self.places[name].kind
             coordinates = COORDINATES[kind] if kind in ("point", "vector") else ()
             inputs += [f"{name}.{each}" for each in coordinates] or [name]
-        with self.faults.collected((*path, "formula")):
+        with faults.at("formula").collected():
             node = parse(item.formula, BUDGET_FUNCTIONS, DOTTED)
             check_known(node, inputs, "input")
             for at, name in enumerate(item.in_):
                 if name not in map(place_of, names(node)):
                     reason = "the formula does not use this input"
-                    self.faults.add((*path, "in", at), "unused-place", reason=reason, value=name)
+                    faults.at("in", at).add("unused-place", reason=reason)
             return node
         return None
 
@@ -270,10 +269,10 @@ class _Net:
         """That a place has the keys of its kind, and that one which a transition makes states
         nothing against it.
         """
-        path, faults = ("places", name), self.faults
+        faults = self.faults.at("places", name)
         if "." in name:
             facts = {"kind": "a name that formulas can use", "expected": name.replace(".", "_")}
-            faults.add(path, "wrong-type", value=name, **facts)
+            faults.add("wrong-type", value=name, **facts)
         makers = self.makers.get(name, [])
         maker = self.transitions[makers[0]].do if makers else ""
         for key, kinds in KEYS.items():
@@ -281,23 +280,22 @@ class _Net:
                 continue
             if place.kind not in kinds:
                 where = "a " + " or a ".join(kinds)
-                faults.add((*path, key), "misplaced", key=key, where=where)
+                faults.at(key).add("misplaced", key=key, where=where)
             elif makers and key in STARTS and (key, maker) != MEASURED:
                 other = self.made_by(makers[0])
-                faults.add((*path, key), "contradicts", other=other, expected="one of the two")
+                faults.at(key).add("contradicts", other=other, expected="one of the two")
         if place.kind == "coordinate" and place.axis is None:
-            faults.add(path, "missing-key", key="axis", expected="x, y or z")
+            faults.add("missing-key", key="axis", expected="x, y or z")
         count, expected = NOMINAL.get(place.kind, (0, ""))
         nominal = place.nominal_mm
         if nominal is not None and count and len(nominal) != count:
-            key_path = (*path, "nominal_mm")
-            faults.add(key_path, "wrong-value", value=list(nominal), expected=expected)
+            faults.at("nominal_mm").add("wrong-value", value=list(nominal), expected=expected)
         if place.u is not None and place.value is None:
-            faults.add((*path, "u"), "incomplete", what="`u`", other="`value`")
+            faults.at("u").add("incomplete", what="`u`", other="`value`")
         measured = (maker == "meas" and count) or (place.known and not makers)
         if measured and not nominal and place.kind in NOMINAL:
             expected = "where it is measured" if makers else "where it is"
-            faults.add(path, "missing-key", key="nominal_mm", expected=expected)
+            faults.add("missing-key", key="nominal_mm", expected=expected)
 
     def made_by(self, index: int) -> str:
         line = self.faults.document.line_of("transitions", index)
@@ -310,10 +308,10 @@ class _Net:
         faults = self.faults
         for name, (first, *rest) in self.makers.items():
             for index in rest:
-                path: YamlPath = ("transitions", index, "out")
-                faults.add(path, "contradicts", other=self.made_by(first), value=name)
-        self.check_known(("report",), self.report)
-        faults.once(("report",), self.report, "the place")
+                here = faults.at("transitions", index, "out")
+                here.add("contradicts", other=self.made_by(first), value=name)
+        self.check_known(faults.at("report"), self.report)
+        faults.at("report").once(self.report, "the place")
         sources: dict[str, list[str]] = {}
         for item in self.transitions.values():
             for name in item.out:
@@ -326,7 +324,7 @@ class _Net:
             except CycleError as error:
                 cycle: list[str] = error.args[1]
             index = self.makers[cycle[1]][0]
-            faults.add(("transitions", index), "graph-cycle", places=" -> ".join(cycle))
+            faults.at("transitions", index).add("graph-cycle", places=" -> ".join(cycle))
             uncut = {
                 name: [i for i in inputs if i not in cycle]
                 for name, inputs in uncut.items()
@@ -338,17 +336,17 @@ class _Net:
         ends = {*chain.from_iterable(sources.values())}
         ends |= {name for _, name in self.report} or computed
         for name, place in self.places.items():
-            path = ("places", name)
+            here = faults.at("places", name)
             made = name in self.makers or place.marked or place.known
             if not made:
                 start = "`value:`, or " if place.kind == "constant" else ""
                 reason = f"no transition makes this {place.kind}"
                 expected = f"{start}a transition with `out: {name}`"
-                faults.add(path, "unused-place", reason=reason, expected=expected)
+                here.add("unused-place", reason=reason, expected=expected)
             if name not in ends:
                 expected = "an input of a transition, or listed under `report:`"
                 reason = "the place leads nowhere"
-                faults.add(path, "unused-place", reason=reason, expected=expected)
+                here.add("unused-place", reason=reason, expected=expected)
 
     def check_value(self, step: Step) -> None:
         """The values at nominal: constructions that are degenerate there, formulas without one;
@@ -364,5 +362,5 @@ class _Net:
                 step.ready(self.nominal)
             except GeometryError as error:
                 what, where = f"{step.do} of {listed(step.outputs)}", f" at nominal: {error}"
-                path = ("transitions", step.index)
-                self.faults.add(path, "no-finite-value", what=what, where=where)
+                here = self.faults.at("transitions", step.index)
+                here.add("no-finite-value", what=what, where=where)

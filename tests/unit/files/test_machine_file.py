@@ -96,8 +96,8 @@ def test_a_check_sees_the_sound_rest_of_a_faulty_file() -> None:
 
     def check(thing: Thing, own: Faults) -> None:
         seen.append(thing)
-        own.unknown(("by_name", "x"), "x", own.keys("by_name"), "entry")
-        own.add(("entries", 0, "from"), "appears-twice", value="a", what="the entry")
+        own.at("by_name", "x").unknown("x", own.at("by_name").keys(), "entry")
+        own.at("entries", 0, "from").add("appears-twice", value="a", what="the entry")
 
     with pytest.raises(InputError) as caught:
         check_contract(parse_yaml(text, SOURCE), Thing, "thing", check)
@@ -171,8 +171,8 @@ def test_a_machine_is_read_with_its_linear_forms(tmp_path: Path) -> None:
     assert loaded.forms["Ey"].remainder is None
     assert set(loaded.effect_forms[0]["Ex"].coefficients) == {"lost_motion"}
     assert loaded.warnings == ()
-    assert loaded.line_of("components", "ez_x") == 8
-    assert loaded.line_of("equations", "Ey") == 15
+    assert loaded.place("components", "ez_x")["line"] == 8
+    assert loaded.place("equations", "Ey")["line"] == 15
     read = loaded.machine
     assert read.reference_temperature_degC == 20.0
     assert (read.constants["z"].value, read.constants["z"].u) == (127.0, 0.0)
@@ -331,7 +331,7 @@ FAULTS = [
     ),
     (
         "of: x, unit: um, thermal: {positions_mm: [0, 75], gradients: {T_a_degC: 1}}",
-        "thermal.gradients.T_a_degC: 1 gradient at 2 positions; expected one a position",
+        "thermal.gradients.T_a_degC: 1 gradient at 2 positions: '1'; expected one a position",
     ),
     (
         "unit: um, thermal: {gradients: {T_a_degC: [1, 2]}}",

@@ -276,7 +276,7 @@ def faults_of(text: str, units: str = "") -> list[Finding]:
     stated = (item.split() for item in units.split(", ") if item)
     parameters = {name: PARAMETER_UNITS[unit] for name, unit in stated}
     try:
-        check_dimension(parse(text), MM, UNITS, parameters=parameters, columns=COLUMNS)
+        check_dimension(parse(text), MM, UNITS, parameters, COLUMNS)
     except InputError as error:
         return list(error.findings)
     return []
