@@ -215,11 +215,6 @@ def test_what_cannot_be_tested_is_none() -> None:
 # Runs there and back: their mean squares by statsmodels, by dense matrices, and by simulation.
 
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")
-    # statsmodels ships no types.
-
-
 WARM = np.array([[9.0, 0.01], [0.01, 4e-4]])
 
 
