@@ -7,9 +7,12 @@ import pkgutil
 import sys
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
+import typer
 from coverage import Coverage
 
 TESTS = Path(__file__).parent
@@ -19,7 +22,10 @@ sys.path.insert(0, str(TESTS))
 # As in the command: threads that wait for each other over small matrices take most of the time.
 for library in ("OPENBLAS", "MKL", "OMP"):
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+gc.set_threshold(20_000)
 
+# Typer makes all commands anew in every call, which takes as long as a small one itself.
+patch("typer.main.get_command", cache(typer.main.get_command)).start()
 
 COUNTED = ("unit/model", "unit/stats", "published")
 """Folders whose tests are counted: those of the floors that are measured. To count takes half as
@@ -27,7 +33,11 @@ long again, and statistics of thousands of tables elsewhere cover nothing more.
 """
 
 
-REPEATED = ("cover", "alarms", "uniform", "unbiased", "seeds", "nineteen", "rarely", "thousand")
+REPEATED = (
+    "cover", "alarms", "uniform", "unbiased", "seeds", "rarely", "seldom", "rejected", "thousand",
+    "no_reversal", "future", "paths", "moments_of", "draughts", "threads", "refits", "statsmodels",
+    "follows", "strip", "negative", "few_trials", "slow_sum", "ends_of",
+)  # fmt: skip
 """In the names of tests that run the same lines for thousands of drawn tables."""
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 
@@ -19,7 +19,7 @@ def by_full_refits(
 
     def p(less: float, more: float, columns: int) -> float:
         dof = number - columns - 1
-        return float(f_distribution.sf((less - more) / more * dof, 1, dof)) if dof > 0 else 1.0
+        return float(fdtrc(1, dof, (less - more) / more * dof)) if dof > 0 else 1.0
 
     chosen: list[int] = []
     while others := [j for j in range(1, Z.shape[1] - 1) if j not in chosen]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 import pytest
-from cli_runner import SMALL, done, mtu, shared
+from cli_runner import SMALL, UNDRAWN, done, mtu, shared
 from support import CONFIGS, DATA, PAPER
 
 import mtu_cli
@@ -87,6 +87,7 @@ def test_files_of_their_own_are_evaluated(tmp_path: Path) -> None:
     assert round(budget.to_dict()["u"], 1) == 31.7
 
 
+@UNDRAWN
 def test_reports_say_which_data_are_synthetic(tmp_path: Path) -> None:
     """Those of `mtu simulate`, as its first line says."""
     study, made = SMALL, tmp_path / "made.csv"

@@ -139,6 +139,7 @@ def test_the_same_bytes_again(first: Run, tmp_path: Path) -> None:
     assert again.result.stdout == first.result.stdout
 
 
+@TWO_FOLDS
 def test_the_extended_machine_has_nothing_left(first: Run, tmp_path: Path) -> None:
     new = tmp_path / "again.yaml"
     call = ("close-loop", UNDECLARED, "-m", first.machine, "--fail-if", "found")

@@ -210,7 +210,8 @@ UNDECLARED = CONFIGS / "undeclared"
 def sound(path: Path) -> str:
     """The text of a report that is HTML by its grammar, with ids of its own and nothing outside."""
     text = path.read_text("utf-8")
-    html5lib.HTMLParser(strict=True).parse(text)
+    # The strokes of a picture are most of it, and are read sign by sign.
+    html5lib.HTMLParser(strict=True).parse(re.sub(r' d="[-MLQCz \d.\n]*"', "", text))
     ids = re.findall(r'\bid="([^"]+)"', text)
     assert len(ids) == len(set(ids)) > 0
     assert re.findall(r'(?:src|href)="(?!#)', text) == []

@@ -20,7 +20,6 @@ from mtu_cli.findings import Finding, InputError
 from mtu_cli.model.effect_library import BUILT_IN, effect_library
 from mtu_cli.stats.distributions import Distribution
 
-BOMB = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 30)]
 LADDER = [f"a{i}: &a{i} [*a{i - 1}]" for i in range(1, 3000)]
 
 
@@ -95,7 +94,6 @@ def test_every_duplicate_key_and_tag_is_reported_with_its_lines() -> None:
         ("<<: {a: 1}", "m.yaml:1: a merge key (<<) is not accepted"),
         ("[a]: 1", "m.yaml:1: a list, mapping or tag as a key is not"),
         ("# nothing", "m.yaml: holds no values; expected a machine file"),
-        ("\n".join(["a0: &a0 [x, x]", *BOMB]), "more than 500000 values"),
         ("\n".join(["a0: &a0 [x]", *LADDER]), "more than 60 levels"),
     ],
 )

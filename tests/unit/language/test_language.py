@@ -53,7 +53,7 @@ def test_the_tree_has_columns_and_folded_constants() -> None:
         ("pi(2)", 1, "unknown function at column 1: 'pi'"),
         ("(" * 5000 + "x" + ")" * 5000, MAX_DEPTH + 1, "levels"),
         ("sin(" * 3900 + "x" + ")" * 3900, 4 * MAX_DEPTH + 1, "levels"),
-        ("-" * 200 + "x", MAX_DEPTH + 1, "levels"),
+        ("-" * 200 + "x", MAX_DEPTH + 1, "levels"), ("-" * 9000 + "x", 301, "300 operators"),
         ("**".join("x" * 200), 3 * MAX_DEPTH + 1, "levels"),
         ("x" * (MAX_CHARACTERS + 1), MAX_CHARACTERS, "20000 characters"),
         ("+".join("x" * 1001), 2 * (MAX_OPERATORS + 1), "300 operators"),

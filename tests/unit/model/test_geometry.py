@@ -406,7 +406,7 @@ IDS = [f"{x:g}" for x in AT]
 
 @pytest.mark.parametrize("own", [0.0, 1.0])
 def test_future_readings_between_the_targets(own: float, tmp_path: Path) -> None:
-    """The short version of tests/bench/test_bench_table.py."""
+    """The short version of tests/bench/test_bench_rates.py."""
     found = table_coverage(axis_machine(tmp_path), 60, 6.0, seed=2, own=own)
     assert found.inside > 0.93
     assert found.width < (1.3 if own else 1.25)

@@ -21,7 +21,6 @@ from mtu_cli.model.simulate import (
     SimulatedPoints,
     followed,
     growth,
-    pass_root,
     sensors_for,
     simulate_drift,
     simulate_points,
@@ -263,34 +262,6 @@ def test_points_move_away_from_the_centre_as_the_diameter_grows(tmp_path: Path) 
     assert not growth(replace(points, covariates={}), OF_RING, ON_RING, circles).any()
     with pytest.raises(InputError, match="goes through the nominal points"):
         growth(points, OF_RING, ON_RING * [1.0, 0.0, 1.0], circles)
-
-
-# What passes of a virtual machine differ by.
-
-
-def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
-    """Passes at 0 to 500 mm whose slopes differ by less than repeatability makes them: drawn in
-    mm and rad at once, 500 mm is 500 times what 1 mm is, and the variance there was seven times
-    too large.
-    """
-
-    def drawn(by: FloatArray) -> FloatArray:
-        """Of coefficients in other units."""
-        one = estimate("a", "x", [0.0, 0.0], C=by @ C @ by, D=by @ moment @ by)
-        root = pass_root(model_of([(one, {"x": "1"})], axes=("x",)))
-        return np.asarray(root @ root.T)
-
-    centre = np.array([[1.0, -250.0], [0.0, 1.0]])
-    moment = centre @ [[5.81e-7, 1.23e-9], [1.23e-9, -2.51e-13]] @ centre.T
-    C = np.array([[3.79e-8, 9.38e-12], [9.38e-12, 2.64e-13]])
-    found, X = drawn(np.eye(2)), np.column_stack([np.ones(3), [0.0, 250.0, 500.0]])
-    assert np.linalg.eigvalsh(found / np.outer(*[np.sqrt(np.diag(found))] * 2))[0] >= -1e-9
-    # What D lacks is less than the mean square of the ten passes, of which C is a tenth.
-    added = np.diag(X @ (found - moment) @ X.T)
-    assert (added >= 0).all()
-    assert (added <= 10 * np.diag(X @ C @ X.T)).all()
-    units = np.diag([1e3, 1e6])
-    np.testing.assert_allclose(drawn(units), units @ found @ units, rtol=1e-9)
 
 
 # Simulated drift tests, settled rooms.

@@ -134,9 +134,6 @@ def test_outputs_have_the_first_order_variance_where_D_is_negative() -> None:
     assert values.var() == pytest.approx(wanted[0], rel=4.5 * np.sqrt(2 / TRIALS))
 
 
-# What a study draws where the number of trials adapts.
-
-
 # Reduced trials of an angle against all errors drawn and two lines laid through them.
 
 

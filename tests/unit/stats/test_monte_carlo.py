@@ -103,12 +103,17 @@ def test_same_bits_for_any_number_of_threads(trials: int | None) -> None:
     mixing = np.random.default_rng(0).normal(size=(30, 26))
     many = Other(lambda rng, m: mixing @ rng.standard_normal((26, m)), tuple("y" * 30))
     for model in (Bent(0.1), many):
-        results = [monte_carlo(model, seed=9, trials=trials, threads=t) for t in (1, 2, 4)]
+        # Of many outputs some 80 blocks, in several rounds.
+        results = [
+            monte_carlo(model, seed=9, trials=trials, threads=t, tolerance_fraction=2.0)
+            for t in (1, 2, 4)
+        ]
         assert all(same_bits(results[0], other) for other in results[1:])
     if trials is not None:
         of_samples = np.cov(results[0].samples)
         assert results[0].covariance == pytest.approx(of_samples, rel=1e-9, abs=1e-9)
-    assert not same_bits(results[0], monte_carlo(many, seed=10, trials=trials))
+    other = monte_carlo(many, seed=10, trials=trials, tolerance_fraction=2.0)
+    assert not same_bits(results[0], other)
 
 
 @pytest.mark.parametrize("trials", [40, 8193, 19_999, 20_001, 100_003])

@@ -191,10 +191,6 @@ def test_what_is_added_holds_the_error_of_a_mean_of_any_number(s: float) -> None
     assert s > 0 or error == pytest.approx(np.sqrt(np.mean(u2)), rel=0.15)
 
 
-# What thermal models are fitted by, against plain versions of it: lags, compressed rows, ridge
-# paths, forward-backward selection.
-
-
 # Lags.
 
 
