@@ -246,7 +246,7 @@ def _files(result: Result) -> dict[Path, bytes]:
     if options.plot is not None:
         if outcome.figure is None:
             raise error("not-applicable", reason="this result is not drawn", path="--plot")
-        files[options.plot] = figures.figure_bytes(outcome.figure(), options.plot.suffix)
+        files[options.plot] = figures.figure_bytes(outcome.figure, options.plot.suffix)
     if options.report is not None:
         files[options.report] = _page(result)
     return files
@@ -255,9 +255,10 @@ def _files(result: Result) -> dict[Path, bytes]:
 def _page(result: Result) -> bytes:
     """The report to hand on; without a picture where the result cannot be drawn."""
     inputs, options = result.inputs, result.inputs.options
-    figure = None
-    with suppress(InputError):
-        figure = result.outcome.figure and result.outcome.figure()
+    svg = ""
+    if result.outcome.figure is not None:
+        with suppress(InputError):
+            svg = figures.figure_bytes(result.outcome.figure, ".svg").decode()
     # A command that has no such option does not use it.
     used = [name for option, name in USED.items() if option in options.values]
     settings = {name.replace("_", " "): getattr(result.settings, name) for name in used}
@@ -267,7 +268,7 @@ def _page(result: Result) -> bytes:
     command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
     return page_bytes(
         options.report.suffix.lower(),
-        figure,
+        svg,
         result.outcome.tables(bool(options.detail)),
         result.warnings,
         settings | {f"{name} =": value for name, value in inputs.at.items()},

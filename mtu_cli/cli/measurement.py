@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.emit import Outcome
@@ -67,7 +68,7 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
         case ".pl":
             content = graph_drawing.assertions(net, graph).encode()
         case _:
-            content = figure_bytes(graph_drawing.drawing(net), suffix)
+            content = figure_bytes(partial(graph_drawing.drawing, net), suffix)
     return Outcome(files=lambda: {target: content})
 
 

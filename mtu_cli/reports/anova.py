@@ -283,7 +283,6 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     return Document("Measured parts", (RESULTS, result), tables, figure_, verdict, digits)
 
 
-@figures.styled
 def figure(result: AnovaResult) -> figures.Figure:
     """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and toleranced features."""
     charts = list(_charts(result))

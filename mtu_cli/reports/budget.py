@@ -225,7 +225,6 @@ def _verdict(result: BudgetResult, percent: float, digits: int) -> str:
     return verdict
 
 
-@figures.styled
 def figure(result: BudgetResult) -> figures.Figure:
     """For every output the shares of the inputs as bars, and the histogram of the trials."""
     outputs, run = result.outputs[:SHOWN], result.run

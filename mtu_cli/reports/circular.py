@@ -158,7 +158,6 @@ def components(result: CircularResult) -> dict[str, Any]:
     }
 
 
-@figures.styled
 def figure(result: CircularResult) -> figures.Figure:
     """Deviations about each trace's circle over the angle, and the joint fit."""
     from matplotlib.ticker import MaxNLocator

@@ -178,7 +178,6 @@ def document(result: CompareResult, digits: int = 2) -> Document:
     return Document(name, (RESULTS, result), tables, figure_, verdict, digits)
 
 
-@figures.styled
 def figure(result: CompareResult) -> figures.Figure:
     """Measured minus predicted means with U, item by item, with the verdict of each: faults
     and the largest E_n first.

@@ -192,7 +192,6 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
     return Document("Compensation", (RESULTS, result), tables, figure_, verdict, digits)
 
 
-@figures.styled
 def figure(result: CompensateResult) -> figures.Figure:
     """Errors requested and read back, by position."""
     page = figures.blank(7.0, 3.6)

@@ -172,7 +172,6 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
     return Document("Corrected points", (RESULTS, result), tables, figure_, verdict, digits)
 
 
-@figures.styled
 def figure(result: CorrectResult) -> figures.Figure:
     """Errors of the sizes before and after with 95 % intervals of one part; without any the errors
     of the points.

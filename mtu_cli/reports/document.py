@@ -216,14 +216,15 @@ def help_text(command: str) -> str:
 
 def page_bytes(
     suffix: str,
-    figure: figures.Figure | None,
+    svg: str,
     blocks: Iterable[Any],
     warnings: Iterable[Finding],
     settings: Mapping[str, Any],
     **context: Any,
 ) -> bytes:
-    """The file; the same bytes for the same page. `blocks` are those of a document, `context` its
-    title, subject (names of machine and study), inputs and date.
+    """The file; the same bytes for the same page. `svg` is the picture, empty without one, `blocks`
+    are those of a document, `context` its title, subject (names of machine and study), inputs and
+    date.
 
     Raises InputError for a PDF without the package that writes it.
     """
@@ -232,14 +233,10 @@ def page_bytes(
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     source = (files("mtu_cli.reports") / "report.html.j2").read_text("utf-8")
-    svg = ""
-    if figure is not None:
-        # The picture without the head of an SVG file; nothing in it leaves the page.
-        svg = figures.figure_bytes(figure, ".svg").decode()
-        svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     page = environment.from_string(source).render(
         blocks=[each.plain if isinstance(each, Text) else each for each in blocks],
-        figure=Markup(svg),
+        # Without the head of a file; nothing in it leaves the page.
+        figure=Markup(re.sub(r"^.*?(?=<svg)|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)),
         warnings=list({each.message: each for each in warnings}.values()),
         # Numbers to six significant digits.
         settings={k: f"{x:.6g}" if isinstance(x, float) else x for k, x in settings.items()},

@@ -11,8 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
-from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
     from matplotlib.figure import SubFigure as SubFigure
 
-
-P = ParamSpec("P")
 
 DOTS_PER_INCH = 150
 
@@ -96,17 +93,6 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """A function that draws a figure, in the house style."""
-
-    @wraps(draw)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with house_style():
-            return draw(*args, **kwargs)
-
-    return wrapper
-
-
 def blank(width: float, height: float) -> Figure:
     """An empty figure, inches; 8 inches are 1200 pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -119,11 +105,12 @@ def blank(width: float, height: float) -> Figure:
     return figure
 
 
-def figure_bytes(figure: Figure, suffix: str) -> bytes:
-    """The figure as the bytes of a PNG, SVG or PDF file, without dates."""
+def figure_bytes(draw: Callable[[], Figure], suffix: str) -> bytes:
+    """What is drawn, in the house style, as the bytes of a PNG, SVG or PDF file, without dates."""
     kind = suffix.lower().removeprefix(".")
     out = io.BytesIO()
     with house_style(), warnings.catch_warnings():
+        figure = draw()
         # Names are the user's: a sign that the font lacks is drawn as a box, without a warning.
         warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
         # Laid out once: with an engine savefig would do it again, and twice.

@@ -236,7 +236,6 @@ def document(result: FitResult, digits: int = 2) -> Document:
     return Document("Components", source, tables, figure_, verdict, digits)
 
 
-@figures.styled
 def figure(result: FitResult) -> figures.Figure:
     """All components on one sheet (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction,
     the fitted line, and the band of a future part: k times the root of

@@ -292,7 +292,6 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
     return Document(title, (PLACES, base), [table], figure, verdict, digits, extra)
 
 
-@figures.styled
 def simulation_figure(result: GraphSimulation) -> figures.Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
     variables = [item for item in result.coordinates if not item.fixed]
@@ -311,7 +310,6 @@ def simulation_figure(result: GraphSimulation) -> figures.Figure:
     return figures.histograms(title, trials)
 
 
-@figures.styled
 def sweep_figure(result: Sweep) -> figures.Figure:
     """u by Monte Carlo with two standard errors over the first varied parameter, a line for each
     value of the others.

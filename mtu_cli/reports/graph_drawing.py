@@ -177,7 +177,6 @@ def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatAr
     return top
 
 
-@figures.styled
 def drawing(net: Net) -> figures.Figure:
     """The graph, left to right; with shares, thicker arcs and percents where variance comes in."""
     from matplotlib.patches import FancyArrowPatch

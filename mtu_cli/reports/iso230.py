@@ -217,7 +217,6 @@ def _plan_document(result: analysis.Iso230Result, plan: analysis.Plan, digits: i
     return Document("Target positions", (RESULTS, result), [table], None, verdict, digits)
 
 
-@figures.styled
 def figure(result: analysis.Iso230Result) -> figures.Figure:
     """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
     limits as long as the range that their figure may have.

@@ -83,7 +83,6 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
     return Document("Lengths", (RESULTS, result), [table], figure_, f"{verdict}.", digits)
 
 
-@figures.styled
 def figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
     """A row a length, with error and U rounded as in the table."""
     k, value = result.coverage_factor, result.error / UM

@@ -69,7 +69,6 @@ def document(result: OrthogonalityResult, digits: int = 2) -> Document:
     return Document(title, (RESULTS, result), [table], partial(figure, result), verdict, digits)
 
 
-@figures.styled
 def figure(result: OrthogonalityResult) -> figures.Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     trials = []

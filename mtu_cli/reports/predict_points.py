@@ -127,7 +127,6 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
     return Document(title, (results(fields), result), [table], figure_, verdict, digits, extra)
 
 
-@figures.styled
 def figure(result: PointsResult) -> figures.Figure:
     """Arrows of the errors at the features, ellipses of k standard uncertainties about their tips;
     without Ex, Ey or their places intervals row by row.

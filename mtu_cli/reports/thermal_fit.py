@@ -204,7 +204,6 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     return Document("Thermal models", (RESULTS, fit), tables, figure_, verdict, digits)
 
 
-@figures.styled
 def figure(fit: ThermalFit) -> figures.Figure:
     """Measured and modelled drift, a panel a component, its cycles one after the other; where the
     drift differs along an axis a colour a position.

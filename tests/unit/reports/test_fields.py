@@ -32,8 +32,10 @@ from mtu_cli.reports.document import (
     meanings,
 )
 from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
-from mtu_cli.reports.figures import blank, figure_bytes, styled
+from mtu_cli.reports.figures import blank, figure_bytes
 from mtu_cli.reports.tables import Sheet, plain_text
+
+pytestmark = pytest.mark.usefixtures("styled")
 
 FIELDS: Fields = declare(
     """
@@ -297,13 +299,12 @@ def test_fixed_decimals_have_no_sign_on_zero() -> None:
 
 
 def draw(suffix: str) -> bytes:
-    @styled
     def inner():  # type: ignore[no-untyped-def]  # a figure, whatever it holds
         page = blank(3.0, 2.0)
         page.subplots().plot([0, 1], [0, 1], "o-", label="a")
         return page
 
-    return figure_bytes(inner(), suffix)
+    return figure_bytes(inner, suffix)
 
 
 @pytest.mark.parametrize("suffix", ["png", ".svg", ".PDF"])
@@ -350,7 +351,7 @@ def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
 def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
     result = paper.points()
     page = predict_points.figure(result)
-    figure_bytes(page, "png")
+    figure_bytes(lambda: page, "png")
     (panel,) = page.axes
     ids = set(result.prediction.ids)
     texts: list[Any] = [text for text in panel.texts if text.get_text() in ids]
