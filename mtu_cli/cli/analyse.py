@@ -53,7 +53,7 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
     """Errors of the features of a part, or of a grid over the machine's travels."""
     from mtu_cli.analyses import predictions as analysis
     from mtu_cli.model.features import grid_of
-    from mtu_cli.reports import predict_points as report
+    from mtu_cli.reports import predictions as report
 
     modelling, grid = modelled(inputs), inputs.options.grid
     if grid is None:
@@ -62,7 +62,7 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
         ids, places = grid_of(inputs.machine, modelling.model, grid)
         result = analysis.predict_places(modelling.model, ids, places, settings, inputs.at)
     matrix = bool(inputs.options.covariance)
-    document = report.document(result, settings.digits, with_covariance=matrix)
+    document = report.points(result, settings.digits, with_covariance=matrix)
     conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
     gates = _conformance_gate(conformances, "position_um at a feature")
     return Outcome.of(document, warnings=[*modelling.warnings, *result.warnings], gates=gates)
@@ -71,6 +71,7 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
 def lengths(inputs: Inputs, settings: Settings) -> Outcome:
     """Feature-to-feature lengths."""
     from mtu_cli.analyses.predictions import predict_lengths
+    from mtu_cli.reports import predictions as report
 
     modelling = modelled(inputs)
     result = predict_lengths(modelling.model, inputs.part, settings, inputs.at)
@@ -78,19 +79,22 @@ def lengths(inputs: Inputs, settings: Settings) -> Outcome:
     conformances: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
     conformances["the whole part"] = result.joint_conformance
     gates = _conformance_gate(conformances, "tolerance_um at a length")
-    return Outcome.reported(inputs, result, warnings, gates=gates)
+    document, warnings = report.lengths(result, settings.digits), [*warnings, *result.warnings]
+    return Outcome.of(document, warnings=warnings, gates=gates)
 
 
 def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
     """Right angles between rows and columns of features."""
     from mtu_cli.analyses.predictions import predict_orthogonality
+    from mtu_cli.reports import predictions as report
 
     modelling = modelled(inputs)
     result = predict_orthogonality(modelling.model, inputs.part, settings, inputs.at)
     warnings = [*modelling.warnings, *one_direction(inputs, modelling.model)]
     conformances = {each.id: each.conformance for each in result.angles}
     gates = _conformance_gate(conformances, "tolerance_arcsec at an angle")
-    return Outcome.reported(inputs, result, warnings, gates=gates)
+    document = report.orthogonality(result, settings.digits)
+    return Outcome.of(document, warnings=[*warnings, *result.warnings], gates=gates)
 
 
 def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]:

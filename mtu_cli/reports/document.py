@@ -17,35 +17,15 @@ from rich.text import Text
 
 from mtu_cli import __version__
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding, error, listed
+from mtu_cli.findings import Finding, error
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import figures
 from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, plain, record
-from mtu_cli.reports.numbers import MISSING, chance
+from mtu_cli.reports.numbers import MISSING
 from mtu_cli.reports.tables import Sheet
 
-DAGGER = "\N{DAGGER}"
-OUTSIDE = f"; {DAGGER} outside the measured range of a component"
-"""Its meaning, for a footer."""
 KIND = {True: "components and points independent", False: "covariance included"}
 """Of correlation, by whether it is independent."""
-
-
-def least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
-    """A clause on the least probability of conformance; empty without any tolerance."""
-    pairs = [(name, c) for name, c in zip(names, conformances, strict=True) if c]
-    if not pairs:
-        return ""
-    low = min((c for _, c in pairs), key=lambda c: c.probability)
-    least = listed(name for name, c in pairs if c.probability == low.probability)
-    # Those of Monte Carlo have a standard error.
-    text = chance(low.probability, getattr(low, "se", 0.0))
-    return f"The least probability of conformance is {text} %, of {least}"
-
-
-def MARK(item: Any) -> str:
-    """The mark of a row with a place beyond the measured range of a component."""
-    return DAGGER if item.outside else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,24 +137,26 @@ def envelope(
 
 
 REPORTS = {
-    **dict.fromkeys(
-        ("fit-components", "predict-points", "lengths", "orthogonality", "anova", "compare",
-         "close-loop", "thermal-fit", "correct", "budget", "iso230", "circular", "compensate"),
-        ("RESULTS", "ROW"),
-    ),
-    "graph check": ("CHECK", "STEP"),
-    "graph simulate": ("SIMULATION", "COORDINATE_ROW"),
-    "graph sweep": ("SWEEP", "GRID_ROW"),
+    **{
+        command: (command.replace("-", "_"), "RESULTS", "ROW")
+        for command in ("fit-components", "anova", "compare", "close-loop", "thermal-fit",
+                        "correct", "budget", "iso230", "circular", "compensate")
+    },
+    "predict-points": ("predictions", "POINTS", "POINT"),
+    "lengths": ("predictions", "LENGTHS", "LENGTH"),
+    "orthogonality": ("predictions", "ANGLES", "ANGLE"),
+    "graph check": ("graph", "CHECK", "STEP"),
+    "graph simulate": ("graph", "SIMULATION", "COORDINATE_ROW"),
+    "graph sweep": ("graph", "SWEEP", "GRID_ROW"),
 }  # fmt: skip
-"""By command, in the module of its first word: the fields of `results`, those of a row of --csv.
-Where they depend on the input (axes, coefficients, units, what is varied), these are of the usual
-one."""
+"""By command: its module, and in it the fields of `results` and those of a row of --csv. Where they
+depend on the input (axes, coefficients, units, what is varied), these are of the usual one."""
 
 
 def declaration(command: str) -> tuple[Fields, Fields]:
     """The fields of `results` and of a row of --csv."""
-    results, row = REPORTS[command]
-    module = import_module(f"mtu_cli.reports.{command.split()[0].replace('-', '_')}")
+    name, results, row = REPORTS[command]
+    module = import_module(f"mtu_cli.reports.{name}")
     return getattr(module, results), getattr(module, row)
 
 

@@ -103,25 +103,6 @@ COMMON: dict[str, Any] = {
     "len": len,
     "stated": lambda value: value or None,
     "words": lambda values: " ".join(filter(None, values)),
-    "conformance": """
-        conformance.
-            tolerance_UNIT | tolerance.stated | errors allowed: plus and minus this, or \
-                [low, high]; conformance is null without \
-                | tolerance, tolerance, csv=tolerance_UNIT, size=as_stated()
-            *conforming
-    """,
-    "conforming": """
-        probability | | probability that a future part is within the tolerance \
-            | conforming / %, percent, csv=conformance_probability
-    """,
-    "shares": """
-        coefficients | | share of u^2 of the coefficients, the same for all parts \
-            | coefficients / % of u^2, share, json, detail
-        passes | | share of the drift between passes, common to the points of one part; \
-            negative: a covariance that reduces u | passes / % of u^2, share, json, detail
-        repeatability | | share of the repeatability of every visit \
-            | repeatability / % of u^2, share, json, detail
-    """,
     "validation": """
         validation.
             passed | | whether the first-order interval agrees with the Monte Carlo (JCGM 101, \

@@ -21,7 +21,7 @@ from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.source import Source, report_bytes
 from mtu_cli.findings import finding
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import fit_components, numbers, predict_points
+from mtu_cli.reports import fit_components, numbers, predictions
 from mtu_cli.reports.document import (
     REPORTS,
     Document,
@@ -329,7 +329,7 @@ def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
     from matplotlib.collections import EllipseCollection
 
     result = paper.points()
-    (panel,) = predict_points.figure(result).axes
+    (panel,) = predictions.points_figure(result).axes
     (found,) = [item for item in panel.collections if isinstance(item, EllipseCollection)]
     parts = (found.get_offsets(), found.get_widths(), found.get_heights(), found.get_angles())
     drawn = [*zip(*map(np.asarray, parts), strict=True)]
@@ -350,7 +350,7 @@ def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
 
 def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
     result = paper.points()
-    page = predict_points.figure(result)
+    page = predictions.points_figure(result)
     figure_bytes(lambda: page, "png")
     (panel,) = page.axes
     ids = set(result.prediction.ids)

@@ -42,7 +42,7 @@ from mtu_cli.model.fit import thermal_from_report
 from mtu_cli.model.measurands import Conformance, PositionConformance
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
-from mtu_cli.reports import graph_drawing, lengths, orthogonality, predict_points
+from mtu_cli.reports import graph_drawing, predictions
 from mtu_cli.reports.budget import document, figure
 from mtu_cli.reports.close_loop import document as loop_document
 from mtu_cli.reports.close_loop import effect_text, verdict_text
@@ -89,15 +89,15 @@ def results(document: Document) -> dict[str, Any]:
 def documents(given: Example, settings: Settings | None = None, digits: int = 2) -> list[Document]:
     more = {} if settings is None else {"settings": settings}
     return [
-        predict_points.document(given.points(**more), digits),
-        lengths.document(given.lengths(**more), digits),
-        orthogonality.document(given.angles(**more), digits),
+        predictions.points(given.points(**more), digits),
+        predictions.lengths(given.lengths(**more), digits),
+        predictions.orthogonality(given.angles(**more), digits),
     ]
 
 
 def test_points_hold_the_contract_fields(paper: Example) -> None:
     result = paper.points()
-    found = results(predict_points.document(result))
+    found = results(predictions.points(result))
     assert "covariance_um2" not in found
     assert len(found["points"]) == 24
     for i, point in enumerate(found["points"]):
@@ -123,7 +123,7 @@ def test_tables_fit_and_round_to_the_uncertainty(
     points = given.points()
     ids = tuple("hole_number_" * 4 + str(i) for i in range(24))
     long = replace(points, prediction=replace(points.prediction, ids=ids))
-    made = [*documents(given), predict_points.document(long)]
+    made = [*documents(given), predictions.points(long)]
     texts = [plain_text(each.blocks(detail=detail)) for each in made]
     for text in texts:
         assert max(map(len, text.splitlines())) <= 100
@@ -142,11 +142,11 @@ def test_the_verdict_states_the_least_conformance(paper: Example) -> None:
     stated = replace(points, conformance=(*none[3:], sure, less, less))
     last = ", ".join(points.prediction.ids[-2:])
     text = f"The least probability of conformance is 90.0 ± 0.2 %, of {last}."
-    assert predict_points.document(stated).verdict.endswith(text)
-    assert "conformance" not in predict_points.document(points).verdict
+    assert predictions.points(stated).verdict.endswith(text)
+    assert "conformance" not in predictions.points(points).verdict
     allowed = Conformance(tolerance=Tolerance(low=-9, high=9), probability=0.9)
     angle = replace(angles.angles[0], conformance=allowed)
-    verdict = orthogonality.document(replace(angles, angles=(angle,))).verdict
+    verdict = predictions.orthogonality(replace(angles, angles=(angle,))).verdict
     assert verdict.endswith(f"is 90.0 %, of {angle.id}.")
 
 
