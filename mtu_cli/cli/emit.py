@@ -25,9 +25,8 @@ from mtu_cli.files.source import files_written, given_path, report_bytes, same, 
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import figures
-from mtu_cli.reports.document import Document, envelope, page_bytes
+from mtu_cli.reports.document import Document, envelope, page_bytes, plain_text
 from mtu_cli.reports.fields import csv_text
-from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.monte_carlo import Progress
 
 if TYPE_CHECKING:

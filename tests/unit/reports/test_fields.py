@@ -25,15 +25,16 @@ from mtu_cli.reports import fit_components, numbers, predictions
 from mtu_cli.reports.document import (
     REPORTS,
     Document,
+    Sheet,
     Table,
     column_meanings,
     declaration,
     envelope,
     meanings,
+    plain_text,
 )
 from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
 from mtu_cli.reports.figures import blank, figure_bytes
-from mtu_cli.reports.tables import Sheet, plain_text
 
 pytestmark = pytest.mark.usefixtures("styled")
 

@@ -46,11 +46,10 @@ from mtu_cli.reports import graph_drawing, predictions
 from mtu_cli.reports.budget import document, figure
 from mtu_cli.reports.close_loop import document as loop_document
 from mtu_cli.reports.close_loop import effect_text, verdict_text
-from mtu_cli.reports.document import Document
+from mtu_cli.reports.document import Document, plain_text
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.graph_drawing import Net, drawing, net_of
-from mtu_cli.reports.tables import plain_text
 from mtu_cli.reports.thermal_fit import document as drift_document
 from mtu_cli.reports.thermal_fit import figure as drift_figure
 

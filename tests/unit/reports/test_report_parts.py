@@ -31,11 +31,10 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.reports import anova as of_anova
 from mtu_cli.reports import compare as of_compare
 from mtu_cli.reports import correct as of_correct
-from mtu_cli.reports.document import Document, envelope
+from mtu_cli.reports.document import Document, envelope, plain_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.fit_components import document
 from mtu_cli.reports.numbers import plus_minus, significant
-from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.anova import Cells
 
 pytestmark = pytest.mark.usefixtures("styled")
