@@ -23,19 +23,20 @@ MEANS = {
 
 
 def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
-    """Points or moves with their places: mm, of a rotary axis deg; the item under its unit."""
-    key, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
-    shared = {"unit": unit, "size": result.size, "quantum": result.quantum}
+    """Points or moves of a result with their places: mm, of a rotary axis deg; each under the unit
+    of its errors, too.
+    """
+    key = "deg" if result.asked.rotary else "mm"
     return [
-        {**shared, "item": item, key: at, unit: item}
+        {"of": result, "item": item, key: at, result.unit: item}
         for at, item in zip(places, items, strict=True)
     ]
 
 
 def _points(result: CompensateResult) -> list[dict[str, Any]]:
     """Points of the table: errors requested and read back, forward and reverse."""
-    values = np.vstack([result.asked.errors, result.held.errors]).T
-    return _entries(result, result.asked.at.tolist(), values.tolist())
+    errors = np.vstack([result.asked.errors, result.held.errors]).T
+    return _entries(result, result.asked.at, errors)
 
 
 def _moves(result: CompensateResult) -> list[dict[str, Any]]:
@@ -58,11 +59,11 @@ PLACE = """
     {name}_mm | mm | {what}; null of a rotary axis | {name} / mm, mm
     {name}_deg | deg | the same of a rotary axis | {name} / deg, mm
 """
-SHARED = "u=quantum, unit=, size=size"
+SHARED = "u=of.quantum, unit=, size=of.size"
 ROW = declare(
     PLACE.format(name="position", what="machine position")
     + f"""
-    unit | | unit of errors | -
+    unit | of.unit | unit of errors | -
     forward | item.0 | error asked for, forward | forward, {SHARED}
     reverse | item.1 | error asked for, reverse | reverse, {SHARED}
     held_forward | item.2 | as read back from the file, forward | forward held, {SHARED}
