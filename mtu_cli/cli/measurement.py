@@ -83,16 +83,13 @@ def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:
 
 def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     """One place over the grid of --vary, and as the file has it."""
-    from mtu_cli.analyses.graph import PARAMETERS, simulate_graph, sweep_graph
+    from mtu_cli.analyses.graph import PARAMETERS, sweep_graph
     from mtu_cli.reports import graph as report
 
     vary = inputs.options.vary
     grid = assignments("--vary", vary, "NAME=VALUES", EXAMPLE, variation, PARAMETERS)
-    graph, of = _graph(inputs), inputs.options.of
-    result = sweep_graph(graph, settings, of, grid)
-    # What follows the grid leaves its bar full.
-    base = simulate_graph(graph, replace(settings, progress=None), [of])
-    return Outcome.of(report.sweep(base, result, settings.digits), warnings=result.warnings)
+    result = sweep_graph(_graph(inputs), settings, inputs.options.of, grid)
+    return Outcome.of(report.sweep(result, settings.digits), warnings=result.warnings)
 
 
 def variation(name: str, text: str) -> tuple[float, ...]:
