@@ -95,8 +95,6 @@ OUTPUT = """
         validation.tolerance | | largest difference allowed
         se_mean | se_mean() | standard error of the mean
         se_u | se_u() | standard error of u
-        se_low | se_low() | standard error of the lower end
-        se_high | se_high() | standard error of the upper end
 """
 
 
@@ -104,10 +102,7 @@ ONE = declare(
     OUTPUT,
     row=ROW,
     lines=lambda item: rows_of(item, len(item.inputs)),
-    **{
-        name: partial(OutputBudget.of_run, name=name)
-        for name in ("u", "se_mean", "se_u", "se_low", "se_high")
-    },
+    **{x: partial(OutputBudget.of_run, name=x) for x in ("u", "se_mean", "se_u")},
 )
 INPUTS = declare(
     """

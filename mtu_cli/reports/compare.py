@@ -71,7 +71,6 @@ ROW = declare(
 SUMMARY = """
     operation | stated(operation) | null: not stated
     - | name() | | measured, text
-    verdict_text | verdict() | the verdict in words
     items | | number of items
     verdicts | | number of items by gravest fault
     - | verdicts.consistent | | con- / sistent, some()
@@ -125,7 +124,6 @@ def summary(pooled: str = "") -> Fields:
     return declare(
         SUMMARY,
         name=lambda x: f"{x.operation} {x.kind}".strip(),
-        verdict=verdict_text,
         some=lambda value, u, digits: str(value) if value else MISSING,
         pooled=pooled,
         pooled_verdict=lambda x: x.verdict or "consistent",

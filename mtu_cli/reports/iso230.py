@@ -33,24 +33,23 @@ CHANGE = """
             u_sampling | before.u_sampling | its standard deviation over repeated tests \
                 | -, size=size
             difference | | now minus earlier | -, size=size
-            bound | | the tests differ beyond this | -, size=size
-            differs | | whether they do"""
+            differs | | whether they differ beyond 2 sqrt(2) u_sampling"""
 AT_TARGET = """
         target_mm | mm | target position; null of a rotary axis | target / mm, plain
         target_deg | deg | target position of a rotary axis | target / deg, plain
-        n_forward | | runs forward
-        n_reverse | | runs in reverse
-        mean_forward | | mean of the runs forward | mean / forward, u=s_forward, size=size
-        mean_reverse | | mean of the runs in reverse | mean / reverse, u=s_reverse, size=size
-        mean | | mean of both | -, size=size
-        B | | mean forward minus mean reverse | B / unit, u=s_forward, size=size
-        s_forward | | standard deviation of the runs forward; null where the instrument was \
-            zeroed in every run | s / forward, size=size
-        s_reverse | | the same in reverse | s / reverse, size=size
-        R_forward | | 4 s_forward | -, size=size
-        R_reverse | | 4 s_reverse | -, size=size
+        n_forward | n.0 | runs forward
+        n_reverse | n.1 | runs in reverse
+        mean_forward | means.0 | mean of the runs forward | mean / forward, u=s.0, size=of.size
+        mean_reverse | means.1 | mean of the runs in reverse | mean / reverse, u=s.1, size=of.size
+        mean | | mean of both | -, size=of.size
+        B | | mean forward minus mean reverse | B / unit, u=s.0, size=of.size
+        s_forward | s.0 | standard deviation of the runs forward; null where the instrument was \
+            zeroed in every run | s / forward, size=of.size
+        s_reverse | s.1 | the same in reverse | s / reverse, size=of.size
+        R_forward | R_way.0 | 4 s_forward | -, size=of.size
+        R_reverse | R_way.1 | 4 s_reverse | -, size=of.size
         R | | largest of 2 s_forward + 2 s_reverse + |B| and R of each direction \
-            | R / unit, u=s_forward, size=size"""
+            | R / unit, u=s.0, size=of.size"""
 AXIS = (
     """
     unit | | unit of all figures
@@ -74,15 +73,10 @@ def at_target(axis: analysis.Axis) -> list[dict[str, Any]]:
     """What ISO 230-2 has of every target (mm, of a rotary axis deg); B = forward - reverse."""
     count, mean, s = axis.of_runs
     B, R_way, R = analysis.reversal_and_repeatability(mean, s)
-    columns = {"mean": mean.mean(axis=0), "B": B, "R": R}
-    for name, pair in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
-        columns |= {f"{name}_{way}": x for way, x in zip(analysis.WAYS, pair, strict=True)}
-    place, other = ("deg", "mm") if axis.rotary else ("mm", "deg")
-    shared = {"name": axis.name, "size": axis.size, other: None}
-    return [
-        {**shared, place: at, **{name: values[i].item() for name, values in columns.items()}}
-        for i, at in enumerate(axis.targets.tolist())
-    ]
+    names = ("deg" if axis.rotary else "mm", "n", "means", "mean", "B", "s", "R_way", "R")
+    columns = axis.targets, count.astype(int).T, mean.T, mean.mean(axis=0), B, s.T, R_way.T, R
+    rows = zip(*columns, strict=True)
+    return [{"of": axis} | dict(zip(names, values, strict=True)) for values in rows]
 
 
 RESULTS = declare(
@@ -97,8 +91,6 @@ RESULTS = declare(
         U | 1.U | expanded uncertainty k u; null without a budget | -, size=1.size
         verdict | 1.verdict | conforming, not proven or nonconforming (ISO 14253-1)
     plan. | plan
-        length_mm | length | travel
-        pitch_mm | pitch | pitch that no target is a multiple of
         targets_mm | targets | proposed targets
     """,
     absolute=abs,
@@ -138,7 +130,7 @@ ROW = declare(
     scale=_scale,
     meaning=analysis.MEANINGS.get,
 )
-TARGETS = [*declare("- | name | | axis, text, names"), *declare(AT_TARGET)]
+TARGETS = [*declare("- | of.name | | axis, text, names"), *declare(AT_TARGET)]
 PLAN_ROW = declare("""
     number | | number of the target | target, count
     position_mm | at | proposed position | position, mm

@@ -277,13 +277,10 @@ def lengths_figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
 ANGLE = declare(
     """
     id | | name of the angle | angle, text, mark=dagger(outside)
-    row | | features of the row | -, json
-    column | | features of the column | -, json
     mean_arcsec | run.mean.0 | angle minus 90 degrees | mean, u=scale
     u_arcsec | run.u.0 | standard uncertainty; null where a source has two degrees of freedom \
         or fewer | u, u=run.u.0
     U_arcsec | U() | expanded uncertainty k u | U, u=run.u.0
-    k | | coverage factor | -, json
     u_eq28_arcsec | eq28() | uncertainty of one more trial about the mean of all \
         (Gilsinn & Ling 2004, eq. (28))
     trials | run.trials | Monte Carlo trials | trials, count, detail
