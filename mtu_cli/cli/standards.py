@@ -23,6 +23,7 @@ XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     """Positioning figures of every component read at targets, or a plan of targets."""
     from mtu_cli.analyses import iso230 as analysis
+    from mtu_cli.reports.standards import positioning
 
     options = inputs.options
     standard = known_name("--standard", "standard", options.standard, analysis.STANDARDS)
@@ -30,8 +31,8 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
         option, other = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
         raise error("incomplete", what=option, other=other, expected=f"{other} MM, too")
     if options.plan is not None:
-        plan = analysis.plan(options.plan, options.pitch)
-        return Outcome.reported(inputs, analysis.Iso230Result(axes={}, plan=plan))
+        result = analysis.Iso230Result(axes={}, plan=analysis.plan(options.plan, options.pitch))
+        return Outcome.of(positioning(result, settings.digits))
     readings = inputs.readings
     if readings is None:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
@@ -63,7 +64,8 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
                     for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
         return f"beyond the limit by ISO 14253-1: {listed(failures)}" if failures else None
 
-    return Outcome.reported(inputs, result, gates={"nonconforming": nonconforming})
+    document, gates = positioning(result, settings.digits), {"nonconforming": nonconforming}
+    return Outcome.of(document, warnings=result.warnings, gates=gates)
 
 
 def _budget(inputs: Inputs) -> InstrumentBudget | None:
@@ -83,7 +85,7 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
     """A circular test: figures of its traces and their causes, or the features of a ballbar."""
     from mtu_cli.analyses.circular import CircularResult, diagnose
     from mtu_cli.files.readings import PLANES, WAYS, read_traces
-    from mtu_cli.reports import circular as report
+    from mtu_cli.reports import standards as report
 
     options = inputs.options
     ways = _words(
@@ -116,7 +118,8 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         record = envelope("fit-components", inputs=traces.sources, settings=settings,
                           results=report.components(result), warnings=result.warnings)  # fmt: skip
         files[target] = report_bytes(record)
-    return Outcome.reported(inputs, result, files=lambda: files)
+    document = report.circular(result, settings.digits)
+    return Outcome.of(document, warnings=result.warnings, files=lambda: files)
 
 
 def _words(text: str | None, convert: Callable[[str], Any]) -> list[Any]:
@@ -130,7 +133,7 @@ def _ballbar(
     """The features that a ballbar states, in its own units and with its own signs."""
     from mtu_cli.formats.base import raw_file
     from mtu_cli.formats.renishaw import features_of
-    from mtu_cli.reports.circular import stated_document
+    from mtu_cli.reports.standards import stated_document
 
     if inputs.options.write_components:
         expected = "a CSV of traces: the sign of stated features is not known"

@@ -225,11 +225,13 @@ REPORTS = {
     **{
         command: (command.replace("-", "_"), "RESULTS", "ROW")
         for command in ("fit-components", "anova", "compare", "close-loop", "thermal-fit",
-                        "correct", "budget", "iso230", "circular", "compensate")
+                        "correct", "budget", "compensate")
     },
     "predict-points": ("predictions", "POINTS", "POINT"),
     "lengths": ("predictions", "LENGTHS", "LENGTH"),
     "orthogonality": ("predictions", "ANGLES", "ANGLE"),
+    "iso230": ("standards", "POSITIONING", "FIGURE_ROW"),
+    "circular": ("standards", "CIRCULAR", "CAUSE"),
     "graph check": ("graph", "CHECK", "STEP"),
     "graph simulate": ("graph", "SIMULATION", "COORDINATE_ROW"),
     "graph sweep": ("graph", "SWEEP", "GRID_ROW"),
