@@ -6,7 +6,7 @@ With --method paper `var_part` is MS_between (Gilsinn & Ling 2004, eqs. (31)-(34
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -21,7 +21,6 @@ from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, read, rows_of
 from mtu_cli.reports.numbers import MISSING, cut, words
 from mtu_cli.stats.coverage import FAMILY_RATE
-from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
 
 SHOWN, WORST = 24, 10
@@ -314,10 +313,7 @@ def figure(result: AnovaResult) -> figures.Figure:
     return page
 
 
-Chart = tuple[str, str, FloatArray, FloatArray, FloatArray | None, Sequence[float], dict[int, str]]
-
-
-def _charts(result: AnovaResult) -> Iterator[Chart]:
+def _charts(result: AnovaResult) -> Iterator[tuple[Any, ...]]:
     """Title, unit, sequence of manufacture, means of the parts with the scatter of the CMM, limits,
     and outliers by name: of features, clear trends, outliers and the largest errors first; then of
     toleranced items, the least capable first.

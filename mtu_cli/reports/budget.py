@@ -70,6 +70,8 @@ def row(unit: str = "", *, several: bool = False) -> Fields:
 
 ROW = row()
 OUTPUT = """
+    name | | name of the output; where it is the only one its figures stand in `results` itself, \
+        without `outputs`
     unit | | unit of the output
     value | | value at the estimates of the inputs
     u | | standard uncertainty of first order (JCGM 100, 5.1.2)
@@ -120,11 +122,7 @@ OUTPUTS = declare(
     output=ONE,
     by_name=lambda result: {x.name: x for x in result.outputs},
 )
-NAME = declare("""
-    name | outputs.0.name | name of the output; of a single one its figures stand here, \
-        without `outputs`
-""")
-RESULTS: Fields = (*NAME, *OUTPUTS, *INPUTS)
+RESULTS: Fields = (*OUTPUTS, *INPUTS)
 ESTIMATE = declare("""
     - | output.name | | output, text
     - | method | | method, text
@@ -184,7 +182,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         partial(figure, result),
         _verdict(result, percent, digits),
         digits,
-        [(INPUTS, result), *[(NAME, result)] * single],
+        [(INPUTS, result)],
     )
 
 
