@@ -195,7 +195,6 @@ UNUSUAL = declare(
     where. | where | *place
     *deviation
     p_familywise | p | p over all parts and tables | p, p
-    singles[] | singles | *place
     """,
     place=PLACE,
     LABEL="",

@@ -120,24 +120,22 @@ def _names(result: PointsResult) -> list[str]:
     return [f"{x}.{axis}" for x in result.prediction.ids for axis in result.prediction.axes]
 
 
-def of_points(fields: Fields) -> Fields:
+def of_points(fields: Fields, *, with_covariance: bool = True) -> Fields:
     """The figures of the report, of points with these."""
     text = """
         axes | prediction.axes | axes that the machine has an equation for
         points[] | rows() | *point
     """
-    return declare(text, rows=_features, point=fields)
+    if with_covariance:
+        text += """
+        covariance_rows | names() | feature and axis of every row (--covariance)
+        covariance_um2 | covariance | covariance of all errors of one part (--covariance)
+        """
+    return declare(text, rows=_features, names=_names, point=fields)
 
 
-COVARIANCE = declare(
-    """
-    covariance_rows | names() | feature and axis of every row (--covariance)
-    covariance_um2 | covariance | covariance of all errors of one part (--covariance)
-    """,
-    names=_names,
-)
 POINT = point(AXES)
-POINTS: Fields = (*of_points(POINT), *COVARIANCE)
+POINTS = of_points(POINT)
 """Of a machine with equations for all axes."""
 
 
@@ -157,8 +155,8 @@ def points(result: PointsResult, digits: int = 2, *, with_covariance: bool = Fal
     if least := _least_conforming(ids, result.conformance):
         verdict += f" {least}."
     table, figure = Table(title, fields, _features(result), footer), partial(points_figure, result)
-    extra = [(COVARIANCE, result)] * with_covariance
-    return Document(title, (of_points(fields), result), [table], figure, verdict, digits, extra)
+    source = of_points(fields, with_covariance=with_covariance), result
+    return Document(title, source, [table], figure, verdict, digits)
 
 
 def points_figure(result: PointsResult) -> figures.Figure:
