@@ -277,8 +277,7 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     if trends:
         sentences.append(f"Trend over the sequence: {listed(words(*x.where) for x in trends)}.")
     verdict = " ".join(sentences) or "Too few parts or repeats for the F test and for outliers."
-    figure_ = partial(figure, result)
-    return Document("Measured parts", (RESULTS, result), tables, figure_, verdict, digits)
+    return Document("Measured parts", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def figure(result: AnovaResult) -> figures.Figure:

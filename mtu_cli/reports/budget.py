@@ -179,7 +179,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         result.name,
         (ONE, outputs[0]) if single else (OUTPUTS, result),
         [contributions, estimates, correlation],
-        partial(figure, result),
+        lambda _: figure(result),
         _verdict(result, percent, digits),
         digits,
         [(INPUTS, result)],

@@ -5,8 +5,6 @@ Range widths are 2 (|mean| + k u), as in Gilsinn & Ling 2004, Table 10.
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Summary, Verdict
@@ -171,9 +169,9 @@ def document(result: CompareResult, digits: int = 2) -> Document:
         Table("Verdicts and ratios", summary(POOLED), summaries, faults),
         Table(title, ROW, [*lengths, *selection], footer),
     ]
-    verdict, figure_ = "\n".join(f"{verdict_text(x)}." for x in summaries), partial(figure, result)
+    verdict = "\n".join(f"{verdict_text(x)}." for x in summaries)
     name = "Predicted against measured"
-    return Document(name, (RESULTS, result), tables, figure_, verdict, digits)
+    return Document(name, (RESULTS, result), tables, figure, verdict, digits)
 
 
 def figure(result: CompareResult) -> figures.Figure:

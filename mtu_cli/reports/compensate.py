@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -185,8 +184,7 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
             if B is not None and not result.asked.both:
                 mean = f"{significant(B / result.size, 3)} {unit}"
                 verdict += f" A reversal of {mean} (forward less reverse) is left to the control."
-    figure_ = partial(figure, result)
-    return Document("Compensation", (RESULTS, result), tables, figure_, verdict, digits)
+    return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def figure(result: CompensateResult) -> figures.Figure:

@@ -153,8 +153,7 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
             verdict = (
                 f"Correction {changes} the rms error of the {name} from {before} to {after} um."
             )
-    figure_ = partial(figure, result)
-    return Document("Corrected points", (RESULTS, result), tables, figure_, verdict, digits)
+    return Document("Corrected points", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def figure(result: CorrectResult) -> figures.Figure:

@@ -10,6 +10,7 @@ import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from importlib import import_module
 from importlib.resources import files
 from typing import Any
@@ -142,17 +143,22 @@ class Table:
 class Document:
     """A report: `results` are the fields of the JSON document and the item they are read from,
     `extra` those that are read from other items. The first of `tables` is the main one, of which
-    ``--csv`` has every item; `figure` is None where there is nothing to draw. `verdict` is what
-    the figures say, in a sentence.
+    ``--csv`` has every item; `draw` takes the item of `results`, and is None where there is nothing
+    to draw. `verdict` is what the figures say, in a sentence.
     """
 
     title: str
     results: tuple[Fields, Any]
     tables: Sequence[Table]
-    figure: Callable[[], figures.Figure] | None
+    draw: Callable[[Any], figures.Figure] | None
     verdict: str = ""
     digits: int = 2
     extra: Sequence[tuple[Fields, Any]] = ()
+
+    @property
+    def figure(self) -> Callable[[], figures.Figure] | None:
+        """The picture, which is drawn where it is asked for."""
+        return self.draw and partial(self.draw, self.results[1])
 
     def record(self) -> dict[str, Any]:
         """`results` of the JSON report."""

@@ -228,8 +228,7 @@ def document(result: FitResult, digits: int = 2) -> Document:
             findings.append(f"{words} of {listed(labels)}")
     verdict = f"Significant: {'; '.join(findings)}." if findings else "No test is significant."
     source = results(fields), result
-    figure_ = partial(figure, result)
-    return Document("Components", source, tables, figure_, verdict, digits)
+    return Document("Components", source, tables, figure, verdict, digits)
 
 
 def figure(result: FitResult) -> figures.Figure:

@@ -100,8 +100,8 @@ def check(result: MeasurementGraph) -> Document:
     places = f"{len(result.graph.places)} places ({kinds})"
     steps = f"{len(items)} transitions, {counts['probings']} probings"
     verdict = f"The graph is sound: {places}, {steps}."
-    figure = partial(drawing, net_of(result))
-    return Document(result.graph.name, (CHECK, result), [order], figure, verdict)
+    name, source = result.graph.name, (CHECK, result)
+    return Document(name, source, [order], lambda _: drawing(net_of(result)), verdict)
 
 
 COORDINATE = """
@@ -179,7 +179,6 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
     places = Table(title, fields, result.coordinates, footer)
-    figure = partial(simulation_figure, result)
     valid = {x.output: x.validation.passed for x in result.coordinates if x.validation}
     verdict = "First order is valid (JCGM 101, clause 8)." if valid else ""
     if failures := listed(output for output, passed in valid.items() if passed is False):
@@ -188,7 +187,7 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
         )
     elif None in valid.values():
         verdict = "Too few trials to validate first order."
-    return Document(name, (SIMULATION, result), [places], figure, verdict, digits)
+    return Document(name, (SIMULATION, result), [places], simulation_figure, verdict, digits)
 
 
 GRID_POINT = """
@@ -264,9 +263,8 @@ def sweep(result: Sweep, digits: int = 2) -> Document:
         if len(result.grid) == len(formula.coefficients):
             verdict = "The formula has as many terms as the grid has points: nothing checks it."
     table = Table(title, fields, result.grid, footer)
-    figure, source = partial(sweep_figure, result), (SIMULATION, result.base)
-    extra = [(grid(fields), result)]
-    return Document(title, source, [table], figure, verdict, digits, extra)
+    source, extra = (SIMULATION, result.base), [(grid(fields), result)]
+    return Document(title, source, [table], lambda _: sweep_figure(result), verdict, digits, extra)
 
 
 def simulation_figure(result: GraphSimulation) -> figures.Figure:

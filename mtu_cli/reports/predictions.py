@@ -154,9 +154,9 @@ def points(result: PointsResult, digits: int = 2, *, with_covariance: bool = Fal
     )
     if least := _least_conforming(ids, result.conformance):
         verdict += f" {least}."
-    table, figure = Table(title, fields, _features(result), footer), partial(points_figure, result)
+    table = Table(title, fields, _features(result), footer)
     source = of_points(fields, with_covariance=with_covariance), result
-    return Document(title, source, [table], figure, verdict, digits)
+    return Document(title, source, [table], points_figure, verdict, digits)
 
 
 def points_figure(result: PointsResult) -> figures.Figure:
@@ -246,7 +246,7 @@ def lengths(result: LengthsResult, digits: int = 2) -> Document:
         worst = int(np.argmax(result.variance))
         U = significant(result.coverage_factor * np.sqrt(result.variance[worst]) / UM)
         verdict = f"The largest expanded uncertainty is {U} um, of {result.ids[worst]}"
-    figure = partial(lengths_figure, result, digits)
+    figure = partial(lengths_figure, digits=digits)
     return Document("Lengths", (LENGTHS, result), [table], figure, f"{verdict}.", digits)
 
 
@@ -319,8 +319,8 @@ def orthogonality(result: OrthogonalityResult, digits: int = 2) -> Document:
         verdict = "Every 95 % interval contains 0."
     if least := _least_conforming([x.id for x in angles], [x.conformance for x in angles]):
         verdict += f" {least}."
-    table, figure = Table(title, ANGLE, angles, footer), partial(angles_figure, result)
-    return Document(title, (ANGLES, result), [table], figure, verdict, digits)
+    table = Table(title, ANGLE, angles, footer)
+    return Document(title, (ANGLES, result), [table], angles_figure, verdict, digits)
 
 
 def angles_figure(result: OrthogonalityResult) -> figures.Figure:

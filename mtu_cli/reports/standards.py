@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -182,8 +181,8 @@ def positioning(result: analysis.Iso230Result, digits: int = 2) -> Document:
     if any(x.before for _, x in rows):
         differ = listed(f"{x.name} of {axis.name}" for axis, x in rows if x.differs)
         texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
-    figure_, verdict = partial(positioning_figure, result), " ".join(texts)
-    return Document("Positioning", (POSITIONING, result), tables, figure_, verdict, digits)
+    source, verdict = (POSITIONING, result), " ".join(texts)
+    return Document("Positioning", source, tables, positioning_figure, verdict, digits)
 
 
 def _figure_text(axis: analysis.Axis, digits: int, standard: str = "iso230-2") -> str:
@@ -351,8 +350,7 @@ def circular(result: CircularResult, digits: int = 2) -> Document:
         for x in [x for x in causes if x.share == x.share and x.exceeds][:3]
     )
     verdict += f". Largest significant causes: {largest}." if largest else ". No cause exceeds 2 u."
-    figure_ = partial(circular_figure, result)
-    return Document("Circular test", (CIRCULAR, result), tables, figure_, verdict, digits)
+    return Document("Circular test", (CIRCULAR, result), tables, circular_figure, verdict, digits)
 
 
 def _value(cause: Cause, digits: int) -> str:
