@@ -96,10 +96,8 @@ RESULTS = declare(
     reference_mm | reference | machine position at which the table is 0; null: not zeroed
     backlash_um | backlash() | mean of forward - reverse; null of one direction
     points[] | points() | *point
-    before. | figures()
-        *before
-    predicted_after. | predicted()
-        *after
+    before. | figures() | *before
+    predicted_after. | predicted() | *after
     backlash_varies. | errors.varies
         F | F | mean squares of forward - reverse over targets
         p | p | that chance makes it so large
@@ -115,13 +113,11 @@ RESULTS = declare(
     """,
     points=_points,
     point=ROW,
-    before=declare("\n".join(f"{x} | {x}.before | {text} | -" for x, text in MEANS.items())),
-    after=declare(
-        "\n".join(
-            f"{x}.median | {x}.median | of a new test with the table: {text} | -\n"
-            f"{x}.interval95 | {x}.interval95 | interval of 95 of 100 such tests | -, interval"
-            for x, text in MEANS.items()
-        )
+    before="\n".join(f"{x} | {x}.before | {text} | -" for x, text in MEANS.items()),
+    after="\n".join(
+        f"{x}.median | {x}.median | of a new test with the table: {text} | -\n"
+        f"{x}.interval95 | {x}.interval95 | interval of 95 of 100 such tests | -, interval"
+        for x, text in MEANS.items()
     ),
     figures=_figures,
     predicted=lambda result: _figures(result) if result.after else None,
