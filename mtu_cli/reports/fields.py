@@ -1,9 +1,9 @@
 """One declaration for every figure of a report: JSON, CSV, tables, HTML and help come from it.
 
 The analysis returns a frozen Result: labels and arrays in mm, rad, mm^2; a report calculates
-nothing. `reports/COMMAND.py` declares its figures as a table (`lengths.py` is the model) and has a
-function ``document(result, digits)`` that returns a `Document`. A line of the table is a `Field`,
-its four columns being JSON path, value, meaning and cell::
+nothing. `reports/COMMAND.py`, or the chapter of several commands (`predictions.py` is the model),
+declares its figures as a table, and has a function of (result, digits) that returns a `Document`.
+A line of the table is a `Field`, its four columns being JSON path, value, meaning and cell::
 
     error_um | error | actual minus nominal length | error, u=u
 
