@@ -124,10 +124,6 @@ def _row() -> Fields:
     )
 
 
-DEVIATION = """
-    deviation_UNIT | deviation | distance from the mean of the others | deviation, u=typical
-    typical_UNIT | typical | root mean square of the others | others rms
-"""
 TOTAL = declare(
     """
     operation | stated(operation) | null: not stated | operation, text
@@ -146,10 +142,6 @@ TOTAL = declare(
     """,
     of_tested=lambda value, u, digits: f"{value} of {u}" if u else "",
 )
-SLOPE = """
-    slope_UNIT | slope | change as `sequence` rises by 1 | slope, u=u
-    u_slope_UNIT | u | its standard uncertainty
-"""
 TREND = declare(
     """
     *place
@@ -159,15 +151,11 @@ TREND = declare(
     place=PLACE,
     LABEL="where",
     NAME="id",
-    slope=_in_units(SLOPE),
+    slope=_in_units("""
+        slope_UNIT | slope | change as `sequence` rises by 1 | slope, u=u
+        u_slope_UNIT | u | its standard uncertainty
+    """),
 )
-LIMITS = """
-    low_UNIT | low | lower limit | low
-    high_UNIT | high | upper limit; of a position half the diameter of its zone | high
-    mean_UNIT | mean | mean error; of a position the mean radial error | mean
-    s_UNIT | s | standard deviation of the parts, repeats averaged | s
-    s_moving_UNIT | s_moving | mean moving range over the sequence, over 1.128
-"""
 CAPABILITY = declare(
     """
     kind | | position, length or angle | of, text
@@ -182,7 +170,13 @@ CAPABILITY = declare(
     cp | | pp with s_moving for s | cp, index()
     cpk | | ppk with s_moving for s | cpk, index()
     """,
-    limits=_in_units(LIMITS),
+    limits=_in_units("""
+        low_UNIT | low | lower limit | low
+        high_UNIT | high | upper limit; of a position half the diameter of its zone | high
+        mean_UNIT | mean | mean error; of a position the mean radial error | mean
+        s_UNIT | s | standard deviation of the parts, repeats averaged | s
+        s_moving_UNIT | s_moving | mean moving range over the sequence, over 1.128
+    """),
     # Two decimals as the indices have, at two digits of u.
     hundredth=lambda item: 0.1,
     index=lambda value, u, digits: MISSING if np.isnan(value) else f"{value:.2f}",
@@ -199,7 +193,10 @@ UNUSUAL = declare(
     place=PLACE,
     LABEL="",
     NAME="id",
-    deviation=_in_units(DEVIATION),
+    deviation=_in_units("""
+        deviation_UNIT | deviation | distance from the mean of the others | deviation, u=typical
+        typical_UNIT | typical | root mean square of the others | others rms
+    """),
 )
 
 

@@ -69,7 +69,8 @@ def row(unit: str = "", *, several: bool = False) -> Fields:
 
 
 ROW = row()
-OUTPUT = """
+ONE = declare(
+    """
     name | | name of the output; where it is the only one its figures stand in `results` itself, \
         without `outputs`
     unit | | unit of the output
@@ -97,11 +98,7 @@ OUTPUT = """
         validation.tolerance | | largest difference allowed
         se_mean | se_mean() | standard error of the mean
         se_u | se_u() | standard error of u
-"""
-
-
-ONE = declare(
-    OUTPUT,
+    """,
     row=ROW,
     lines=lambda item: rows_of(item, len(item.inputs)),
     **{x: partial(OutputBudget.of_run, name=x) for x in ("u", "se_mean", "se_u")},
