@@ -12,9 +12,9 @@ from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 from mtu_cli.model.prediction import Prediction
-from mtu_cli.model.simulate import PartsPlan, SimulatedPoints, simulate_points, simulate_readings
+from mtu_cli.model.simulate import Columns, PartsPlan, simulate_points, simulate_readings
 from mtu_cli.model.variance import Block
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -29,12 +29,13 @@ def study() -> tuple[LoadedMachine, MachineModel, LoadedPart]:
     return load_machine(SIMULATED / "machine.yaml"), model, load_part(SIMULATED / "part.yaml")
 
 
-def as_points(found: SimulatedPoints, ids: tuple[str, ...], places: FloatArray) -> Points:
+def as_points(found: Columns, ids: tuple[str, ...], places: FloatArray) -> Points:
     """Simulated points as if they had been read from a file."""
-    feature = np.array([ids.index(name) for name in found.feature])
-    measured = np.full((len(feature), 3), np.nan)
-    measured[:, : found.measured.shape[1]] = found.measured
-    return made_points(found.part, feature, ids, measured, places[feature], repeat=found.repeat)
+    feature = np.array([ids.index(name) for name in found["feature"]])
+    nowhere = np.full(len(feature), np.nan)
+    measured = np.column_stack([found.get(f"{axis}_mm", nowhere) for axis in AXES])
+    part, repeat = found["part"].tolist(), found["repeat"]
+    return made_points(part, feature, ids, measured, places[feature], repeat=repeat)
 
 
 def made(

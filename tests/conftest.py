@@ -98,3 +98,12 @@ def pytest_terminal_summary(
 
         for line in coverage_lines():
             terminalreporter.write_line(line)
+
+
+@pytest.fixture(scope="module")
+def styled() -> Iterator[None]:
+    """Pictures are drawn in the house style, as by `figure_bytes`."""
+    from mtu_cli.reports.figures import house_style
+
+    with house_style():
+        yield

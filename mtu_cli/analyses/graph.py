@@ -269,16 +269,22 @@ class GridPoint(SimulatedCoordinate):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """The grid of one output, and the formula fitted to it, or why there is none. `digits`: those
-    of u that were asked for.
+    """The grid of one output, and the formula fitted to it, or why there is none; `base` as the
+    file has it. `digits`: those of u that were asked for.
     """
 
     output: Output
+    base: GraphSimulation
     digits: int
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
     formula: Formula | None
     no_formula: str
+
+    @property
+    def converged(self) -> bool:
+        """Whether all trials have."""
+        return self.base.converged and all(point.converged for point in self.grid)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -330,9 +336,11 @@ def sweep_graph(
     if formula is not None:
         both = zip(grid, formula.u, formula.error_percent, strict=True)
         grid = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
+    # What follows the grid leaves its bar full.
+    base = simulate_graph(graph, replace(settings, progress=None), [of])
     return Sweep(
-        output=output, digits=settings.digits, varied=values, grid=tuple(grid), formula=formula,
-        no_formula=why,
+        output=output, base=base, digits=settings.digits, varied=values, grid=tuple(grid),
+        formula=formula, no_formula=why,
     )  # fmt: skip
 
 

@@ -98,15 +98,13 @@ class Figure:
         return math.nan if self.before is None else self.value - self.before.value
 
     @property
-    def bound(self) -> float:
-        """The tests differ beyond 2 sqrt(u1^2 + u2^2): 2 sqrt(2) u_sampling of tests alike."""
-        return 2 * math.hypot(self.u_sampling, self.before.u_sampling if self.before else math.nan)
-
-    @property
     def differs(self) -> bool | None:
-        """Whether they do; None where that is not known."""
-        change = abs(self.difference)
-        return None if math.isnan(change + self.bound) else change > self.bound
+        """Whether the tests differ beyond 2 sqrt(u1^2 + u2^2), 2 sqrt(2) u_sampling of tests alike;
+        None where that is not known.
+        """
+        earlier = self.before.u_sampling if self.before else math.nan
+        change, bound = abs(self.difference), 2 * math.hypot(self.u_sampling, earlier)
+        return None if math.isnan(change + bound) else change > bound
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -288,8 +288,6 @@ class Orthogonality:
     """
 
     id: str
-    row: tuple[str, ...]
-    column: tuple[str, ...]
     prediction: Prediction
     run: MonteCarloResult
     scale: float
@@ -369,8 +367,6 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
     half = coverage_factor(PROBABILITY, dof) * u
     return Orthogonality(
         id=entry.id,
-        row=tuple(entry.row),
-        column=tuple(entry.column),
         prediction=prediction,
         run=run,
         scale=by_trials if np.isfinite(by_trials) else u,

@@ -206,7 +206,7 @@ def predict_points(inputs: Inputs) -> Result:
     """Errors of the features of a part, or of a grid over the machine's travels."""
     from mtu_cli.analyses import predictions as analysis
     from mtu_cli.model.features import grid_of
-    from mtu_cli.reports import predict_points as report
+    from mtu_cli.reports import predictions as report
 
     (model, warnings), grid = modelled(inputs), inputs.options.grid
     if grid is None:
@@ -214,8 +214,8 @@ def predict_points(inputs: Inputs) -> Result:
     else:
         ids, places = grid_of(inputs.machine, model, grid)
         result = analysis.predict_places(model, ids, places, inputs.settings, inputs.at)
-    matrix = inputs.options.covariance
-    document = report.document(result, inputs.settings.digits, with_covariance=matrix)
+    matrix = bool(inputs.options.covariance)
+    document = report.points(result, inputs.settings.digits, with_covariance=matrix)
     conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
     gates = _conformance_gate(conformances, "position_um at a feature")
     return Result(inputs, document, [*warnings, *result.warnings], gates=gates)
@@ -223,6 +223,7 @@ def predict_points(inputs: Inputs) -> Result:
 
 def lengths(inputs: Inputs) -> Result:
     from mtu_cli.analyses.predictions import predict_lengths
+    from mtu_cli.reports import predictions as report
 
     model, warnings = modelled(inputs)
     result = predict_lengths(model, inputs.part, inputs.settings, inputs.at)
@@ -230,18 +231,24 @@ def lengths(inputs: Inputs) -> Result:
     conformances: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
     conformances["the whole part"] = result.joint_conformance
     gates = _conformance_gate(conformances, "tolerance_um at a length")
-    return Result.reported(inputs, result, warnings, gates=gates)
+    document, warnings = (
+        report.lengths(result, inputs.settings.digits),
+        [*warnings, *result.warnings],
+    )
+    return Result(inputs, document, warnings, gates=gates)
 
 
 def orthogonality(inputs: Inputs) -> Result:
     from mtu_cli.analyses.predictions import predict_orthogonality
+    from mtu_cli.reports import predictions as report
 
     model, warnings = modelled(inputs)
     result = predict_orthogonality(model, inputs.part, inputs.settings, inputs.at)
     warnings = [*warnings, *one_direction(inputs, model)]
     conformances = {each.id: each.conformance for each in result.angles}
     gates = _conformance_gate(conformances, "tolerance_arcsec at an angle")
-    return Result.reported(inputs, result, warnings, gates=gates)
+    document = report.orthogonality(result, inputs.settings.digits)
+    return Result(inputs, document, [*warnings, *result.warnings], gates=gates)
 
 
 def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]:

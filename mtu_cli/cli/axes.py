@@ -38,13 +38,16 @@ ROTARY = "c"
 
 
 def iso230(inputs: Inputs) -> Result:
+    from mtu_cli.reports import standards as report
+
     options = inputs.options
     if (options.plan is None) != (options.pitch is None):
         option, other = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
         raise error("incomplete", what=option, other=other, expected=f"{other} MM, too")
     if options.plan is not None:
         plan = positioning.plan(options.plan, options.pitch)
-        return Result.reported(inputs, positioning.Iso230Result(axes={}, plan=plan))
+        result = positioning.Iso230Result(axes={}, plan=plan)
+        return Result(inputs, report.positioning(result, inputs.settings.digits))
     readings = inputs.readings
     if readings is None:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
@@ -77,7 +80,8 @@ def iso230(inputs: Inputs) -> Result:
                     for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
         return f"beyond the limit by ISO 14253-1: {listed(failures)}" if failures else None
 
-    return Result.reported(inputs, result, gates={"nonconforming": nonconforming})
+    document = report.positioning(result, inputs.settings.digits)
+    return Result(inputs, document, result.warnings, gates={"nonconforming": nonconforming})
 
 
 def _budget(inputs: Inputs) -> InstrumentBudget | None:
@@ -95,7 +99,7 @@ def _budget(inputs: Inputs) -> InstrumentBudget | None:
 def circular(inputs: Inputs) -> Result:
     """A circular test: figures of its traces and their causes, or the features of a ballbar."""
     from mtu_cli.analyses.circular import diagnose
-    from mtu_cli.reports import circular as report
+    from mtu_cli.reports import standards as report
 
     options = inputs.options
 
@@ -133,14 +137,15 @@ def circular(inputs: Inputs) -> Result:
         record = envelope("fit-components", inputs=traces.sources, settings=inputs.settings,
                           results=report.components(result), warnings=result.warnings)  # fmt: skip
         files[target] = report_bytes(record)
-    return Result.reported(inputs, result, files=files)
+    document = report.circular(result, inputs.settings.digits)
+    return Result(inputs, document, result.warnings, files=files)
 
 
 def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Result:
     """The features that a ballbar states, in its own units and with its own signs."""
     from mtu_cli.formats.base import raw_file
     from mtu_cli.formats.renishaw import features_of
-    from mtu_cli.reports.circular import stated_document
+    from mtu_cli.reports.standards import stated_document
 
     if inputs.options.write_components:
         expected = "a CSV of traces: the sign of stated features is not known"

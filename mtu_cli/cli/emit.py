@@ -24,9 +24,8 @@ from mtu_cli.files.headers import is_made, measured_in, number
 from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.reports import figures
-from mtu_cli.reports.document import Document, envelope, page_bytes
+from mtu_cli.reports.document import Document, envelope, page_bytes, plain_text
 from mtu_cli.reports.fields import csv_text
-from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.monte_carlo import Progress
 
 if TYPE_CHECKING:
@@ -236,7 +235,7 @@ def _files(result: Result) -> dict[Path, bytes]:
     if options.plot is not None:
         if document.figure is None:
             raise error("not-applicable", reason="this result is not drawn", path="--plot")
-        files[options.plot] = figures.figure_bytes(document.figure(), options.plot.suffix)
+        files[options.plot] = figures.figure_bytes(document.figure, options.plot.suffix)
     if options.report is not None:
         files[options.report] = _page(result)
     return files
@@ -245,9 +244,10 @@ def _files(result: Result) -> dict[Path, bytes]:
 def _page(result: Result) -> bytes:
     """The report to hand on; without a picture where the result cannot be drawn."""
     inputs, options = result.inputs, result.inputs.options
-    figure = None
-    with suppress(InputError):
-        figure = result.document.figure and result.document.figure()
+    svg = ""
+    if result.document.figure is not None:
+        with suppress(InputError):
+            svg = figures.figure_bytes(result.document.figure, ".svg").decode()
     # A command that has no such option does not use it.
     used = [name for option, name in USED.items() if option in options.values]
     settings = {name.replace("_", " "): getattr(inputs.settings, name) for name in used}
@@ -259,7 +259,7 @@ def _page(result: Result) -> bytes:
     command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
     return page_bytes(
         options.report.suffix.lower(),
-        figure,
+        svg,
         result.document.blocks(detail=options.detail),
         result.warnings,
         settings | {f"{name} =": value for name, value in inputs.at.items()},

@@ -8,6 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +78,7 @@ def graph_draw(inputs: Inputs) -> Result:
         case ".pl":
             content = graph_drawing.assertions(net, graph).encode()
         case _:
-            content = figure_bytes(graph_drawing.drawing(net), suffix)
+            content = figure_bytes(partial(graph_drawing.drawing, net), suffix)
     return Result(inputs, Listing(), files={target: content})
 
 
@@ -92,16 +93,13 @@ def graph_simulate(inputs: Inputs) -> Result:
 
 def graph_sweep(inputs: Inputs) -> Result:
     """One place over the grid of --vary, and as the file has it."""
-    from mtu_cli.analyses.graph import PARAMETERS, simulate_graph, sweep_graph
+    from mtu_cli.analyses.graph import PARAMETERS, sweep_graph
     from mtu_cli.reports import graph as report
 
     vary = inputs.options.vary
     grid = assignments("--vary", vary, "NAME=VALUES", EXAMPLE, variation, PARAMETERS)
-    graph, of = _graph(inputs), inputs.options.of
-    result = sweep_graph(graph, inputs.settings, of, grid)
-    # What follows the grid leaves its bar full.
-    base = simulate_graph(graph, replace(inputs.settings, progress=None), [of])
-    return Result(inputs, report.sweep(base, result, inputs.settings.digits), result.warnings)
+    result = sweep_graph(_graph(inputs), inputs.settings, inputs.options.of, grid)
+    return Result(inputs, report.sweep(result, inputs.settings.digits), result.warnings)
 
 
 def variation(name: str, text: str) -> tuple[float, ...]:

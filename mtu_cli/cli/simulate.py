@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -87,25 +86,20 @@ def _laser(inputs: Inputs, model: MachineModel) -> Synthetic:
     names = {x.estimate.name for x in model.terms if EFFECT_MARK not in x.estimate.name}
     known_name("--laser-component", "component", name, sorted(names))
     readings = _readings(inputs, model, name)
-    unit, file_unit = UNITS[readings.unit[0]], UNITS[RUN_UNITS[kind]]
+    unit, file_unit = UNITS[readings["unit"][0]], UNITS[RUN_UNITS[kind]]
     if unit.dimension != file_unit.dimension:
         reason = f"{name} is read in {unit.name}, and a .{kind} file holds {file_unit.name}"
         expected = "a file .rtl of lengths, .rta of angles"
         raise error("not-applicable", reason=reason, expected=expected)
     synthetic = readings_file(readings)
-    columns: dict[str, list[Any]] = {
-        "position_mm": readings.position.tolist(),
-        "pass": readings.pass_number.tolist(),
-        "direction": ["forward" if sign > 0 else "reverse" for sign in readings.direction],
-        "error": (readings.error * (unit.to_internal / file_unit.to_internal)).tolist(),
-    }
+    readings["direction"] = np.where(readings["direction"] > 0, "forward", "reverse")
+    readings["error"] *= unit.to_internal / file_unit.to_internal
+    columns = {column: values.tolist() for column, values in readings.items()}
     content = run_file(Imported(format=kind, columns=columns))
     return replace(synthetic, body=content.decode("cp1252"))
 
 
-def _readings(
-    inputs: Inputs, model: MachineModel, only: str | None = None
-) -> virtual.SimulatedReadings:
+def _readings(inputs: Inputs, model: MachineModel, only: str | None = None) -> virtual.Columns:
     estimates = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
     axes = {each.of for each in estimates if each.of is not None and only in (None, each.name)}
     positions = _positions(inputs, model, axes)
@@ -186,11 +180,16 @@ def _points(inputs: Inputs, model: MachineModel) -> Synthetic:
     result = virtual.simulate_points(model, ids, points, plan, seed)
     if options.cmm_room:
         # The noise of the sensors is drawn for each point.
-        readings = virtual.as_read(test, sensors, result.covariates, seed, part=1)
-        result = replace(result, covariates=result.covariates | readings)
+        result |= virtual.as_read(test, sensors, result, seed, part=1)
     # Points of calibrated circles lie on the diameter that they have at their temperature.
-    measured = result.measured + virtual.growth(result, ids, points, inputs.part.part.circles)
-    return points_file(replace(result, measured=measured))
+    return points_file(virtual.grown(result, ids, points, inputs.part.part.circles))
+
+
+def _drift(inputs: Inputs, model: MachineModel) -> Synthetic:
+    """The readings of a drift test."""
+    (drifts, plan), seed = _drift_test(inputs, model), inputs.settings.seed
+    sensors = virtual.sensors_for(drifts, plan, seed)
+    return drift_file(virtual.simulate_drift(drifts, plan, sensors, seed), sensors)
 
 
 def _equations(
@@ -219,9 +218,7 @@ MAKERS: dict[str, Callable[[Inputs, MachineModel], Synthetic]] = {
     "write_lbb": lambda *of: readings_file(_readings(*of)),
     "write_laser": _laser,
     "write_cmm": _points,
-    "write_drift": lambda inputs, model: drift_file(
-        virtual.simulate_drift(*_drift_test(inputs, model), inputs.settings.seed)
-    ),
+    "write_drift": _drift,
 }
 """What makes each file, by the option that names it."""
 

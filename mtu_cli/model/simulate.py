@@ -40,6 +40,8 @@ READINGS_STREAM, PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 0
 LARGEST_MM = 1e6
 """No machine is a kilometre long."""
 Equations = tuple[tuple[str, Node], ...]
+Columns = dict[str, np.ndarray]
+"""Of a CSV of the contract, by their names there; directions are 1, -1 or 0 (not stated)."""
 
 
 def pass_root(model: MachineModel) -> FloatArray:
@@ -65,18 +67,6 @@ def pass_root(model: MachineModel) -> FloatArray:
     return result
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedReadings:
-    """Columns of a readings file; `error` in each component's own unit."""
-
-    component: tuple[str, ...]
-    unit: tuple[str, ...]
-    position: FloatArray
-    pass_number: np.ndarray
-    direction: np.ndarray
-    error: FloatArray
-
-
 def simulate_readings(
     model: MachineModel,
     seed: int,
@@ -85,11 +75,11 @@ def simulate_readings(
     directions: tuple[int, ...],
     positions: Mapping[str, FloatArray],
     only: str | None = None,
-) -> SimulatedReadings:
+) -> Columns:
     """Readings of every component, or of `only` one, in `passes` in each of the `directions` at the
     `positions` (mm) of its axis: its polynomial, a draw of D a pass, jointly for components with
     shared passes, s_repeat a reading. A component without an axis is read once a pass, forward
-    only; the parameters of declared effects have no readings.
+    only; the parameters of declared effects have no readings. Errors are in each component's unit.
     """
     estimates = [term.estimate for term in model.terms]
     # Direction and positions of each run through them in a pass.
@@ -109,7 +99,7 @@ def simulate_readings(
         drawn.append(draws[..., k:])
         normal.append(np.broadcast_to(draws[..., :k], (passes, each, k)))
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
-    rows: list[tuple[str, str, float, int, int, float]] = []
+    rows: list[tuple[str, float, int, int, float, str]] = []
     for estimate, runs, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
         if EFFECT_MARK in estimate.name or only not in (None, estimate.name):
             continue
@@ -118,18 +108,11 @@ def simulate_readings(
             b = estimate.coefficients + deviations[number, i, at]
             values = estimate.shape.columns(where) @ b + estimate.s_repeat * noise[number, i]
             rows += [
-                (estimate.name, estimate.unit.name, float(p), number + 1, sign, float(e))
+                (estimate.name, float(p), number + 1, sign, float(e), estimate.unit.name)
                 for p, e in zip(where, values / estimate.unit.to_internal, strict=True)
             ]
-    component, unit, position, number_, direction, errors = zip(*rows, strict=True)
-    return SimulatedReadings(
-        component=component,
-        unit=unit,
-        position=np.array(position),
-        pass_number=np.array(number_),
-        direction=np.array(direction),
-        error=np.array(errors),
-    )
+    names = ("component", "position_mm", "pass", "direction", "error", "unit")
+    return dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -155,21 +138,6 @@ class PartsPlan:
     effects: Equations = ()
     covariates: Equations = ()
     given: Mapping[str, FloatArray] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedPoints:
-    """Columns of a points file, one row per (part, feature, repeat): `measured` (n, axes) in mm;
-    `covariates` hold sequence, time, directions and any declared.
-    """
-
-    axes: tuple[str, ...]
-    operation: str | None
-    part: tuple[str, ...]
-    feature: tuple[str, ...]
-    repeat: np.ndarray
-    measured: FloatArray
-    covariates: dict[str, FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,10 +202,11 @@ def _parts(ids: Sequence[str], points: FloatArray, plan: PartsPlan) -> list[Part
 
 def simulate_points(
     model: MachineModel, ids: Sequence[str], points: FloatArray, plan: PartsPlan, seed: int
-) -> SimulatedPoints:
-    """CMM points of `plan.parts` parts with features `ids` at `points` (n, 3), mm. A part has one
-    draw of every component's D, jointly for shared passes, and of its offset, a feature one of
-    every component's s_repeat, a repeat one of the CMM's.
+) -> Columns:
+    """CMM points of `plan.parts` parts with features `ids` at `points` (n, 3), mm, with sequence,
+    time, directions and any declared covariates. A part has one draw of every component's D,
+    jointly for shared passes, and of its offset, a feature one of every component's s_repeat, a
+    repeat one of the CMM's.
 
     Raises InputError for an equation that uses an unknown name, or has no value or one out of range
     at a feature; for a covariate of the machine without a value; for a place that the part does not
@@ -259,18 +228,18 @@ def simulate_points(
     ]
     repeats = [len(x) for x in measured]
     each = list(zip(parts, repeats, strict=True))
-    return SimulatedPoints(
-        axes=axes,
-        operation=plan.operation,
-        part=tuple(str(part.number) for part, r in each for _ in range(r * n)),
-        feature=tuple(ids) * sum(repeats),
-        repeat=np.concatenate([np.repeat(np.arange(1, r + 1), n) for r in repeats]),
-        measured=np.concatenate([x.reshape(-1, len(axes)) for x in measured]),
-        covariates={
-            name: np.concatenate([np.tile(part.values[name], r) for part, r in each])
-            for name in parts[0].values
-        },
-    )
+    coordinates = np.concatenate([x.reshape(-1, len(axes)) for x in measured])
+    operation = {} if plan.operation is None else {"operation": [plan.operation] * len(coordinates)}
+    columns = {
+        "part": [str(part.number) for part, r in each for _ in range(r * n)],
+        "feature": [*ids] * sum(repeats),
+        "repeat": np.concatenate([np.repeat(np.arange(1, r + 1), n) for r in repeats]),
+        **operation,
+        **{f"{axis}_mm": values for axis, values in zip(axes, coordinates.T, strict=True)},
+    }
+    for name in parts[0].values:
+        columns[name] = np.concatenate([np.tile(part.values[name], r) for part, r in each])
+    return {name: np.asarray(values) for name, values in columns.items()}
 
 
 def _measured(
@@ -314,21 +283,20 @@ def _written(model: MachineModel) -> tuple[str, ...]:
     return tuple(axis for axis in AXES if axis in {"x", "y", *model.axes})
 
 
-def growth(
-    simulated: SimulatedPoints, ids: Sequence[str], points: FloatArray, circles: Sequence[Circle]
-) -> FloatArray:
-    """The circles' features minus their nominal places, (n, axes) in mm: p - c grows by
-    D(T)/D0 - 1, with c the centre and D0 the diameter of the circle through the nominal features
-    `ids` at `points` (features, 3); D(T) is linear between calibrated temperatures, beyond them
-    constant. A circle whose temperature is no covariate stays nominal.
+def grown(
+    simulated: Columns, ids: Sequence[str], points: FloatArray, circles: Sequence[Circle]
+) -> Columns:
+    """The points with the circles as large as calibrated: p - c grows by D(T)/D0 - 1, with c the
+    centre and D0 the diameter of the circle through the nominal features `ids` at `points`
+    (features, 3), mm; D(T) is linear between calibrated temperatures, beyond them constant. A
+    circle whose temperature is no covariate stays nominal.
 
     Raises InputError for features that do not determine their circle.
     """
-    columns = [AXES.index(axis) for axis in simulated.axes]
-    code = np.array([ids.index(name) for name in simulated.feature])
-    shift = np.zeros_like(simulated.measured)
+    code = np.array([ids.index(name) for name in simulated["feature"]])
+    shift = np.zeros((len(code), len(AXES)))
     for circle in circles:
-        if circle.calibrated_mm is None or circle.temperature not in simulated.covariates:
+        if circle.calibrated_mm is None or circle.temperature not in simulated:
             continue
         ring_ids = [ids.index(name) for name in circle.features]
         try:
@@ -337,11 +305,12 @@ def growth(
             what = f"no circle goes through the nominal points of {circle.id!r}: {fault}"
             raise error("too-little-data", what=what) from None
         table = np.array(sorted(circle.calibrated_mm.items()))
-        diameter = np.interp(simulated.covariates[circle.temperature], table[:, 0], table[:, 1])
+        diameter = np.interp(simulated[circle.temperature], table[:, 0], table[:, 1])
         rows = np.isin(code, ring_ids)
-        away = (points[code] - ring.centre)[:, columns]
+        away = points[code] - ring.centre
         shift[rows] = (away * (diameter / (2.0 * ring.radius) - 1.0)[:, None])[rows]
-    return shift
+    moved = {f"{axis}_mm": shift[:, k] for k, axis in enumerate(AXES)}
+    return {name: x + moved[name] if name in moved else x for name, x in simulated.items()}
 
 
 WOBBLE_MEMORY_MIN = 15.0
@@ -459,23 +428,6 @@ def as_read(
     }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedDrift:
-    """Columns of a drift file, rows by (cycle, component, position, time): `error` in each
-    component's own unit, `time` in min, `temperatures` in degC as read; `sensors` say how they
-    follow the room.
-    """
-
-    component: tuple[str, ...]
-    unit: tuple[str, ...]
-    position: FloatArray
-    cycle: np.ndarray
-    time: FloatArray
-    error: FloatArray
-    temperatures: dict[str, FloatArray]
-    sensors: Sensors
-
-
 def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> Sensors:
     """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible:
     with the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
@@ -525,9 +477,12 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     return Sensors(names=names, lags=lags, shares=shares)
 
 
-def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> SimulatedDrift:
-    """Readings of every component that drifts, cycle by cycle: warm-ups first, in turn."""
-    sensors = sensors_for(drifts, plan, seed)
+def simulate_drift(
+    drifts: Sequence[ThermalEstimate], plan: DriftPlan, sensors: Sensors, seed: int
+) -> Columns:
+    """Readings of every component that drifts, cycle by cycle: warm-ups first, in turn. Errors are
+    in each component's unit, temperatures in degC as read.
+    """
     period = plan.moments + round(plan.soak / plan.interval)
     cool = np.repeat(np.arange(plan.cycles) % 2, period)
     targets = np.where(cool, plan.low, plan.high)
@@ -561,13 +516,12 @@ def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
     def spread(values: np.ndarray) -> np.ndarray:
         return np.broadcast_to(values, table.shape).ravel()
 
-    return SimulatedDrift(
-        component=tuple(spread(components[:, None]).tolist()),
-        unit=tuple(spread(units[:, None]).tolist()),
-        position=spread(positions[:, None]),
-        cycle=spread(np.arange(plan.cycles)[:, None, None] + 1),
-        time=spread(times[at][:, None]),
-        error=table.ravel(),
-        temperatures={name: spread(values[at][:, None]) for name, values in read.items()},
-        sensors=sensors,
-    )
+    return {
+        "component": spread(components[:, None]),
+        "position_mm": spread(positions[:, None]),
+        "cycle": spread(np.arange(plan.cycles)[:, None, None] + 1),
+        "time_min": spread(times[at][:, None]),
+        "error": table.ravel(),
+        "unit": spread(units[:, None]),
+        **{name: spread(values[at][:, None]) for name, values in read.items()},
+    }

@@ -6,7 +6,7 @@ With --method paper `var_part` is MS_between (Gilsinn & Ling 2004, eqs. (31)-(34
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -21,7 +21,6 @@ from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, declare, read, rows_of
 from mtu_cli.reports.numbers import MISSING, cut, words
 from mtu_cli.stats.coverage import FAMILY_RATE
-from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
 
 SHOWN, WORST = 24, 10
@@ -125,10 +124,6 @@ def _row() -> Fields:
     )
 
 
-DEVIATION = """
-    deviation_UNIT | deviation | distance from the mean of the others | deviation, u=typical
-    typical_UNIT | typical | root mean square of the others | others rms
-"""
 TOTAL = declare(
     """
     operation | stated(operation) | null: not stated | operation, text
@@ -147,10 +142,6 @@ TOTAL = declare(
     """,
     of_tested=lambda value, u, digits: f"{value} of {u}" if u else "",
 )
-SLOPE = """
-    slope_UNIT | slope | change as `sequence` rises by 1 | slope, u=u
-    u_slope_UNIT | u | its standard uncertainty
-"""
 TREND = declare(
     """
     *place
@@ -160,15 +151,11 @@ TREND = declare(
     place=PLACE,
     LABEL="where",
     NAME="id",
-    slope=_in_units(SLOPE),
+    slope=_in_units("""
+        slope_UNIT | slope | change as `sequence` rises by 1 | slope, u=u
+        u_slope_UNIT | u | its standard uncertainty
+    """),
 )
-LIMITS = """
-    low_UNIT | low | lower limit | low
-    high_UNIT | high | upper limit; of a position half the diameter of its zone | high
-    mean_UNIT | mean | mean error; of a position the mean radial error | mean
-    s_UNIT | s | standard deviation of the parts, repeats averaged | s
-    s_moving_UNIT | s_moving | mean moving range over the sequence, over 1.128
-"""
 CAPABILITY = declare(
     """
     kind | | position, length or angle | of, text
@@ -183,7 +170,13 @@ CAPABILITY = declare(
     cp | | pp with s_moving for s | cp, index()
     cpk | | ppk with s_moving for s | cpk, index()
     """,
-    limits=_in_units(LIMITS),
+    limits=_in_units("""
+        low_UNIT | low | lower limit | low
+        high_UNIT | high | upper limit; of a position half the diameter of its zone | high
+        mean_UNIT | mean | mean error; of a position the mean radial error | mean
+        s_UNIT | s | standard deviation of the parts, repeats averaged | s
+        s_moving_UNIT | s_moving | mean moving range over the sequence, over 1.128
+    """),
     # Two decimals as the indices have, at two digits of u.
     hundredth=lambda item: 0.1,
     index=lambda value, u, digits: MISSING if np.isnan(value) else f"{value:.2f}",
@@ -196,12 +189,14 @@ UNUSUAL = declare(
     where. | where | *place
     *deviation
     p_familywise | p | p over all parts and tables | p, p
-    singles[] | singles | *place
     """,
     place=PLACE,
     LABEL="",
     NAME="id",
-    deviation=_in_units(DEVIATION),
+    deviation=_in_units("""
+        deviation_UNIT | deviation | distance from the mean of the others | deviation, u=typical
+        typical_UNIT | typical | root mean square of the others | others rms
+    """),
 )
 
 
@@ -279,11 +274,9 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     if trends:
         sentences.append(f"Trend over the sequence: {listed(words(*x.where) for x in trends)}.")
     verdict = " ".join(sentences) or "Too few parts or repeats for the F test and for outliers."
-    figure_ = partial(figure, result)
-    return Document("Measured parts", (RESULTS, result), tables, figure_, verdict, digits)
+    return Document("Measured parts", (RESULTS, result), tables, figure, verdict, digits)
 
 
-@figures.styled
 def figure(result: AnovaResult) -> figures.Figure:
     """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and toleranced features."""
     charts = list(_charts(result))
@@ -315,10 +308,7 @@ def figure(result: AnovaResult) -> figures.Figure:
     return page
 
 
-Chart = tuple[str, str, FloatArray, FloatArray, FloatArray | None, Sequence[float], dict[int, str]]
-
-
-def _charts(result: AnovaResult) -> Iterator[Chart]:
+def _charts(result: AnovaResult) -> Iterator[tuple[Any, ...]]:
     """Title, unit, sequence of manufacture, means of the parts with the scatter of the CMM, limits,
     and outliers by name: of features, clear trends, outliers and the largest errors first; then of
     toleranced items, the least capable first.

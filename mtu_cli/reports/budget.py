@@ -69,7 +69,10 @@ def row(unit: str = "", *, several: bool = False) -> Fields:
 
 
 ROW = row()
-OUTPUT = """
+ONE = declare(
+    """
+    name | | name of the output; where it is the only one its figures stand in `results` itself, \
+        without `outputs`
     unit | | unit of the output
     value | | value at the estimates of the inputs
     u | | standard uncertainty of first order (JCGM 100, 5.1.2)
@@ -95,19 +98,10 @@ OUTPUT = """
         validation.tolerance | | largest difference allowed
         se_mean | se_mean() | standard error of the mean
         se_u | se_u() | standard error of u
-        se_low | se_low() | standard error of the lower end
-        se_high | se_high() | standard error of the upper end
-"""
-
-
-ONE = declare(
-    OUTPUT,
+    """,
     row=ROW,
     lines=lambda item: rows_of(item, len(item.inputs)),
-    **{
-        name: partial(OutputBudget.of_run, name=name)
-        for name in ("u", "se_mean", "se_u", "se_low", "se_high")
-    },
+    **{x: partial(OutputBudget.of_run, name=x) for x in ("u", "se_mean", "se_u")},
 )
 INPUTS = declare(
     """
@@ -125,11 +119,7 @@ OUTPUTS = declare(
     output=ONE,
     by_name=lambda result: {x.name: x for x in result.outputs},
 )
-NAME = declare("""
-    name | outputs.0.name | name of the output; of a single one its figures stand here, \
-        without `outputs`
-""")
-RESULTS: Fields = (*NAME, *OUTPUTS, *INPUTS)
+RESULTS: Fields = (*OUTPUTS, *INPUTS)
 ESTIMATE = declare("""
     - | output.name | | output, text
     - | method | | method, text
@@ -186,10 +176,10 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         result.name,
         (ONE, outputs[0]) if single else (OUTPUTS, result),
         [contributions, estimates, correlation],
-        partial(figure, result),
+        lambda _: figure(result),
         _verdict(result, percent, digits),
         digits,
-        [(INPUTS, result), *[(NAME, result)] * single],
+        [(INPUTS, result)],
     )
 
 
@@ -225,7 +215,6 @@ def _verdict(result: BudgetResult, percent: float, digits: int) -> str:
     return verdict
 
 
-@figures.styled
 def figure(result: BudgetResult) -> figures.Figure:
     """For every output the shares of the inputs as bars, and the histogram of the trials."""
     outputs, run = result.outputs[:SHOWN], result.run

@@ -411,7 +411,7 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         "Undeclared effects",
         (RESULTS_FIELDS, result),
         tables,
-        partial(figure, result, first),
+        lambda _: figure(result, first),
         "\n".join([f"Undeclared effects: {result.verdict}", *sentences]),
         digits,
         extra=[(_fields(SCORED, first), first)],

@@ -30,7 +30,6 @@ LEAST = -6.0
 SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 
-@figures.styled
 def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     """Mean errors before and after as arrows where points lie in a plane; errors over what each
     effect depends on (of none: part by part); and the ranking.

@@ -5,14 +5,12 @@ Range widths are 2 (|mean| + k u), as in Gilsinn & Ling 2004, Table 10.
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
 from mtu_cli.analyses.compare import Compared, CompareResult, Summary, Verdict
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
+from mtu_cli.reports.fields import RowOf, declare, rows_of
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import MISSING, p_value, significant, span, words
 from mtu_cli.units import UM
@@ -68,31 +66,30 @@ ROW = declare(
     """,
     kind=lambda x: "feature" if x.labels[2] else "length",
 )
-SUMMARY = """
+SUMMARY = declare(
+    """
     operation | stated(operation) | null: not stated
     - | name() | | measured, text
-    verdict_text | verdict() | the verdict in words
     items | | number of items
     verdicts | | number of items by gravest fault
     - | verdicts.consistent | | con- / sistent, some()
     biased | faults.biased.0 | items with that fault | biased, some()
     under_predicted | faults.under-predicted.0 | items with that fault | under- / predicted, some()
     over_predicted | faults.over-predicted.0 | items with that fault | over- / predicted, some()
-    *pooled
-    ratio_u | | least and largest ratio of u | u ratio, span
-    ratio_scatter | | least and largest ratio of scatter from part to part \
-        | scatter ratio, span
-    ratio_range | | least and largest ratio of range widths \
-        | range ratio, span
-"""
-POOLED = """
     all_at_once. | pooled
-        items | | items whose scatter is pooled
+        items | | features whose scatter is pooled; all_at_once is null of lengths
         ratio_scatter | ratio | their scatter, measured over predicted
         p_scatter_familywise | p | p of it, adjusted for all tests of the study (Holm) \
             | p / pooled, p
         verdict | pooled_verdict() | what the test shows
-"""
+    ratio_u | | least and largest ratio of u | u ratio, span
+    ratio_scatter | | least and largest ratio of scatter from part to part | scatter ratio, span
+    ratio_range | | least and largest ratio of range widths | range ratio, span
+    """,
+    name=lambda x: f"{x.operation} {x.kind}".strip(),
+    some=lambda value, u, digits: str(value) if value else MISSING,
+    pooled_verdict=lambda x: x.verdict or "consistent",
+)
 
 
 SIZES: dict[Verdict, tuple[float, str]] = {
@@ -120,18 +117,6 @@ def verdict_text(item: Summary) -> str:
     return f"{item.operation} {item.kind}: ".lstrip() + ("; ".join(faults) or default)
 
 
-def summary(pooled: str = "") -> Fields:
-    """The figures of an operation; the pooled test is of features."""
-    return declare(
-        SUMMARY,
-        name=lambda x: f"{x.operation} {x.kind}".strip(),
-        verdict=verdict_text,
-        some=lambda value, u, digits: str(value) if value else MISSING,
-        pooled=pooled,
-        pooled_verdict=lambda x: x.verdict or "consistent",
-    )
-
-
 def _rows(group: Compared | None) -> list[RowOf]:
     return [] if group is None else rows_of(group, len(group.labels))
 
@@ -141,14 +126,13 @@ RESULTS = declare(
     datum | | best-fit alignment removed from each part
     features[] | rows(features) | *row
     lengths[] | lengths() | *row
-    summary.features[] | features.summaries | *of_features
-    summary.lengths[] | lengths.summaries | *of_lengths
+    summary.features[] | features.summaries | *summary
+    summary.lengths[] | lengths.summaries | *summary
     """,
     rows=_rows,
     lengths=lambda x: _rows(x.lengths),
     row=ROW,
-    of_features=summary(POOLED),
-    of_lengths=summary(),
+    summary=SUMMARY,
 )
 
 
@@ -170,15 +154,14 @@ def document(result: CompareResult, digits: int = 2) -> Document:
     )
     tables = [
         Table("", ROW, [*features, *lengths], selection=()),
-        Table("Verdicts and ratios", summary(POOLED), summaries, faults),
+        Table("Verdicts and ratios", SUMMARY, summaries, faults),
         Table(title, ROW, [*lengths, *selection], footer),
     ]
-    verdict, figure_ = "\n".join(f"{verdict_text(x)}." for x in summaries), partial(figure, result)
+    verdict = "\n".join(f"{verdict_text(x)}." for x in summaries)
     name = "Predicted against measured"
-    return Document(name, (RESULTS, result), tables, figure_, verdict, digits)
+    return Document(name, (RESULTS, result), tables, figure, verdict, digits)
 
 
-@figures.styled
 def figure(result: CompareResult) -> figures.Figure:
     """Measured minus predicted means with U, item by item, with the verdict of each: faults
     and the largest E_n first.

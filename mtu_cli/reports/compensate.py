@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,19 +22,20 @@ MEANS = {
 
 
 def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
-    """Points or moves with their places: mm, of a rotary axis deg; the item under its unit."""
-    key, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
-    shared = {"unit": unit, "size": result.size, "quantum": result.quantum}
+    """Points or moves of a result with their places: mm, of a rotary axis deg; each under the unit
+    of its errors, too.
+    """
+    key = "deg" if result.asked.rotary else "mm"
     return [
-        {**shared, "item": item, key: at, unit: item}
+        {"of": result, "item": item, key: at, result.unit: item}
         for at, item in zip(places, items, strict=True)
     ]
 
 
 def _points(result: CompensateResult) -> list[dict[str, Any]]:
     """Points of the table: errors requested and read back, forward and reverse."""
-    values = np.vstack([result.asked.errors, result.held.errors]).T
-    return _entries(result, result.asked.at.tolist(), values.tolist())
+    errors = np.vstack([result.asked.errors, result.held.errors]).T
+    return _entries(result, result.asked.at, errors)
 
 
 def _moves(result: CompensateResult) -> list[dict[str, Any]]:
@@ -58,11 +58,11 @@ PLACE = """
     {name}_mm | mm | {what}; null of a rotary axis | {name} / mm, mm
     {name}_deg | deg | the same of a rotary axis | {name} / deg, mm
 """
-SHARED = "u=quantum, unit=, size=size"
+SHARED = "u=of.quantum, unit=, size=of.size"
 ROW = declare(
     PLACE.format(name="position", what="machine position")
     + f"""
-    unit | | unit of errors | -
+    unit | of.unit | unit of errors | -
     forward | item.0 | error asked for, forward | forward, {SHARED}
     reverse | item.1 | error asked for, reverse | reverse, {SHARED}
     held_forward | item.2 | as read back from the file, forward | forward held, {SHARED}
@@ -96,10 +96,8 @@ RESULTS = declare(
     reference_mm | reference | machine position at which the table is 0; null: not zeroed
     backlash_um | backlash() | mean of forward - reverse; null of one direction
     points[] | points() | *point
-    before. | figures()
-        *before
-    predicted_after. | predicted()
-        *after
+    before. | figures() | *before
+    predicted_after. | predicted() | *after
     backlash_varies. | errors.varies
         F | F | mean squares of forward - reverse over targets
         p | p | that chance makes it so large
@@ -112,20 +110,14 @@ RESULTS = declare(
     verification.u | verified.u | standard uncertainty of k
     verification.interval95 | verified.interval95 | 95 % interval of k
     verification.p | verified.p | of the nearest of 0, 1 and 2
-    verification.misfit. | verified.misfit
-        F | F | chi2/dof of the readings about the first test less k tables, by its scatter; null \
-            where that shows none
-        p | p | upper bound of the probability that chance makes F so large
     """,
     points=_points,
     point=ROW,
-    before=declare("\n".join(f"{x} | {x}.before | {text} | -" for x, text in MEANS.items())),
-    after=declare(
-        "\n".join(
-            f"{x}.median | {x}.median | of a new test with the table: {text} | -\n"
-            f"{x}.interval95 | {x}.interval95 | interval of 95 of 100 such tests | -, interval"
-            for x, text in MEANS.items()
-        )
+    before="\n".join(f"{x} | {x}.before | {text} | -" for x, text in MEANS.items()),
+    after="\n".join(
+        f"{x}.median | {x}.median | of a new test with the table: {text} | -\n"
+        f"{x}.interval95 | {x}.interval95 | interval of 95 of 100 such tests | -, interval"
+        for x, text in MEANS.items()
     ),
     figures=_figures,
     predicted=lambda result: _figures(result) if result.after else None,
@@ -188,11 +180,9 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
             if B is not None and not result.asked.both:
                 mean = f"{significant(B / result.size, 3)} {unit}"
                 verdict += f" A reversal of {mean} (forward less reverse) is left to the control."
-    figure_ = partial(figure, result)
-    return Document("Compensation", (RESULTS, result), tables, figure_, verdict, digits)
+    return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
 
 
-@figures.styled
 def figure(result: CompensateResult) -> figures.Figure:
     """Errors requested and read back, by position."""
     page = figures.blank(7.0, 3.6)

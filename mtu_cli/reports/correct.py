@@ -25,15 +25,15 @@ ROUNDING_UM = 1e-4
 """A form error below a tenth of a nanometre is rounding."""
 KINDS: dict[Kind, str] = {"circle": "circles", "sphere": "spheres", "length": "lengths"}
 OF_AXES = (
-    "measured.AXIS_mm | points.measured.NUMBER | measured",
+    "    measured.AXIS_mm | points.measured.NUMBER | measured",
     """
     correction_um.AXIS | correction.NUMBER | minus the modelled error \
         | correction AXIS, plus-minus, u=u.NUMBER, unit=um, csv=correction_AXIS_um
     u_correction_um.AXIS | u.NUMBER | its standard uncertainty \
         | -, unit=um, csv=u_correction_AXIS_um
     """,
-    "corrected.AXIS_mm | corrected.NUMBER | measured plus correction \
-        | corrected AXIS, u=u_corrected.NUMBER",
+    "    corrected.AXIS_mm | corrected.NUMBER | measured plus correction "
+    "| corrected AXIS, u=u_corrected.NUMBER",
     """
     u_corrected_um.AXIS | u_corrected.NUMBER | standard uncertainty of corrected \
         | -, unit=um, csv=u_corrected_AXIS_um
@@ -48,12 +48,11 @@ ROW = declare(
     operation | | its operation | operation, text
     *of_axes
     """,
-    of_axes=[
-        field
+    of_axes="\n".join(
+        text.replace("AXIS", axis).replace("NUMBER", str(k))
         for text in OF_AXES
         for k, axis in enumerate(AXES)
-        for field in declare(text, AXIS=axis, NUMBER=str(k))
-    ],
+    ),
 )
 SIZE = """
     id | | its name | id, text
@@ -103,16 +102,6 @@ def size(kind: Kind) -> Fields:
     )
 
 
-FORM_LEFT = declare("""
-    kind | | circle or sphere
-    id | | its name | id, text
-    operation | stated(operation) | its operation | operation, text
-    visits | | in how many visits it was measured | visits, count
-    rms_um | rms | rms of its mean radial residuals | rms
-    explained_um | explained | rms by the model's uncertainty and the points' scatter | explained
-    F | | ratio of the two mean squares | F, sig3
-    p | | p that nothing else is left | p, p
-""")
 SIZES = {kind: size(kind) for kind in KINDS}
 
 
@@ -130,11 +119,9 @@ RESULTS = declare(
     circles[] | circle() | *circles
     spheres[] | sphere() | *spheres
     lengths[] | length() | *lengths
-    form_left[] | forms | *form_left
     """,
     points=_points,
     point=ROW,
-    form_left=FORM_LEFT,
     **{name: SIZES[kind] for kind, name in KINDS.items()},
     **{str(kind): partial(CorrectResult.of_kind, kind=kind) for kind in KINDS},
 )
@@ -166,13 +153,9 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
             verdict = (
                 f"Correction {changes} the rms error of the {name} from {before} to {after} um."
             )
-    form = "mean form over the visits; explained: u of the model and scatter of the points"
-    tables.append(Table("Form left", FORM_LEFT, result.forms, form, detail=True))
-    figure_ = partial(figure, result)
-    return Document("Corrected points", (RESULTS, result), tables, figure_, verdict, digits)
+    return Document("Corrected points", (RESULTS, result), tables, figure, verdict, digits)
 
 
-@figures.styled
 def figure(result: CorrectResult) -> figures.Figure:
     """Errors of the sizes before and after with 95 % intervals of one part; without any the errors
     of the points.

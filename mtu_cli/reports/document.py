@@ -6,46 +6,101 @@ Undefined figures are null, with a warning; degrees of freedom that are null are
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from importlib import import_module
 from importlib.resources import files
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderResult
+from rich.table import Table as Grid
 from rich.text import Text
 
 from mtu_cli import __version__
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding, error, listed, plain
+from mtu_cli.findings import Finding, error, plain
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import figures
 from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, record
-from mtu_cli.reports.numbers import MISSING, chance
-from mtu_cli.reports.tables import Sheet
+from mtu_cli.reports.numbers import MISSING
 
-DAGGER = "\N{DAGGER}"
-OUTSIDE = f"; {DAGGER} outside the measured range of a component"
-"""Its meaning, for a footer."""
 KIND = {True: "components and points independent", False: "covariance included"}
 """Of correlation, by whether it is independent."""
+WIDTH = 100
+"""Columns that a table may take."""
+FOLDED = 12
+"""Of these a column of text can do with."""
 
 
-def least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
-    """A clause on the least probability of conformance; empty without any tolerance."""
-    pairs = [(name, c) for name, c in zip(names, conformances, strict=True) if c]
-    if not pairs:
-        return ""
-    low = min((c for _, c in pairs), key=lambda c: c.probability)
-    least = listed(name for name, c in pairs if c.probability == low.probability)
-    # Those of Monte Carlo have a standard error.
-    text = chance(low.probability, getattr(low, "se", 0.0))
-    return f"The least probability of conformance is {text} %, of {least}"
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """A table with a title above and notes below; a cell that ends in `*` is emphasised. Text may
+    break over lines.
 
+    Where the table is too wide even then, the columns of text in front and what else `names` the
+    row begin every group of columns.
+    """
 
-def MARK(item: Any) -> str:
-    """The mark of a row with a place beyond the measured range of a component."""
-    return DAGGER if item.outside else ""
+    title: str
+    columns: Sequence[Field]
+    rows: Sequence[Sequence[str]]
+    notes: Sequence[str] = ()
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        yield Text(self.title, style="bold")
+        limit = min(WIDTH, options.max_width)
+        titles = [column.title for column in self.columns]
+        if all(title.endswith("\n") for title in titles):
+            titles = [title.rstrip("\n") for title in titles]
+        widths, least = [], []
+        for i, column in enumerate(self.columns):
+            lines = [*titles[i].split("\n"), *(row[i] for row in self.rows)]
+            widths.append(max(map(cell_len, lines)))
+            # A heading breaks between its words only.
+            words = max(map(cell_len, titles[i].split()), default=0)
+            least.append(min(widths[-1], max(FOLDED, words)) if column.text else widths[-1])
+        for n, group in enumerate(self._groups(least, limit)):
+            if n > 0:
+                yield Text("")
+            gaps = len(group) - 1
+            gap = 2 if sum(widths[i] for i in group) + 2 * gaps <= limit else 1
+            # On a terminal a rule below the headings, and one more blank between columns.
+            box = SIMPLE_HEAD if console.is_terminal else None
+            grid = Grid(
+                box=box, show_edge=False, pad_edge=False, padding=(0, gap - bool(box), 0, 0)
+            )
+            for i in group:
+                text = self.columns[i].text
+                grid.add_column(
+                    Text(titles[i]), justify="left" if text else "right", header_style="bold",
+                    no_wrap=not text, overflow="fold", min_width=least[i],
+                )  # fmt: skip
+            for row in self.rows:
+                cells = (row[i] for i in group)
+                grid.add_row(*(Text(x, style="bold" if x.endswith("*") else "") for x in cells))
+            # A terminal too narrow for a name and a number breaks the line itself.
+            room = max(limit, sum(least[i] for i in group) + gaps)
+            yield from console.render(grid, options.update(max_width=room))
+        for note in self.notes:
+            yield Text(note, style="dim", overflow="fold")
+
+    def _groups(self, least: Sequence[int], width: int) -> list[list[int]]:
+        """The groups of columns that fit side by side, by their places in the table."""
+        columns = range(len(self.columns))
+        front = max(1, next((i for i in columns if not self.columns[i].text), 1))
+        names = [i for i in columns if i < front or self.columns[i].names]
+        groups, group = [], [*names]
+        for i in (i for i in columns if i not in names):
+            if len(group) > len(names) and sum(least[j] + 1 for j in [*group, i]) - 1 > width:
+                groups.append(group)
+                group = [*names]
+            group.append(i)
+        return [*groups, group]
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,17 +143,22 @@ class Table:
 class Document:
     """A report: `results` are the fields of the JSON document and the item they are read from,
     `extra` those that are read from other items. The first of `tables` is the main one, of which
-    ``--csv`` has every item; `figure` is None where there is nothing to draw. `verdict` is what
-    the figures say, in a sentence.
+    ``--csv`` has every item; `draw` takes the item of `results`, and is None where there is nothing
+    to draw. `verdict` is what the figures say, in a sentence.
     """
 
     title: str
     results: tuple[Fields, Any]
     tables: Sequence[Table]
-    figure: Callable[[], figures.Figure] | None
+    draw: Callable[[Any], figures.Figure] | None
     verdict: str = ""
     digits: int = 2
     extra: Sequence[tuple[Fields, Any]] = ()
+
+    @property
+    def figure(self) -> Callable[[], figures.Figure] | None:
+        """The picture, which is drawn where it is asked for."""
+        return self.draw and partial(self.draw, self.results[1])
 
     def record(self) -> dict[str, Any]:
         """`results` of the JSON report."""
@@ -122,6 +182,17 @@ class Document:
         if tables and not selection:
             counts = ", ".join(f"{each.title} ({len(each.items)} rows)" for each in tables)
             yield Text(f"{counts}: with --detail; all figures with --csv and -o")
+
+
+def plain_text(renderables: Iterable[object]) -> str:
+    """What a pipe receives: no escape codes, no trailing blanks, at most 100 columns."""
+    out = io.StringIO()
+    target = Console(
+        file=out, width=WIDTH, highlight=False, force_terminal=False, color_system=None
+    )
+    for renderable in renderables:
+        target.print(renderable)
+    return "\n".join(line.rstrip() for line in out.getvalue().splitlines()) + "\n"
 
 
 def envelope(
@@ -157,24 +228,28 @@ def envelope(
 
 
 REPORTS = {
-    **dict.fromkeys(
-        ("fit-components", "predict-points", "lengths", "orthogonality", "anova", "compare",
-         "close-loop", "thermal-fit", "correct", "budget", "iso230", "circular", "compensate"),
-        ("RESULTS", "ROW"),
-    ),
-    "graph check": ("CHECK", "STEP"),
-    "graph simulate": ("SIMULATION", "COORDINATE_ROW"),
-    "graph sweep": ("SWEEP", "GRID_ROW"),
+    **{
+        command: (command.replace("-", "_"), "RESULTS", "ROW")
+        for command in ("fit-components", "anova", "compare", "close-loop", "thermal-fit",
+                        "correct", "budget", "compensate")
+    },
+    "predict-points": ("predictions", "POINTS", "POINT"),
+    "lengths": ("predictions", "LENGTHS", "LENGTH"),
+    "orthogonality": ("predictions", "ANGLES", "ANGLE"),
+    "iso230": ("standards", "POSITIONING", "FIGURE_ROW"),
+    "circular": ("standards", "CIRCULAR", "CAUSE"),
+    "graph check": ("graph", "CHECK", "STEP"),
+    "graph simulate": ("graph", "SIMULATION", "COORDINATE_ROW"),
+    "graph sweep": ("graph", "SWEEP", "GRID_ROW"),
 }  # fmt: skip
-"""By command, in the module of its first word: the fields of `results`, those of a row of --csv.
-Where they depend on the input (axes, coefficients, units, what is varied), these are of the usual
-one."""
+"""By command: its module, and in it the fields of `results` and those of a row of --csv. Where they
+depend on the input (axes, coefficients, units, what is varied), these are of the usual one."""
 
 
 def declaration(command: str) -> tuple[Fields, Fields]:
     """The fields of `results` and of a row of --csv."""
-    results, row = REPORTS[command]
-    module = import_module(f"mtu_cli.reports.{command.split()[0].replace('-', '_')}")
+    name, results, row = REPORTS[command]
+    module = import_module(f"mtu_cli.reports.{name}")
     return getattr(module, results), getattr(module, row)
 
 
@@ -216,14 +291,15 @@ def help_text(command: str) -> str:
 
 def page_bytes(
     suffix: str,
-    figure: figures.Figure | None,
+    svg: str,
     blocks: Iterable[Any],
     warnings: Iterable[Finding],
     settings: Mapping[str, Any],
     **context: Any,
 ) -> bytes:
-    """The file; the same bytes for the same page. `blocks` are those of a document, `context` its
-    title, subject (names of machine and study), inputs and date.
+    """The file; the same bytes for the same page. `svg` is the picture, empty without one, `blocks`
+    are those of a document, `context` its title, subject (names of machine and study), inputs and
+    date.
 
     Raises InputError for a PDF without the package that writes it.
     """
@@ -232,14 +308,10 @@ def page_bytes(
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     source = (files("mtu_cli.reports") / "report.html.j2").read_text("utf-8")
-    svg = ""
-    if figure is not None:
-        # The picture without the head of an SVG file; nothing in it leaves the page.
-        svg = figures.figure_bytes(figure, ".svg").decode()
-        svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     page = environment.from_string(source).render(
         blocks=[each.plain if isinstance(each, Text) else each for each in blocks],
-        figure=Markup(svg),
+        # Without the head of a file; nothing in it leaves the page.
+        figure=Markup(re.sub(r"^.*?(?=<svg)|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)),
         warnings=list({each.message: each for each in warnings}.values()),
         # Numbers to six significant digits.
         settings={k: f"{x:.6g}" if isinstance(x, float) else x for k, x in settings.items()},

@@ -1,9 +1,9 @@
 """One declaration for every figure of a report: JSON, CSV, tables, HTML and help come from it.
 
 The analysis returns a frozen Result: labels and arrays in mm, rad, mm^2; a report calculates
-nothing. `reports/COMMAND.py` declares its figures as a table (`lengths.py` is the model) and has a
-function ``document(result, digits)`` that returns a `Document`. A line of the table is a `Field`,
-its four columns being JSON path, value, meaning and cell::
+nothing. `reports/COMMAND.py`, or the chapter of several commands (`predictions.py` is the model),
+declares its figures as a table, and has a function of (result, digits) that returns a `Document`.
+A line of the table is a `Field`, its four columns being JSON path, value, meaning and cell::
 
     error_um | error | actual minus nominal length | error, u=u
 
@@ -103,25 +103,6 @@ COMMON: dict[str, Any] = {
     "len": len,
     "stated": lambda value: value or None,
     "words": lambda values: " ".join(filter(None, values)),
-    "conformance": """
-        conformance.
-            tolerance_UNIT | tolerance.stated | errors allowed: plus and minus this, or \
-                [low, high]; conformance is null without \
-                | tolerance, tolerance, csv=tolerance_UNIT, size=as_stated()
-            *conforming
-    """,
-    "conforming": """
-        probability | | probability that a future part is within the tolerance \
-            | conforming / %, percent, csv=conformance_probability
-    """,
-    "shares": """
-        coefficients | | share of u^2 of the coefficients, the same for all parts \
-            | coefficients / % of u^2, share, json, detail
-        passes | | share of the drift between passes, common to the points of one part; \
-            negative: a covariance that reduces u | passes / % of u^2, share, json, detail
-        repeatability | | share of the repeatability of every visit \
-            | repeatability / % of u^2, share, json, detail
-    """,
     "validation": """
         validation.
             passed | | whether the first-order interval agrees with the Monte Carlo (JCGM 101, \

@@ -11,8 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import wraps
-from typing import TYPE_CHECKING, Any, NamedTuple, ParamSpec
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
     from matplotlib.figure import SubFigure as SubFigure
 
-
-P = ParamSpec("P")
 
 DOTS_PER_INCH = 150
 
@@ -46,12 +43,10 @@ FEW_ROWS, MOST_ROWS = 24, 80
 """More rows of intervals than the first stand closer together; of more than the second some."""
 
 _STYLE: Any = {
-    "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
-    "axes.labelsize": 9.0,
     "axes.edgecolor": GREY,
     "axes.labelcolor": INK,
     "axes.spines.top": False,
@@ -96,17 +91,6 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """A function that draws a figure, in the house style."""
-
-    @wraps(draw)
-    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with house_style():
-            return draw(*args, **kwargs)
-
-    return wrapper
-
-
 def blank(width: float, height: float) -> Figure:
     """An empty figure, inches; 8 inches are 1200 pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -119,11 +103,12 @@ def blank(width: float, height: float) -> Figure:
     return figure
 
 
-def figure_bytes(figure: Figure, suffix: str) -> bytes:
-    """The figure as the bytes of a PNG, SVG or PDF file, without dates."""
+def figure_bytes(draw: Callable[[], Figure], suffix: str) -> bytes:
+    """What is drawn, in the house style, as the bytes of a PNG, SVG or PDF file, without dates."""
     kind = suffix.lower().removeprefix(".")
     out = io.BytesIO()
     with house_style(), warnings.catch_warnings():
+        figure = draw()
         # Names are the user's: a sign that the font lacks is drawn as a box, without a warning.
         warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
         # Laid out once: with an engine savefig would do it again, and twice.
@@ -301,28 +286,29 @@ class Side:
 
 
 class Panel(NamedTuple):
-    """The sides at the features `rows` of one level, of errors along these `axes`: those of the
-    plane, or the one across it, which is drawn upwards.
+    """The `sides` at the features `rows` of one level, along as many `axes`; of each the arrows
+    (rows, 2) um and the ellipses, half axes (rows, 2) um and their directions (rows, 2, 2).
     """
 
     title: str
     rows: IntArray
-    axes: list[int]
+    axes: int
     sides: Sequence[Side]
+    drawn: list[tuple[FloatArray, FloatArray, FloatArray]]
 
-    def errors(self, side: Side) -> FloatArray:
-        """Arrows (rows, 2) um."""
-        result = np.zeros((len(self.rows), 2))
-        result[:, -len(self.axes) :] = side.errors[self.rows][:, self.axes]
-        return result
 
-    def ellipses(self, side: Side, k: float) -> tuple[FloatArray, FloatArray]:
-        """Half axes (rows, 2) um, the smaller first, and their directions (rows, 2, 2)."""
-        squares, m = np.zeros((len(self.rows), 2, 2)), len(self.axes)
-        if side.covariance is not None:
-            squares[:, -m:, -m:] = k**2 * side.covariance[self.rows][:, self.axes][:, :, self.axes]
-        values, directions = np.linalg.eigh(squares)
-        return np.sqrt(np.clip(values, 0.0, None)), directions
+def _drawn(
+    side: Side, rows: IntArray, axes: list[int], k: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Arrows and ellipses of k u, of errors along these axes: those of the plane, or the one across
+    it, which is drawn upwards.
+    """
+    m, arrows, squares = len(axes), np.zeros((len(rows), 2)), np.zeros((len(rows), 2, 2))
+    arrows[:, -m:] = side.errors[rows][:, axes]
+    if side.covariance is not None:
+        squares[:, -m:, -m:] = k**2 * side.covariance[rows][:, axes][:, :, axes]
+    values, directions = np.linalg.eigh(squares)
+    return arrows, np.sqrt(np.clip(values, 0.0, None)), directions
 
 
 class Maps:
@@ -348,7 +334,7 @@ class Maps:
         flat = [len(np.unique(np.round(column, 1))) == 1 for column in places.T]
         whole = len(axes) == len(AXES)
         normal = next((axis for axis in (2, 1, 0) if whole and flat[axis]), 2)
-        self.ids, self.k, self.plane = ids, k, [axis for axis in range(3) if axis != normal]
+        self.ids, self.plane = ids, [axis for axis in range(3) if axis != normal]
         self.places = places[:, self.plane]
         heights = np.round(places[:, normal], 1) + 0.0
         values, code = np.unique(np.nan_to_num(heights, nan=np.inf), return_inverse=True)
@@ -365,16 +351,15 @@ class Maps:
                     at = f"{AXES[normal]} = {' to '.join(ends)} mm"
                     at = at if np.isfinite(heights[rows]).all() else ""
                     text = ", ".join(filter(None, (cut(name, 20), kind, at)))
-                    self.panels.append(Panel(text, rows, along, sides))
+                    drawn = [_drawn(side, rows, along, k) for side in sides]
+                    self.panels.append(Panel(text, rows, len(along), sides, drawn))
         spacing = min(_spacing(self.places[rows]) for rows in levels)
         self.scales: dict[int, float] = {}
         for count in (2, 1):
             sizes = [1e-12]
-            for panel in (panel for panel in self.panels if len(panel.axes) == count):
-                for side in panel.sides:
-                    arrows, half = panel.errors(side), panel.ellipses(side, k)[0]
-                    longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
-                    sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
+            for arrows, half, _ in (x for p in self.panels if p.axes == count for x in p.drawn):
+                longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
+                sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
             self.scales[count] = spacing / max(sizes)
         self.low = self.places.min(axis=0) - 1.3 * spacing
         self.high = self.places.max(axis=0) + 1.3 * spacing
@@ -411,11 +396,10 @@ class Maps:
         from matplotlib.collections import EllipseCollection
         from matplotlib.patheffects import withStroke
 
-        places, scale = self.places[content.rows], self.scales[len(content.axes)]
-        for i, side in enumerate(content.sides):
-            errors = content.errors(side)
+        places, scale = self.places[content.rows], self.scales[content.axes]
+        both = zip(content.sides, content.drawn, strict=True)
+        for i, (side, (errors, half, directions)) in enumerate(both):
             if side.covariance is not None:
-                half, directions = content.ellipses(side, self.k)
                 angles = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
                 ellipses = EllipseCollection(
                     2 * scale * half[:, 1], 2 * scale * half[:, 0], angles, units="xy",
@@ -438,7 +422,7 @@ class Maps:
                     labelpos="E", color=INK,
                 )  # fmt: skip
         panel.plot(*places.T, "o", color=INK, markersize=2.6, zorder=5)
-        total = np.nansum([content.errors(side) for side in content.sides], axis=0)
+        total = np.nansum([errors for errors, _, _ in content.drawn], axis=0)
         for i, row in enumerate(content.rows if self.named else ()):
             name, size = self.ids[row], float(np.linalg.norm(total[i]))
             unit = -total[i] / size if size > 0 else np.array([0.0, -1.0])

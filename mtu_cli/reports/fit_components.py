@@ -163,31 +163,27 @@ def _polynomial(item: Line) -> Line | None:
     return None if isinstance(item, Component) and item.estimate.table else item
 
 
-JOINT = declare("""
-    components | group.components | components read in the same passes
-    widths | group.widths | number of coefficients of each
-    coefficient_covariance | group.covariance | of all coefficients | -, size=units
-    pass_covariance | group.pass_covariance | of all between passes | -, size=units
-    half_difference_mean_square | group.half_differences | part of it of runs there and back \
-        | -, size=units
-    pass_dof | group.pass_dof | degrees of freedom between passes
-    n_passes | group.n_passes | number of passes
-""")
-
-
 def results(fields: Fields) -> Fields:
     """The figures of the report, of components with these."""
     text = """
         machine | | name of the machine
         components{} | | *component
-        joint_pass_covariance[] | joint | *joint
+        joint_pass_covariance[] | joint
+            components | group.components | components read in the same passes
+            widths | group.widths | number of coefficients of each
+            coefficient_covariance | group.covariance | of all coefficients | -, size=units
+            pass_covariance | group.pass_covariance | of all between passes | -, size=units
+            half_difference_mean_square | group.half_differences | part of it of runs there and \
+                back | -, size=units
+            pass_dof | group.pass_dof | degrees of freedom between passes
+            n_passes | group.n_passes | number of passes
         observability[]
             component | | component, or those of a group
             not_determined | | what the readings leave open
             because | | why
             reading_that_would | | readings that would determine it
     """
-    return declare(text, component=fields, joint=JOINT)
+    return declare(text, component=fields)
 
 
 ROW = component(2)
@@ -232,11 +228,9 @@ def document(result: FitResult, digits: int = 2) -> Document:
             findings.append(f"{words} of {listed(labels)}")
     verdict = f"Significant: {'; '.join(findings)}." if findings else "No test is significant."
     source = results(fields), result
-    figure_ = partial(figure, result)
-    return Document("Components", source, tables, figure_, verdict, digits)
+    return Document("Components", source, tables, figure, verdict, digits)
 
 
-@figures.styled
 def figure(result: FitResult) -> figures.Figure:
     """All components on one sheet (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction,
     the fitted line, and the band of a future part: k times the root of

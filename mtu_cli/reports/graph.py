@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -60,13 +59,10 @@ STEP = declare(
     do | 1.do | what the transition does | do, text
     in | 1.inputs | places that it takes | -
     out | 1.outputs | places that it makes | -
-    - | in() | | in, text
-    - | out() | | out, text
+    - | names(1.inputs) | | in, text
+    - | names(1.outputs) | | out, text
     """,
-    **{
-        side: lambda pair, side=side: listed(getattr(pair[1], f"{side}puts"), MOST)
-        for side in ("in", "out")
-    },
+    names=partial(listed, most=MOST),
 )
 
 
@@ -79,12 +75,10 @@ CHECK = declare(
     """
     name | graph.name | name of the graph
     places | kinds() | number of places by kind
-    transitions | count() | number of transitions
     probings | probings() | probings of one cycle
     reported | | places that are reported
     firing_order[][] | numbered() | *step
     """,
-    count=lambda result: sum(map(len, result.rounds)),
     kinds=lambda result: dict(Counter(place.kind for place in result.graph.places.values())),
     probings=lambda result: sum(
         item.repeats or result.graph.repeats
@@ -104,28 +98,20 @@ def check(result: MeasurementGraph) -> Document:
     counts = record(CHECK, result)
     kinds = ", ".join(f"{count} {kind}" for kind, count in counts["places"].items())
     places = f"{len(result.graph.places)} places ({kinds})"
-    steps = f"{counts['transitions']} transitions, {counts['probings']} probings"
+    steps = f"{len(items)} transitions, {counts['probings']} probings"
     verdict = f"The graph is sound: {places}, {steps}."
-    figure = partial(drawing, net_of(result))
-    return Document(result.graph.name, (CHECK, result), [order], figure, verdict)
+    name, source = result.graph.name, (CHECK, result)
+    return Document(name, source, [order], lambda _: drawing(net_of(result)), verdict)
 
 
-MOMENTS = """
-    mean | | mean of the trials
-    u | | standard uncertainty, by the trials
-"""
-STANDARD_ERRORS = """
-    monte_carlo.se_mean | se_mean | standard error of the mean | -, csv=se_mean
-    monte_carlo.se_u | se_u | standard error of u | -, csv=se_u
-"""
 COORDINATE = """
     - | output.place | name of the place | -, csv=place
     - | output.coordinate | coordinate of the place | -, csv=coordinate
     unit | output.unit | unit of its figures: mm, rad or 1
     nominal | | value without any deviation
-    *moments
+    mean | | mean of the trials
+    u | | standard uncertainty, by the trials
     U | | expanded uncertainty k u
-    k | | coverage factor | -, json
     interval95 | interval | 95 % interval of the trials | -, interval
     shortest95 | shortest | shortest 95 % interval | -, interval
     first_order_u | | standard uncertainty of first order
@@ -141,7 +127,8 @@ COORDINATE = """
     *validation
     trials | | number of trials; 0: the place is fixed
     converged | | whether they reached the digits asked for
-    *errors
+    monte_carlo.se_mean | se_mean | standard error of the mean | -, csv=se_mean
+    monte_carlo.se_u | se_u | standard error of u | -, csv=se_u
 """
 
 
@@ -154,7 +141,6 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
     """The figures of one coordinate; in CSV with the shares of all sources of variance."""
     fields = declare(
         COORDINATE,
-        moments=declare(MOMENTS),
         place=lambda item: str(item.output),
         nominal=_nominal,
         size=lambda item: 1.0 / small_unit(item.output.unit)[0],
@@ -162,7 +148,6 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
         unit=lambda item: small_unit(item.output.unit)[1],
         shares=lambda item: shares_text(item.shares),
         validation=COMMON["validation"].replace("_UNIT", ""),
-        errors=declare(STANDARD_ERRORS),
     )
     for source in sources:
         # A name may have dots, which a path would take for steps.
@@ -171,12 +156,13 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
     return fields
 
 
-PLACES = declare(
+SIMULATION = declare(
     """
     places{}{} | | *coordinate
     trials | | number of trials
     budget | budget() | shares of the first-order variance of each coordinate by source; null \
         where it is 0
+    converged | | whether all trials reached the digits asked for
     """,
     coordinate=coordinate(),
     budget=lambda result: {
@@ -184,8 +170,6 @@ PLACES = declare(
         for place, known in result.places.items()
     },
 )
-CONVERGED = declare("converged | | whether all trials reached the digits asked for")
-SIMULATION: Fields = (*PLACES, *CONVERGED)
 COORDINATE_ROW = coordinate(("<source>",))
 
 
@@ -195,7 +179,6 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
     places = Table(title, fields, result.coordinates, footer)
-    figure = partial(simulation_figure, result)
     valid = {x.output: x.validation.passed for x in result.coordinates if x.validation}
     verdict = "First order is valid (JCGM 101, clause 8)." if valid else ""
     if failures := listed(output for output, passed in valid.items() if passed is False):
@@ -204,19 +187,21 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
         )
     elif None in valid.values():
         verdict = "Too few trials to validate first order."
-    return Document(name, (SIMULATION, result), [places], figure, verdict, digits)
+    return Document(name, (SIMULATION, result), [places], simulation_figure, verdict, digits)
 
 
 GRID_POINT = """
     *varied
     - | unit() | unit of mean and u | -, csv=unit
-    *moments
+    mean | | mean of the trials
+    u | | standard uncertainty, by the trials
     interval95 | interval | 95 % interval of the trials | -, interval
     first_order_u | | standard uncertainty of first order
     formula_u | | standard uncertainty by the formula
     error_percent | | formula less Monte Carlo, of u
     *shown
-    *errors
+    monte_carlo.se_mean | se_mean | standard error of the mean | -, csv=se_mean
+    monte_carlo.se_u | se_u | standard error of u | -, csv=se_u
     trials | | number of trials | trials, count
     converged | | whether they reached the digits asked for
 """
@@ -229,22 +214,17 @@ DEVIATION = """
 """
 
 
-def grid_point(names: Iterable[str], result: Sweep | None = None) -> Fields:
-    """The figures of one setting; with a `result` those of its table, too."""
-    at = "NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()"
-    texts = (at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in names)
-    unit, deviations = "", []
-    if result is not None:
-        unit = result.output.unit
-        factor, small = small_unit(unit)
-        deviations = declare(DEVIATION.replace("UNIT", small), size=lambda item: 1.0 / factor)
+def grid_point(names: Iterable[str], unit: str = "") -> Fields:
+    """The figures of one setting; with the `unit` of the output those of its table, too."""
+    at = "NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()\n"
+    factor, small = small_unit(unit)
     return declare(
         GRID_POINT,
-        varied=[field for each in texts for field in declare(each)],
+        varied="".join(at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in names),
         unit=lambda item: unit,
-        moments=declare(MOMENTS),
-        shown=deviations,
-        errors=declare(STANDARD_ERRORS),
+        shown=DEVIATION if unit else "",
+        UNIT=small,
+        size=lambda item: 1.0 / factor,
     )
 
 
@@ -253,7 +233,6 @@ def grid(fields: Fields) -> Fields:
     text = """
         of | output() | the output
         unit | output.unit | unit of means and u
-        varied | | values of what is varied
         grid[] | | *point
         formula.
             form | | u as a function of what is varied; in um for a length
@@ -261,21 +240,18 @@ def grid(fields: Fields) -> Fields:
             max_error_percent | | largest difference from the Monte Carlo, of u
             monte_carlo.standard_error_percent | monte_carlo_percent | relative standard error of \
                 a u of the Monte Carlo
+        converged | | whether all trials reached the digits asked for
     """
     return declare(text, output=lambda result: str(result.output), point=fields)
 
 
-ALL_CONVERGED = declare(
-    "converged | all() | whether all trials reached the digits asked for",
-    all=lambda both: both[0].converged and all(point.converged for point in both[1].grid),
-)
 GRID_ROW = grid_point(("axis_um", "probe_um", "perpendicular_um", "repeats"))
-SWEEP: Fields = (*PLACES, *grid(GRID_ROW), *ALL_CONVERGED)
+SWEEP: Fields = (*SIMULATION[:-1], *grid(GRID_ROW))
 
 
-def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
-    """One row a point of the grid; `base` is the output as the file has it."""
-    fields, formula = grid_point(result.varied, result), result.formula
+def sweep(result: Sweep, digits: int = 2) -> Document:
+    """One row a point of the grid."""
+    fields, formula = grid_point(result.varied, result.output.unit), result.formula
     title, footer = f"u of {result.output}", ""
     verdict = f"No formula: {result.no_formula}."
     if formula is not None:
@@ -287,12 +263,10 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
         if len(result.grid) == len(formula.coefficients):
             verdict = "The formula has as many terms as the grid has points: nothing checks it."
     table = Table(title, fields, result.grid, footer)
-    extra: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
-    figure = partial(sweep_figure, result)
-    return Document(title, (PLACES, base), [table], figure, verdict, digits, extra)
+    source, extra = (SIMULATION, result.base), [(grid(fields), result)]
+    return Document(title, source, [table], lambda _: sweep_figure(result), verdict, digits, extra)
 
 
-@figures.styled
 def simulation_figure(result: GraphSimulation) -> figures.Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
     variables = [item for item in result.coordinates if not item.fixed]
@@ -311,7 +285,6 @@ def simulation_figure(result: GraphSimulation) -> figures.Figure:
     return figures.histograms(title, trials)
 
 
-@figures.styled
 def sweep_figure(result: Sweep) -> figures.Figure:
     """u by Monte Carlo with two standard errors over the first varied parameter, a line for each
     value of the others.

@@ -81,8 +81,7 @@ class Net(NamedTuple):
 
 def share_percent(share: float, decimals: int = 1) -> str:
     """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
-    text = f"{100 * share + NOISE:.{decimals}f}"
-    return text.removeprefix("-") if not text.strip("-0.") else text
+    return f"{100 * share + NOISE:z.{decimals}f}"
 
 
 def net_of(
@@ -177,7 +176,6 @@ def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatAr
     return top
 
 
-@figures.styled
 def drawing(net: Net) -> figures.Figure:
     """The graph, left to right; with shares, thicker arcs and percents where variance comes in."""
     from matplotlib.patches import FancyArrowPatch

@@ -65,9 +65,7 @@ def significant(value: float | None, digits: int = 2) -> str:
 
 def fixed(value: float | None, decimals: int) -> str:
     """`value` to so many decimals; what rounds to zero has no sign."""
-    if not known(value):
-        return MISSING
-    return _unsigned_zero(f"{value:.{decimals}f}")
+    return f"{value:z.{decimals}f}" if known(value) else MISSING
 
 
 def p_value(p: float | None) -> str:
@@ -123,14 +121,10 @@ def decimal_exponent(value: float, digits: int) -> int:
 def _round(value: float, last: int, exponent: int) -> str:
     """`value` to the place 10^last, as a multiple of 10^exponent where digits would be many."""
     if exponent >= SMALLEST and last <= LARGEST_PLACE:
-        return _unsigned_zero(f"{value:.{-last}f}" if last < 0 else f"{round(value, -last):.0f}")
+        return f"{value:z.{-last}f}" if last < 0 else f"{round(value, -last):z.0f}"
     mantissa = value / 10.0**exponent if exponent > -300 else value * 10.0 ** (-exponent)
-    text = _unsigned_zero(f"{mantissa:.{max(exponent - last, 0)}f}")
+    text = f"{mantissa:z.{max(exponent - last, 0)}f}"
     return f"{text}e{exponent}" if text.strip("0.") else "0"
-
-
-def _unsigned_zero(text: str) -> str:
-    return text[1:] if text.startswith("-") and not text.strip("-0.") else text
 
 
 def words(*parts: str | None) -> str:

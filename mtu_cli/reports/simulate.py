@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.model.simulate import SimulatedDrift, SimulatedPoints, SimulatedReadings
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.simulate import Columns, Sensors
 from mtu_cli.reports.fields import csv_text
-from mtu_cli.stats.least_squares import FloatArray
 
 SENSORS = (
     "# Readings are the drift alone, zeroed at the reference temperature; odd cycles warm up,\n"
@@ -54,51 +54,36 @@ def _values(cells: list[str]) -> list[str | float | None]:
     return [*cells]
 
 
-def readings_file(readings: SimulatedReadings) -> Synthetic:
+def _cells(columns: Columns, default: str, **forms: str) -> dict[str, list[str]]:
+    """Numbers by the form of their column, an empty cell where there is none."""
+    result = {}
+    for name, values in columns.items():
+        form = forms.get(name, default) if values.dtype.kind == "f" else ""
+        result[name] = ["" if x != x else format(x, form) for x in values.tolist()]
+    return result
+
+
+def readings_file(readings: Columns) -> Synthetic:
     """A readings file; errors to seven digits."""
-    columns = {
-        "component": [*readings.component],
-        "position_mm": _texts(readings.position, "{:.6g}"),
-        "pass": _texts(readings.pass_number, "{:d}"),
-        "direction": ["reverse" if sign < 0 else "forward" for sign in readings.direction],
-        "error": _texts(readings.error, "{:.7g}"),
-        "unit": [*readings.unit],
-    }
-    if not (readings.direction != 0).any():
-        del columns["direction"]
-    return Synthetic(columns)
+    cells = _cells(readings, ".7g", position_mm=".6g")
+    if readings["direction"].any():
+        ways = np.where(readings["direction"] < 0, "reverse", "forward")
+        return Synthetic(cells | {"direction": ways.tolist()})
+    del cells["direction"]
+    return Synthetic(cells)
 
 
-def points_file(points: SimulatedPoints) -> Synthetic:
+def points_file(points: Columns) -> Synthetic:
     """A points file; coordinates to 1 nm, covariates to nine digits."""
-    columns = {"part": [*points.part], "feature": [*points.feature]}
-    columns["repeat"] = _texts(points.repeat, "{:d}")
-    if points.operation:
-        columns["operation"] = [points.operation] * len(points.part)
-    for axis, values in zip(points.axes, points.measured.T, strict=True):
-        columns[f"{axis}_mm"] = _texts(values, "{:.6f}")
-    columns |= {name: _texts(values, "{:.9g}") for name, values in points.covariates.items()}
-    return Synthetic(columns)
+    return Synthetic(_cells(points, ".9g", **{f"{axis}_mm": ".6f" for axis in AXES}))
 
 
-def drift_file(drift: SimulatedDrift) -> Synthetic:
+def drift_file(drift: Columns, sensors: Sensors) -> Synthetic:
     """A drift file; temperatures to 1 mK, errors to 1 nm or a thousandth of the unit."""
-    errors = zip(drift.error, drift.unit, strict=True)
-    columns = {
-        "component": [*drift.component],
-        "position_mm": _texts(drift.position, "{:.6g}"),
-        "cycle": _texts(drift.cycle, "{:d}"),
-        "time_min": _texts(drift.time, "{:.9g}"),
-        "error": [f"{x:.3f}" if unit in FINE else f"{x:.7g}" for x, unit in errors],
-        "unit": [*drift.unit],
-        **{name: _texts(values, "{:.3f}") for name, values in drift.temperatures.items()},
-    }
-    sensors = zip(drift.sensors.names, drift.sensors.shares, drift.sensors.lags, strict=True)
-    each = [f"{name} {share:.3f} {lag:.1f}" for name, share, lag in sensors]
+    cells = _cells(drift, ".3f", position_mm=".6g", time_min=".9g", error=".7g")
+    fine = np.isin(drift["unit"], FINE)
+    cells["error"] = np.where(fine, _cells(drift, ".3f")["error"], cells["error"]).tolist()
+    of_sensors = zip(sensors.names, sensors.shares, sensors.lags, strict=True)
+    each = [f"{name} {share:.3f} {lag:.1f}" for name, share, lag in of_sensors]
     lines = [", ".join(each[i : i + 4]) for i in range(0, len(each), 4)]
-    return Synthetic(columns, SENSORS + "".join(f"#   {line}\n" for line in lines))
-
-
-def _texts(values: FloatArray, form: str) -> list[str]:
-    """An empty cell where there is no value."""
-    return ["" if np.isnan(value) else form.format(value) for value in values.tolist()]
+    return Synthetic(cells, SENSORS + "".join(f"#   {line}\n" for line in lines))

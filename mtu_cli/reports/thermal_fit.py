@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -200,11 +199,9 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
             change = f"reduce the rms drift by {by}{' or more' * (len(gains) > 1)} (least: {least})"
         unknown = f"; not validated: {rest}" if rest else ""
         verdict = f"On held-out cycles the thermal models {change}{unknown}."
-    figure_ = partial(figure, fit)
-    return Document("Thermal models", (RESULTS, fit), tables, figure_, verdict, digits)
+    return Document("Thermal models", (RESULTS, fit), tables, figure, verdict, digits)
 
 
-@figures.styled
 def figure(fit: ThermalFit) -> figures.Figure:
     """Measured and modelled drift, a panel a component, its cycles one after the other; where the
     drift differs along an axis a colour a position.

@@ -31,8 +31,9 @@ from mtu_cli.files.readings import Traces
 from mtu_cli.files.study import InstrumentBudget
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports.circular import document, figure
 from mtu_cli.reports.fields import RowOf, rows_of
+from mtu_cli.reports.standards import circular as document
+from mtu_cli.reports.standards import circular_figure as figure
 from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.least_squares import FloatArray
 

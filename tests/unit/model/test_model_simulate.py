@@ -14,13 +14,12 @@ from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.simulate import (
     WOBBLE_MEMORY_MIN,
+    Columns,
     DriftPlan,
     PartsPlan,
     Sensors,
-    SimulatedDrift,
-    SimulatedPoints,
     followed,
-    growth,
+    grown,
     sensors_for,
     simulate_drift,
     simulate_points,
@@ -46,15 +45,14 @@ def machine(s: float = 2e-3) -> MachineModel:
     return model_of([(a, {"x": "1", "y": "0.5"}), (t, {"x": "-y", "y": "x"})])
 
 
-def simulate(
-    plan: PartsPlan = PLAN, seed: int = 1, model: MachineModel | None = None
-) -> SimulatedPoints:
+def simulate(plan: PartsPlan = PLAN, seed: int = 1, model: MachineModel | None = None) -> Columns:
     return simulate_points(model or machine(), IDS, POINTS, plan, seed)
 
 
-def shaped(found: SimulatedPoints, plan: PartsPlan) -> FloatArray:
+def shaped(found: Columns, plan: PartsPlan) -> FloatArray:
     """Errors (parts, repeats, features, axes)."""
-    errors = found.measured.reshape(plan.parts, plan.repeats, 4, 2) - POINTS[:, :2]
+    measured = np.column_stack([found["x_mm"], found["y_mm"]])
+    errors = measured.reshape(plan.parts, plan.repeats, 4, 2) - POINTS[:, :2]
     return np.asarray(errors)
 
 
@@ -62,18 +60,18 @@ def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> 
     few = simulate_readings(machine(), 1, **READ)
     many = simulate_readings(machine(), 1, **READ | {"passes": 8})
     for name in "at":
-        rows = [i for i, other in enumerate(few.component) if other == name]
-        first = [i for i, other in enumerate(many.component) if other == name][: len(rows)]
-        assert (many.error[first] == few.error[rows]).all()
-    assert (simulate_readings(machine(), 2, **READ).error != few.error).all()
+        rows = [i for i, other in enumerate(few["component"]) if other == name]
+        first = [i for i, other in enumerate(many["component"]) if other == name][: len(rows)]
+        assert (many["error"][first] == few["error"][rows]).all()
+    assert (simulate_readings(machine(), 2, **READ)["error"] != few["error"]).all()
 
 
 def test_moments_of_readings() -> None:
     """The passes' lines have covariance D + s^2 (X'X)^-1, what is left s^2."""
     found = simulate_readings(machine(), 3, passes=4000, directions=(1,), positions=AT)
-    rows = np.array([name == "a" for name in found.component])
-    errors = found.error[rows].reshape(4000, 5)
-    p = found.position[rows][:5]
+    rows = found["component"] == "a"
+    errors = found["error"][rows].reshape(4000, 5)
+    p = found["position_mm"][rows][:5]
     X = np.column_stack([np.ones(5), p])
     lines = errors @ X @ np.linalg.inv(X.T @ X)
     wanted = D + 4e-6 * np.linalg.inv(X.T @ X)
@@ -83,20 +81,20 @@ def test_moments_of_readings() -> None:
     assert (np.abs(lines.mean(axis=0) - [1e-3, 2e-5]) < 4.5 * deviation).all()
     rest = np.sum((errors - lines @ X.T) ** 2) / (4000 * 3)
     assert rest == pytest.approx(4e-6, rel=4.5 * np.sqrt(2 / 12000))
-    angle = found.error[~rows]
+    angle = found["error"][~rows]
     assert len(angle) == 4000
     assert angle.var(ddof=1) == pytest.approx(4e-10, rel=4.5 * np.sqrt(2 / 4000))
 
 
 def test_readings_run_back_and_forth() -> None:
     found = simulate_readings(machine(), 1, **READ)
-    positions = found.position[:10]
+    positions = found["position_mm"][:10]
     assert list(positions) == [0, 25, 50, 75, 100, 100, 75, 50, 25, 0]
-    assert list(found.direction[:10]) == [1] * 5 + [-1] * 5
-    assert list(found.pass_number[:30:10]) == [1, 2, 3]
-    constant = np.array([name == "t" for name in found.component])
-    assert list(found.direction[constant]) == [0, 0, 0]
-    assert found.unit[0] == "mm"
+    assert list(found["direction"][:10]) == [1] * 5 + [-1] * 5
+    assert list(found["pass"][:30:10]) == [1, 2, 3]
+    constant = found["component"] == "t"
+    assert list(found["direction"][constant]) == [0, 0, 0]
+    assert found["unit"][0] == "mm"
 
 
 def test_moments_of_parts() -> None:
@@ -131,7 +129,7 @@ def quiet() -> MachineModel:
 
 
 def test_directions_sequence_and_time() -> None:
-    found = simulate(QUIET, model=quiet()).covariates
+    found = simulate(QUIET, model=quiet())
     by_part = {name: values.reshape(4, 4) for name, values in found.items()}
     # a b c d: right, up, left; the second and fourth part are made d c b a.
     assert list(by_part["dir_x"][0]) == [1, 1, 1, -1]
@@ -151,14 +149,13 @@ def test_effects_and_covariates_are_evaluated() -> None:
         effects=(("x", parse("0.004*dir_x + 1e-4*(T_spindle_degC - 20)")), ("y", parse("x*1e-5"))),
         covariates=(("T_spindle_degC", parse("20 + time_min/2")),),
     )
-    found = simulate(plan, model=quiet())
-    errors = found.measured - np.tile(POINTS[:, :2], (4, 1))
-    c = found.covariates
+    c = simulate(plan, model=quiet())
+    errors = shaped(c, plan).reshape(-1, 2)
     assert c["T_spindle_degC"] == pytest.approx(20 + c["time_min"] / 2)
     assert errors[:, 0] == pytest.approx(0.004 * c["dir_x"] + 1e-4 * c["time_min"] / 2, abs=1e-13)
     assert errors[:, 1] == pytest.approx(np.tile(POINTS[:, 0] * 1e-5, 4), abs=1e-13)
-    assert found.part == tuple(str(p) for p in range(1, 5) for _ in range(4))
-    assert found.feature == tuple(IDS * 4)
+    assert list(c["part"]) == [str(p) for p in range(1, 5) for _ in range(4)]
+    assert list(c["feature"]) == [*IDS] * 4
 
 
 LARGE = "out of range: '1e+202'; expected at most 1e+06 mm in size"
@@ -208,15 +205,15 @@ effects:
 def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
     """Its parameters are nothing an instrument reads; its covariates must be given."""
     model = stated(tmp_path, DECLARED)
-    assert set(simulate_readings(model, 1, **READ).component) == {"a"}
+    assert set(simulate_readings(model, 1, **READ)["component"]) == {"a"}
     with pytest.raises(InputError, match="a value of T_spindle_degC for the machine 'm'") as error:
         simulate(QUIET, model=model)
     assert "--covariate 'T_spindle_degC: EQUATION'" in str(error.value)
     plan = replace(QUIET, covariates=(("T_spindle_degC", parse("30")),))
     found = simulate(plan, model=model)
-    Ex = found.measured[:, 0] - np.tile(POINTS[:, 0], 4)
+    Ex = found["x_mm"] - np.tile(POINTS[:, 0], 4)
     a = (1 + 0.1 * np.tile(POINTS[:, 0], 4)) * 1e-3
-    assert Ex == pytest.approx(1.5 * a + 4e-3 * found.covariates["dir_x"], abs=1e-13)
+    assert Ex == pytest.approx(1.5 * a + 4e-3 * found["dir_x"], abs=1e-13)
     row = POINTS[[0, 0]] + [[0, 0, 0], [0, 5, 0]]
     with pytest.raises(InputError, match="a value of dir_x for the machine 'm'"):
         simulate_points(model, ["a", "b"], row, plan, 1)
@@ -244,24 +241,28 @@ circles:
 def test_points_move_away_from_the_centre_as_the_diameter_grows(tmp_path: Path) -> None:
     """D is linear between calibrated temperatures and constant beyond: 0, 50 and 100 um more."""
     temperatures, n = [20.0, 25.0, 30.0, 40.0, 10.0], len(OF_RING)
-    points = SimulatedPoints(
-        axes=("x", "y"),
-        operation=None,
-        part=("1",) * 5 * n,
-        feature=OF_RING * 5,
-        repeat=np.ones(5 * n, np.int64),
-        measured=np.tile(ON_RING[:, :2], (5, 1)),
-        covariates={"T_ring_degC": np.repeat(temperatures, n)},
-    )
+    points = {
+        "feature": np.array(OF_RING * 5),
+        "x_mm": np.tile(ON_RING[:, 0], 5),
+        "y_mm": np.tile(ON_RING[:, 1], 5),
+        "T_ring_degC": np.repeat(temperatures, n),
+    }
     circles = part_of(tmp_path, RING).part.circles
     outward = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1], [0, 0]])
-    moved = growth(points, OF_RING, ON_RING, circles).reshape(-1, n, 2)
-    for um, shift in zip([0, 25, 50, 50, 0], moved, strict=True):
+
+    def moved(points: Columns) -> FloatArray:
+        result = grown(points, OF_RING, ON_RING, circles)
+        shifts = [result[name] - points[name] for name in ("x_mm", "y_mm")]
+        return np.column_stack(shifts).reshape(-1, n, 2)
+
+    for um, shift in zip([0, 25, 50, 50, 0], moved(points), strict=True):
         np.testing.assert_allclose(shift, 1e-3 * um * outward, rtol=0, atol=1e-12)
     # Without its temperature a circle stays as it is.
-    assert not growth(replace(points, covariates={}), OF_RING, ON_RING, circles).any()
+    del points["T_ring_degC"]
+    assert not moved(points).any()
+    points["T_ring_degC"] = np.repeat(temperatures, n)
     with pytest.raises(InputError, match="goes through the nominal points"):
-        growth(points, OF_RING, ON_RING * [1.0, 0.0, 1.0], circles)
+        grown(points, OF_RING, ON_RING * [1.0, 0.0, 1.0], circles)
 
 
 # Simulated drift tests, settled rooms.
@@ -295,33 +296,37 @@ def drift(name: str = "p", tau: float = 0.0, leftover: float = 0.0) -> ThermalEs
     )
 
 
-def rises(found: SimulatedDrift, rows: np.ndarray) -> list[np.ndarray]:
-    return [found.temperatures[name][rows] - 20 for name in (A, B)]
+def drift_test(drifts: list[ThermalEstimate], plan: DriftPlan, seed: int) -> Columns:
+    return simulate_drift(drifts, plan, sensors_for(drifts, plan, seed), seed)
+
+
+def rises(found: Columns, rows: np.ndarray) -> list[np.ndarray]:
+    return [found[name][rows] - 20 for name in (A, B)]
 
 
 @pytest.mark.parametrize("tau", [0.0, 40.0])
 def test_noise_free_readings_are_the_drift_of_the_temperatures_in_the_file(tau: float) -> None:
     """Of a sensor with a time constant, of the lagged temperature."""
-    found = simulate_drift([drift(tau=tau)], replace(NOISY, sensor_noise=0.0, cycles=1), 1)
+    found = drift_test([drift(tau=tau)], replace(NOISY, sensor_noise=0.0, cycles=1), 1)
     for position in (0.0, 200.0):
-        rows = found.position == position
+        rows = found["position_mm"] == position
         a, b = rises(found, rows)
-        lagged = first_order_lag(a[:, None], found.time[rows], np.array([tau]))[0, :, 0]
+        lagged = first_order_lag(a[:, None], found["time_min"][rows], np.array([tau]))[0, :, 0]
         expected = 5 * lagged + (-2 + 0.01 * position) * b
-        assert found.error[rows] == pytest.approx(expected, abs=1e-9)
+        assert found["error"][rows] == pytest.approx(expected, abs=1e-9)
         assert (np.abs(5 * (a - lagged)).max() > 1) == (tau > 0)
-    assert found.error[0] == 0.0
-    assert np.abs(found.error).max() > 1
+    assert found["error"][0] == 0.0
+    assert np.abs(found["error"]).max() > 1
 
 
 def test_cycles_are_apart_by_soaking_and_warm_and_cool_in_turn() -> None:
-    found = simulate_drift([drift()], replace(STILL, minutes=300.0, soak=60.0), 1)
-    share = found.sensors.shares[0]
+    found = drift_test([drift()], replace(STILL, minutes=300.0, soak=60.0), 1)
+    share = sensors_for([drift()], replace(STILL, minutes=300.0, soak=60.0), 1).shares[0]
     for cycle, start, end in ((1, 0, 26.0), (2, 362, 20.0), (3, 724, 26.0)):
-        rows = (found.cycle == cycle) & (found.position == 0)
-        assert found.time[rows] == pytest.approx(start + 2.0 * np.arange(151))
+        rows = (found["cycle"] == cycle) & (found["position_mm"] == 0)
+        assert found["time_min"][rows] == pytest.approx(start + 2.0 * np.arange(151))
         last = 20 + share * (end - 20)
-        assert found.temperatures[A][rows][-1] == pytest.approx(last, abs=0.01)
+        assert found[A][rows][-1] == pytest.approx(last, abs=0.01)
 
 
 def test_moments_of_noise_and_leftover_and_twins() -> None:
@@ -329,14 +334,14 @@ def test_moments_of_noise_and_leftover_and_twins() -> None:
     many = replace(NOISY, sensor_noise=0.02, cycles=400, minutes=8.0, noise={1: 1e-3, 0: 0},
                 twins=(("T_c_degC", A),))  # fmt: skip
     exact = replace(many, sensor_noise=0.0, twins=())
-    clean = simulate_drift([drift()], replace(exact, noise={1: 0.0, 0: 0.0}), 3)
-    found = simulate_drift([drift(leftover=4e-3)], many, 3)
-    assert list(found.temperatures) == [A, B, "T_c_degC"]
-    n, first = len(found.error) // 2, found.position == 0
-    noise = [(found.temperatures[x] - clean.temperatures[A])[first] for x in (A, "T_c_degC")]
+    clean = drift_test([drift()], replace(exact, noise={1: 0.0, 0: 0.0}), 3)
+    found = drift_test([drift(leftover=4e-3)], many, 3)
+    assert list(found)[-3:] == [A, B, "T_c_degC"]
+    n, first = len(found["error"]) // 2, found["position_mm"] == 0
+    noise = [(found[x] - clean[A])[first] for x in (A, "T_c_degC")]
     for each in (*noise, (noise[0] - noise[1]) / np.sqrt(2)):
         assert each.std() == pytest.approx(0.02, rel=4.5 / np.sqrt(2 * n))
-    rest = (found.error - clean.error).reshape(400, 2, 5)
+    rest = (found["error"] - clean["error"]).reshape(400, 2, 5)
     # The leftover is one draw for both positions of a cycle.
     state = rest.mean(axis=(1, 2))
     assert state.var(ddof=1) == pytest.approx(16 + 0.1, rel=4.5 * np.sqrt(2 / 399))

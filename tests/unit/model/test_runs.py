@@ -336,7 +336,7 @@ def of_parts(model: MachineModel) -> FloatArray:
         parts=MANY, repeats=1, cmm_u=0.0, part_offset=0.0, reverse_every=0, minutes=1.0
     )
     found = simulate_points(model, ["a", "b", "c"], AT, plan, 1)
-    return np.asarray(found.measured[:, 0].reshape(MANY, 3) - AT[:, 0])
+    return np.asarray(found["x_mm"].reshape(MANY, 3) - AT[:, 0])
 
 
 def agree(found: FloatArray, wanted: FloatArray) -> bool:

@@ -21,19 +21,22 @@ from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.source import Source, report_bytes
 from mtu_cli.findings import finding
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import fit_components, numbers, predict_points
+from mtu_cli.reports import fit_components, numbers, predictions
 from mtu_cli.reports.document import (
     REPORTS,
     Document,
+    Sheet,
     Table,
     column_meanings,
     declaration,
     envelope,
     meanings,
+    plain_text,
 )
 from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
-from mtu_cli.reports.figures import blank, figure_bytes, styled
-from mtu_cli.reports.tables import Sheet, plain_text
+from mtu_cli.reports.figures import blank, figure_bytes
+
+pytestmark = pytest.mark.usefixtures("styled")
 
 FIELDS: Fields = declare(
     """
@@ -297,13 +300,12 @@ def test_fixed_decimals_have_no_sign_on_zero() -> None:
 
 
 def draw(suffix: str) -> bytes:
-    @styled
     def inner():  # type: ignore[no-untyped-def]  # a figure, whatever it holds
         page = blank(3.0, 2.0)
         page.subplots().plot([0, 1], [0, 1], "o-", label="a")
         return page
 
-    return figure_bytes(inner(), suffix)
+    return figure_bytes(inner, suffix)
 
 
 @pytest.mark.parametrize("suffix", ["png", ".svg", ".PDF"])
@@ -328,7 +330,7 @@ def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
     from matplotlib.collections import EllipseCollection
 
     result = paper.points()
-    (panel,) = predict_points.figure(result).axes
+    (panel,) = predictions.points_figure(result).axes
     (found,) = [item for item in panel.collections if isinstance(item, EllipseCollection)]
     parts = (found.get_offsets(), found.get_widths(), found.get_heights(), found.get_angles())
     drawn = [*zip(*map(np.asarray, parts), strict=True)]
@@ -349,8 +351,8 @@ def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
 
 def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
     result = paper.points()
-    page = predict_points.figure(result)
-    figure_bytes(page, "png")
+    page = predictions.points_figure(result)
+    figure_bytes(lambda: page, "png")
     (panel,) = page.axes
     ids = set(result.prediction.ids)
     texts: list[Any] = [text for text in panel.texts if text.get_text() in ids]

@@ -1,20 +1,24 @@
-"""The report of a positioning test: figures with uncertainties, targets, and the diagram."""
+"""The reports of the tests of ISO 230: of positioning figures with uncertainties, targets and the
+diagram; of circles traces, causes and the polar diagram.
+"""
 
 from __future__ import annotations
 
 import math
-from functools import partial
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses import iso230 as analysis
+from mtu_cli.analyses.circular import MEANING, Cause, CircularResult, about_circle
 from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED
-from mtu_cli.reports.numbers import with_u
+from mtu_cli.reports.numbers import plus_minus, significant, with_u
+from mtu_cli.units import ARCSEC, UM
 
 MAIN = ("A", "E", "R", "M", "B", "B_mean")
 SHOWN_AXES = 2
@@ -33,24 +37,23 @@ CHANGE = """
             u_sampling | before.u_sampling | its standard deviation over repeated tests \
                 | -, size=size
             difference | | now minus earlier | -, size=size
-            bound | | the tests differ beyond this | -, size=size
-            differs | | whether they do"""
+            differs | | whether they differ beyond 2 sqrt(2) u_sampling"""
 AT_TARGET = """
         target_mm | mm | target position; null of a rotary axis | target / mm, plain
         target_deg | deg | target position of a rotary axis | target / deg, plain
-        n_forward | | runs forward
-        n_reverse | | runs in reverse
-        mean_forward | | mean of the runs forward | mean / forward, u=s_forward, size=size
-        mean_reverse | | mean of the runs in reverse | mean / reverse, u=s_reverse, size=size
-        mean | | mean of both | -, size=size
-        B | | mean forward minus mean reverse | B / unit, u=s_forward, size=size
-        s_forward | | standard deviation of the runs forward; null where the instrument was \
-            zeroed in every run | s / forward, size=size
-        s_reverse | | the same in reverse | s / reverse, size=size
-        R_forward | | 4 s_forward | -, size=size
-        R_reverse | | 4 s_reverse | -, size=size
+        n_forward | n.0 | runs forward
+        n_reverse | n.1 | runs in reverse
+        mean_forward | means.0 | mean of the runs forward | mean / forward, u=s.0, size=of.size
+        mean_reverse | means.1 | mean of the runs in reverse | mean / reverse, u=s.1, size=of.size
+        mean | | mean of both | -, size=of.size
+        B | | mean forward minus mean reverse | B / unit, u=s.0, size=of.size
+        s_forward | s.0 | standard deviation of the runs forward; null where the instrument was \
+            zeroed in every run | s / forward, size=of.size
+        s_reverse | s.1 | the same in reverse | s / reverse, size=of.size
+        R_forward | R_way.0 | 4 s_forward | -, size=of.size
+        R_reverse | R_way.1 | 4 s_reverse | -, size=of.size
         R | | largest of 2 s_forward + 2 s_reverse + |B| and R of each direction \
-            | R / unit, u=s_forward, size=size"""
+            | R / unit, u=s.0, size=of.size"""
 AXIS = (
     """
     unit | | unit of all figures
@@ -74,18 +77,13 @@ def at_target(axis: analysis.Axis) -> list[dict[str, Any]]:
     """What ISO 230-2 has of every target (mm, of a rotary axis deg); B = forward - reverse."""
     count, mean, s = axis.of_runs
     B, R_way, R = analysis.reversal_and_repeatability(mean, s)
-    columns = {"mean": mean.mean(axis=0), "B": B, "R": R}
-    for name, pair in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
-        columns |= {f"{name}_{way}": x for way, x in zip(analysis.WAYS, pair, strict=True)}
-    place, other = ("deg", "mm") if axis.rotary else ("mm", "deg")
-    shared = {"name": axis.name, "size": axis.size, other: None}
-    return [
-        {**shared, place: at, **{name: values[i].item() for name, values in columns.items()}}
-        for i, at in enumerate(axis.targets.tolist())
-    ]
+    names = ("deg" if axis.rotary else "mm", "n", "means", "mean", "B", "s", "R_way", "R")
+    columns = axis.targets, count.astype(int).T, mean.T, mean.mean(axis=0), B, s.T, R_way.T, R
+    rows = zip(*columns, strict=True)
+    return [{"of": axis} | dict(zip(names, values, strict=True)) for values in rows]
 
 
-RESULTS = declare(
+POSITIONING = declare(
     """
     axes{} | | *axis
     conformity[] | decisions
@@ -97,8 +95,6 @@ RESULTS = declare(
         U | 1.U | expanded uncertainty k u; null without a budget | -, size=1.size
         verdict | 1.verdict | conforming, not proven or nonconforming (ISO 14253-1)
     plan. | plan
-        length_mm | length | travel
-        pitch_mm | pitch | pitch that no target is a multiple of
         targets_mm | targets | proposed targets
     """,
     absolute=abs,
@@ -119,7 +115,7 @@ def _scale(figure: analysis.Figure) -> float:
     return figure.u if figure.u > 0 else figure.u_sampling
 
 
-ROW = declare(
+FIGURE_ROW = declare(
     """
     component | 0.name | name of the component | axis, text, names
     figure | 1.name | symbol of the figure | figure, text
@@ -138,7 +134,7 @@ ROW = declare(
     scale=_scale,
     meaning=analysis.MEANINGS.get,
 )
-TARGETS = [*declare("- | name | | axis, text, names"), *declare(AT_TARGET)]
+TARGETS = [*declare("- | of.name | | axis, text, names"), *declare(AT_TARGET)]
 PLAN_ROW = declare("""
     number | | number of the target | target, count
     position_mm | at | proposed position | position, mm
@@ -146,7 +142,7 @@ PLAN_ROW = declare("""
 """)
 
 
-def document(result: analysis.Iso230Result, digits: int = 2) -> Document:
+def positioning(result: analysis.Iso230Result, digits: int = 2) -> Document:
     """One row a figure of the standard; targets below."""
     if result.plan is not None:
         return _plan_document(result, result.plan, digits)
@@ -169,7 +165,7 @@ def document(result: analysis.Iso230Result, digits: int = 2) -> Document:
     of = f"deviations in {listed(dict.fromkeys(axis.unit for axis in axes))}"
     target_footer = f"{of}; B = mean forward - mean reverse"
     tables = [
-        Table(title, ROW, rows, footer, selection=selection),
+        Table(title, FIGURE_ROW, rows, footer, selection=selection),
         Table("At the targets", TARGETS, targets, target_footer, detail=len(axes) > SHOWN_AXES),
     ]
     texts = [
@@ -185,8 +181,8 @@ def document(result: analysis.Iso230Result, digits: int = 2) -> Document:
     if any(x.before for _, x in rows):
         differ = listed(f"{x.name} of {axis.name}" for axis, x in rows if x.differs)
         texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
-    figure_, verdict = partial(figure, result), " ".join(texts)
-    return Document("Positioning", (RESULTS, result), tables, figure_, verdict, digits)
+    source, verdict = (POSITIONING, result), " ".join(texts)
+    return Document("Positioning", source, tables, positioning_figure, verdict, digits)
 
 
 def _figure_text(axis: analysis.Axis, digits: int, standard: str = "iso230-2") -> str:
@@ -214,11 +210,10 @@ def _plan_document(result: analysis.Iso230Result, plan: analysis.Plan, digits: i
         f"{len(rows)} targets over {plan.length:g} mm; none is a multiple of the pitch of "
         f"{plan.pitch:g} mm."
     )
-    return Document("Target positions", (RESULTS, result), [table], None, verdict, digits)
+    return Document("Target positions", (POSITIONING, result), [table], None, verdict, digits)
 
 
-@figures.styled
-def figure(result: analysis.Iso230Result) -> figures.Figure:
+def positioning_figure(result: analysis.Iso230Result) -> figures.Figure:
     """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
     limits as long as the range that their figure may have.
     """
@@ -254,5 +249,172 @@ def figure(result: analysis.Iso230Result) -> figures.Figure:
         title = f"{axis.name}: {_figure_text(axis, 2)} {axis.unit}"
         xlabel = f"target, {'deg' if axis.rotary else 'mm'}"
         panel.set(title=title, xlabel=xlabel, ylabel=f"deviation, {axis.unit}")
+    figures.legend(page)
+    return page
+
+
+CAUSE = declare(
+    """
+    name | | cause | cause, text
+    value | | its size in the unit; null where the traces do not separate it | value, u=u, size=size
+    u | | its standard uncertainty | u, size=size
+    unit | | um, um/m or ms | unit, text
+    share_percent | share() | range of the term over the sum of all terms' ranges; null of the \
+        set-up | share / %, whole
+    meaning | meaning(name) | what it is | meaning, text
+    """,
+    meaning=MEANING.get,
+    share=lambda item: None if math.isnan(item.share) else 100 * item.share,
+)
+TRACE = declare(
+    """
+    file | trace.file | file of the trace | file, text
+    pass | trace.number | number of its pass; null: none is stated | pass, count
+    direction | trace.direction | cw or ccw | direction, text
+    feed | trace.feed | path speed, mm/min; null: not stated | feed / mm/min, plain
+    samples | samples() | samples | samples, count
+    G_lsc | | um: circular deviation, about the trace's least-squares circle \
+        | G (LSC), sig3, unit=um
+    F_max | | um: largest radial deviation from the nominal radius about the given centre \
+        | F max, sig3, unit=um
+    F_min | | um: smallest radial deviation | F min, sig3, unit=um
+    """,
+    samples=lambda item: len(item.trace.angle),
+)
+STATED = declare(
+    """
+    file | | file of the instrument | file, text
+    feature | | its feature | feature, text
+    value | | as the instrument states it, with its sign | stated, sig4
+    unit | | its unit | unit, text
+    """
+)
+CIRCULAR = declare(
+    """
+    plane | traces.plane | XY, YZ or ZX, first axis to second counter-clockwise; null: not stated
+    radius_mm | traces.radius | nominal radius
+    traces[] | figures | *trace
+    G_bidirectional | | um: circular deviation of both directions, about one least-squares circle; \
+        null of one direction | -, unit=um
+    D | | um: mean bidirectional radial deviation; null of one direction | -, unit=um
+    diagnosis[] | causes | *cause
+    remainder.rms_um | remainder_rms | of what the joint fit leaves, without 5 degrees after each \
+        reversal
+    remainder.range_um | remainder_range | its range
+    """,
+    trace=TRACE,
+    cause=CAUSE,
+)
+
+
+def stated_document(contents: Mapping[str, Mapping[str, Any]], digits: int = 2) -> Document:
+    """The features that ballbars state, of the `contents` by file."""
+    rows = [
+        {"file": file, "feature": name, **each}
+        for file, content in contents.items()
+        for name, each in content["features"].items()
+    ]
+    planes = [*dict.fromkeys(content.get("test_plane") for content in contents.values())]
+    plane = planes[0] if len(planes) == 1 else None
+    fields = declare(
+        """
+        plane | | plane that all files state, first axis to second; null: none, or several
+        instrument[] | rows | *stated
+        """,
+        stated=STATED,
+    )
+    footer = "a, b: first and second axis of the plane; signs as the instrument has them"
+    verdict = f"{len(rows)} features stated by the instrument ({plane or 'plane not stated'})."
+    source = fields, {"rows": rows, "plane": plane}
+    tables = [Table("Stated by the instrument", STATED, rows, footer)]
+    return Document("Circular test", source, tables, None, verdict, digits)
+
+
+def circular(result: CircularResult, digits: int = 2) -> Document:
+    """One row a cause; the traces below."""
+    footer = (
+        f"one joint fit of all traces; remainder {significant(result.remainder_rms / UM)} um rms; "
+        "u allows for the correlation of neighbouring samples"
+    )
+    causes = sorted(result.causes, key=lambda x: -x.share if x.share == x.share else 1.0)
+    tables = [
+        Table(f"Causes, {_setup(result)}", CAUSE, result.causes, footer, selection=causes),
+        Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
+    ]
+    worst = max(result.figures, key=lambda x: x.G_lsc)
+    verdict = f"G {significant(worst.G_lsc / UM, 3)} um ({worst.trace.direction})"
+    if not math.isnan(result.G_bidirectional):
+        verdict += f", of both directions {significant(result.G_bidirectional / UM, 3)} um"
+    largest = ", ".join(
+        f"{x.name} {_value(x, digits)}({100 * x.share:.0f} %)"
+        for x in [x for x in causes if x.share == x.share and x.exceeds][:3]
+    )
+    verdict += f". Largest significant causes: {largest}." if largest else ". No cause exceeds 2 u."
+    return Document("Circular test", (CIRCULAR, result), tables, circular_figure, verdict, digits)
+
+
+def _value(cause: Cause, digits: int) -> str:
+    """Value and u in the unit; nothing where the unit takes what is not stated (the feed)."""
+    if math.isnan(cause.value):
+        return ""
+    return f"{plus_minus(cause.value / cause.size, cause.u / cause.size, digits)} {cause.unit} "
+
+
+def _setup(result: CircularResult) -> str:
+    plane = f"{result.traces.plane}, " if result.traces.plane else ""
+    return f"{plane}radius {result.traces.radius:g} mm"
+
+
+def components(result: CircularResult) -> dict[str, Any]:
+    """`results` of a components report: squareness as the angle component of the plane, positive
+    above 90 degrees, and lost motion as reversal = forward - reverse.
+    """
+    first, second = [*(result.traces.plane or "XY").lower()]
+    lean = result.cause("squareness")
+    entries: dict[str, Any] = {}
+    if not math.isnan(lean.value):
+        zero = [[0.0]]
+        entries[f"a{''.join(sorted((first, second)))}"] = {
+            "of": None, "unit": "arcsec", "degree": 0, "n_passes": len(result.figures),
+            "coefficients": [-lean.value / ARCSEC], "covariance": [[(lean.u / ARCSEC) ** 2]],
+            "covariance_independent": None, "s": None, "s_repeat": 0.0, "pass_covariance": zero,
+            "pass_covariance_moment": zero, "pass_center_mm": 0.0, "pass_dof": None,
+            "repeat_dof": None, "position_range_mm": None,
+        }  # fmt: skip
+    backlash = {first: result.cause("backlash-a"), second: result.cause("backlash-b")}
+    return {
+        "machine": "circular test",
+        "components": entries,
+        "joint_pass_covariance": [],
+        "reversal": {
+            axis: {"mean": -x.value / x.size, "u": x.u / x.size, "unit": x.unit}
+            for axis, x in backlash.items()
+            if not math.isnan(x.value)
+        },
+    }
+
+
+def circular_figure(result: CircularResult) -> figures.Figure:
+    """Deviations about each trace's circle over the angle, and the joint fit."""
+    from matplotlib.ticker import MaxNLocator
+
+    page = figures.blank(6.5, 6.5)
+    figures.title(page, f"Circular test, {_setup(result)}")
+    panel: Any = page.add_subplot(projection="polar")
+    colours, reach = {"ccw": BLUE, "cw": ORANGE}, 0.0
+    for trace, fit in zip(result.traces.traces, result.fitted, strict=True):
+        order = np.argsort(np.mod(trace.angle, 2 * math.pi), kind="stable")
+        rest, model = (
+            about_circle(trace.angle, values)[order] / UM for values in (trace.deviation, fit)
+        )
+        angle = trace.angle[order]
+        panel.plot(angle, rest, color=colours[trace.direction], lw=1.0, label=trace.direction)
+        panel.plot(angle, model, color=INK, lw=0.6, ls="--", label="joint fit")
+        reach = max(reach, float(np.abs(rest).max()))
+    reach = reach or 1.0
+    panel.set_rlim(-1.1 * reach, 1.1 * reach)
+    panel.set_rorigin(-3.5 * reach)
+    panel.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    panel.set_title("deviation from the least-squares circle, um", pad=16, fontweight="normal")
     figures.legend(page)
     return page
