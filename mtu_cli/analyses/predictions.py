@@ -128,10 +128,7 @@ def predict_places(
         split=split,
         independent=settings.independent,
         conformance=(None,) * len(ids),
-        warnings=(
-            *prediction_warnings(model, prediction, covariates),
-            *dof_warnings(names, dof),
-        ),
+        warnings=(*prediction_warnings(model, prediction, covariates), *dof_warnings(names, dof)),
     )
 
 

@@ -63,13 +63,7 @@ from mtu_cli.model.visits import (
     without_motions,
 )
 from mtu_cli.stats.covariance import bounded, factor_of
-from mtu_cli.stats.least_squares import (
-    BoolArray,
-    FloatArray,
-    IntArray,
-    least_squares,
-    polynomial,
-)
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.units import ANGLE, UNITS
 
 

@@ -214,11 +214,7 @@ class Motions(NamedTuple):
 
 
 def motions_of(
-    datum: Datum,
-    places: FloatArray,
-    operation: IntArray,
-    axes: tuple[int, ...],
-    there: BoolArray,
+    datum: Datum, places: FloatArray, operation: IntArray, axes: tuple[int, ...], there: BoolArray
 ) -> tuple[Motions, ...]:
     """The motions that the datum removes from each row, by operation: rows at nominal `places` (N,
     H, 3) mm have values where they are `there` (N, H); `operation` (H,) codes; `axes` (0, 1, 2)

@@ -40,11 +40,7 @@ class Fitted:
     """
 
     def __init__(
-        self,
-        design: Design,
-        cycles: Iterable[int],
-        spec: Spec,
-        penalties: FloatArray | None = None,
+        self, design: Design, cycles: Iterable[int], spec: Spec, penalties: FloatArray | None = None
     ) -> None:
         self.design, self.spec = design, spec
         self.columns = columns = design.columns(spec.lags)
