@@ -30,9 +30,8 @@ from mtu_cli.model.measured import (
     roundings,
     some,
 )
-from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.prediction import Prediction, Variance, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.variance import Variance
 from mtu_cli.model.visits import aligned, incomplete_datum, operations_of, projector, visits_of
 from mtu_cli.stats.anova import OneWay, one_way, only, reml
 from mtu_cli.stats.coverage import FAMILY_RATE, holm

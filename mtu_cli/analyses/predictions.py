@@ -29,14 +29,16 @@ from mtu_cli.model.measurands import (
     length_measure,
     position_conformance,
 )
-from mtu_cli.model.prediction import Prediction, predict, reportable, rescaled
+from mtu_cli.model.prediction import Prediction, Variance, predict, ratio_of
 from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
-from mtu_cli.model.variance import Shares, Variance
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult, Validation
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.units import ARCSEC, UM
+
+INDEFINITE = 1e-9
+"""Of the largest eigenvalue: what is further below 0 is no rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +75,25 @@ class PointsResult:
         if self.independent:
             return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
         return rescaled(self.prediction.assembled(drawable=True, by_point=True), variance)
+
+
+def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
+    """The covariance (rows, rows) with the variances (rows,), without negative eigenvalues, as
+    reports show it: D that is estimated without bias may have a negative part; correlations are
+    those without it. The prediction's covariance where it has both already.
+    """
+    covariance = prediction.covariance
+    if np.allclose(np.diag(covariance), variance, rtol=1e-9, atol=0.0):
+        values = np.linalg.eigvalsh(covariance)
+        if values[0] >= -INDEFINITE * abs(values[-1]):
+            return covariance
+    return rescaled(prediction.drawable, variance)
+
+
+def rescaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
+    """The correlations of a covariance (..., rows, rows) with other variances (..., rows)."""
+    ratio = ratio_of(variance, np.einsum("...ii->...i", covariance))
+    return covariance * ratio[..., :, None] * ratio[..., None, :]
 
 
 def predict_points(
@@ -163,7 +184,7 @@ class LengthsResult:
     u_uncorrelated: FloatArray
     u_bounds: FloatArray
     pair: tuple[tuple[str, str] | None, ...]
-    shares: tuple[Shares | None, ...]
+    shares: tuple[dict[str, float] | None, ...]
     conformance: tuple[Conformance | None, ...]
     validation: tuple[Validation, ...]
     outside: tuple[bool, ...]
@@ -294,7 +315,7 @@ class Orthogonality:
     interval95: tuple[float, float]
     independent: MonteCarloResult
     validation: Validation
-    shares: Shares | None
+    shares: dict[str, float] | None
     conformance: Conformance | None
     outside: bool
     k: float

@@ -11,17 +11,19 @@ import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.model.effect_parameters import range_warnings
 from mtu_cli.model.machine_model import (
     AXES,
     Covariates,
     MachineModel,
     coordinates_of,
+    design,
     places,
+    row_times,
     without_coordinate,
 )
-from mtu_cli.model.prediction import Prediction, temperature_warnings
+from mtu_cli.model.prediction import Prediction, temperature_gradients
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0
@@ -29,6 +31,8 @@ BELOW_THREE = "fewer than 3 effective ones"
 NO_U = "a source with two or fewer, so that no standard uncertainty exists"
 MOST_PLACES = 3000
 """The covariance of all places is calculated: its side is this times the axes."""
+SLACK = 0.05
+"""Share of the fitted range of temperatures that may be exceeded without a warning."""
 
 
 def feature_points(
@@ -76,6 +80,43 @@ def outside_warnings(prediction: Prediction) -> list[Finding]:
         what = f"feature {points[0]!r} at {at:g} mm{rest}"
         facts = {"low": low, "high": high, "unit": "mm"}
         warnings.append(finding("outside-measured-range", what=what, names=names, **facts))
+    return warnings
+
+
+def temperature_warnings(
+    model: MachineModel, points: FloatArray, covariates: Covariates
+) -> list[Finding]:
+    """Temperatures beyond those of the fit, one warning a sensor and range for all drifts that were
+    read in it, and lags without a history.
+
+    `points` (n, 3) in mm, `covariates` one value for all or one a point.
+    """
+    beyond: dict[tuple[str, float, float], list[str]] = {}
+    for drift in model.drifts():
+        ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
+        for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
+            values = np.asarray(covariates[sensor], float)
+            if max(low - values.min(), values.max() - high) > max(SLACK * (high - low), 1e-9):
+                beyond.setdefault((sensor, low, high), []).append(drift.component)
+    warnings, gradients = [], {}
+    if beyond:
+        levers = design(model, points, covariates).levers
+        gradients = temperature_gradients(model, points, levers)
+    for (sensor, low, high), names in beyond.items():
+        values = np.atleast_1d(np.asarray(covariates[sensor], float))
+        away = np.maximum(low - values, values - high)
+        worst = int(np.argmax(away))
+        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * float(away[worst])
+        what = f"{sensor} at {values[worst]:.4g} degC (up to {wrong:.2g} um)"
+        facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
+        of = [f"the drift of {listed(names)}"]
+        warnings.append(finding("outside-measured-range", what=what, names=of, **facts))
+    times = row_times(covariates)
+    lagged = [drift for drift in model.drifts() if drift.time_constants.any()]
+    if lagged and (times is None or np.ptp(times) == 0):
+        slowest = max(float(drift.time_constants.max()) for drift in lagged)
+        names = [drift.component for drift in lagged]
+        warnings.append(finding("settled-temperatures", components=names, minutes=slowest))
     return warnings
 
 

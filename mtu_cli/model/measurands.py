@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.findings import InputError, error, finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.prediction import Prediction, ratio_of
+from mtu_cli.model.prediction import Prediction, Variance, ratio_of
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.variance import Variance
 from mtu_cli.stats.blocks import Draws, Workspace
 from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.coverage import t_quantile
@@ -83,7 +82,7 @@ class PointTrials:
                 C = stacked @ prediction.drawable @ stacked.T
             self.dof, self.factor = variance.dof, factor_of(C)
             if lowered:
-                # By a negative D, which the variance is not (`variance.block_variance`): without
+                # By a negative D, which the variance is not (`block_variance`): without
                 # its negative part, all rows of an output scaled alike.
                 drawn = np.sum(self.factor[self.k :] ** 2, axis=1)
                 self.factor *= ratio_of(variance.total, drawn)[self.owner, None]

@@ -30,7 +30,7 @@ from mtu_cli.model.covariates import (
 )
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
 from mtu_cli.model.estimation import MOST_AUTO, reading_rounding
-from mtu_cli.model.features import guess_warnings, outside_warnings
+from mtu_cli.model.features import guess_warnings, outside_warnings, temperature_warnings
 from mtu_cli.model.fit import ComponentReadings, component_readings, effects_on_readings
 from mtu_cli.model.machine_model import (
     AXES,
@@ -45,12 +45,12 @@ from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import judged_axes, roundings
 from mtu_cli.model.passes import Passes
 from mtu_cli.model.prediction import (
+    component_blocks,
     constant_effects,
+    drawable_passes,
     predict,
     temperature_gradients,
-    temperature_warnings,
 )
-from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
     Cells,
     Motions,

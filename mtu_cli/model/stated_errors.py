@@ -12,7 +12,7 @@ from mtu_cli.findings import error, suggestion
 from mtu_cli.language import names
 from mtu_cli.model.estimates import known_component
 from mtu_cli.model.machine_model import AXES, component_alone, design, effect_alone
-from mtu_cli.model.variance import component_blocks
+from mtu_cli.model.prediction import component_blocks
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import LENGTH, UNITS
 
