@@ -15,7 +15,7 @@ from mtu_cli.files.reports_read import ComponentsReport, read_report
 from mtu_cli.files.source import files_written
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
-from mtu_cli.model.simulate import SimulatedReadings
+from mtu_cli.model.simulate import Columns
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGS = ROOT / "configs"
@@ -85,20 +85,20 @@ def simulated_study() -> Study:
     return study(SIMULATED, [DATA / "gilsinn-ling-simulated" / "lbb.csv"])
 
 
-def as_readings(simulated: SimulatedReadings, model: MachineModel) -> Readings:
+def as_readings(simulated: Columns, model: MachineModel) -> Readings:
     """Simulated readings as if they had been read from a ball-bar file."""
     units = {term.estimate.name: term.estimate.unit for term in model.terms}
     names = tuple(units)
-    factor = np.array([units[name].to_internal for name in simulated.component])
-    code = np.array([names.index(name) for name in simulated.component])
+    factor = np.array([units[name].to_internal for name in simulated["component"]])
+    code = np.array([names.index(name) for name in simulated["component"]])
     axis = {term.estimate.name: term.estimate.of for term in model.terms}
-    known = np.array([axis[name] is not None for name in simulated.component])
+    known = np.array([axis[name] is not None for name in simulated["component"]])
     return made_readings(
-        simulated.error * factor,
+        simulated["error"] * factor,
         names,
         code=code,
-        position=np.where(known, simulated.position, np.nan),
-        dimension=[units[name].dimension for name in simulated.component],
-        passes=simulated.pass_number,
-        direction=simulated.direction,
+        position=np.where(known, simulated["position_mm"], np.nan),
+        dimension=[units[name].dimension for name in simulated["component"]],
+        passes=simulated["pass"],
+        direction=simulated["direction"],
     )

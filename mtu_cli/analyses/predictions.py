@@ -25,7 +25,6 @@ from mtu_cli.model.measurands import (
     conformance_of,
     differences,
     joint_conformance,
-    length_gradient,
     length_measure,
     position_conformance,
 )
@@ -51,7 +50,6 @@ class PointsResult:
     """
 
     prediction: Prediction
-    points: FloatArray
     coverage_factor: float
     variance: FloatArray
     dof: FloatArray
@@ -141,7 +139,6 @@ def predict_places(
     names = tuple(f"{i}.{axis}" for i in ids for axis in prediction.axes)
     return PointsResult(
         prediction=prediction,
-        points=points,
         coverage_factor=settings.coverage_factor,
         variance=total,
         dof=dof,
@@ -214,14 +211,13 @@ def predict_lengths(
     prediction = predict(model, features, points, covariates)
     pairs = np.array([[features.index(name) for name in pair] for pair in ends])
     delta = differences(points, pairs, names, part.source.shown)
-    gradient = length_gradient(prediction, pairs, delta)
+    measure, combine, gradient = length_measure(prediction, pairs, delta)
     split = prediction.variance(gradient)
     independent = gradient**2 @ prediction.independent_variance
     variance, dof = split.total, split.dof
     if settings.independent:
         variance, dof = independent, np.full(len(names), np.inf)
     u = np.sqrt(variance)
-    measure, combine = length_measure(prediction, pairs, delta)
     owner = np.tile(np.arange(len(names)), len(prediction.axes))
     alone = settings.independent
     trials = PointTrials(
@@ -277,15 +273,13 @@ def _bounds(
     prediction: Prediction, by_block: FloatArray
 ) -> tuple[tuple[float, float], tuple[str, str] | None]:
     """u if the two largest blocks were correlated with -1 or +1, and their names."""
-    total = float(by_block.sum())
+    total, cross, pair = float(by_block.sum()), 0.0, None
     largest = np.argsort(-by_block, kind="stable")[:2]
-    if len(largest) < 2 or by_block[largest[1]] <= 0:
-        u = float(np.sqrt(total))
-        return (u, u), None
-    cross = 2 * float(np.sqrt(by_block[largest[0]] * by_block[largest[1]]))
-    first, second = (" + ".join(prediction.blocks[b].names) for b in largest)
-    low, high = np.sqrt(max(total - cross, 0.0)), np.sqrt(total + cross)
-    return (float(low), float(high)), (first, second)
+    if len(largest) == 2 and by_block[largest[1]] > 0:
+        cross = 2 * float(np.sqrt(by_block[largest].prod()))
+        first, second = (" + ".join(prediction.blocks[b].names) for b in largest)
+        pair = first, second
+    return (float(np.sqrt(max(total - cross, 0.0))), float(np.sqrt(total + cross))), pair
 
 
 DRAWN = 2**18

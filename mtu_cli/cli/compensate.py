@@ -20,9 +20,9 @@ from mtu_cli.findings import InputError, error
 from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
-from mtu_cli.model.passes import passes_read
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.stated_errors import Stated, known_names, stated
+from mtu_cli.model.visits import passes_read
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
@@ -180,7 +180,7 @@ def _errors(
             known=np.zeros((none.size,) * 2),
         )  # fmt: skip
     for each in rest:
-        errors = errors.plus(each.errors_at(machine, errors.targets))
+        errors = errors.plus(*each.errors_at(machine, errors.targets))
     return errors, axis, first
 
 

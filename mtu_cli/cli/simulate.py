@@ -90,7 +90,7 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
     names = {x.estimate.name for x in model.terms if EFFECT_MARK not in x.estimate.name}
     known_name("--laser-component", "component", name, sorted(names))
     readings = _readings(inputs, model, seed, only=name)
-    unit, file_unit = UNITS[readings.unit[0]], UNITS[RUN_UNITS[kind]]
+    unit, file_unit = UNITS[readings["unit"][0]], UNITS[RUN_UNITS[kind]]
     if unit.dimension != file_unit.dimension:
         reason = f"{name} is read in {unit.name}, and a .{kind} file holds {file_unit.name}"
         raise error(
@@ -98,10 +98,10 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
         )
     synthetic = readings_file(readings)
     columns: dict[str, list[Any]] = {
-        "position_mm": readings.position.tolist(),
-        "pass": readings.pass_number.tolist(),
-        "direction": ["forward" if sign > 0 else "reverse" for sign in readings.direction],
-        "error": (readings.error * (unit.to_internal / file_unit.to_internal)).tolist(),
+        "position_mm": readings["position_mm"].tolist(),
+        "pass": readings["pass"].tolist(),
+        "direction": ["forward" if sign > 0 else "reverse" for sign in readings["direction"]],
+        "error": (readings["error"] * (unit.to_internal / file_unit.to_internal)).tolist(),
     }
     content = run_file(Imported(format=kind, columns=columns))
     return replace(synthetic, body=content.decode("cp1252"))
@@ -109,7 +109,7 @@ def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Synthetic:
 
 def _readings(
     inputs: Inputs, model: MachineModel, seed: int, only: str | None = None
-) -> virtual.SimulatedReadings:
+) -> virtual.Columns:
     estimates = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
     axes = {each.of for each in estimates if each.of is not None and only in (None, each.name)}
     positions = _positions(inputs, model, axes)
@@ -224,7 +224,7 @@ MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Synthetic]] = {
     "write_laser": _laser,
     "write_cmm": _points,
     "write_drift": lambda inputs, model, seed: drift_file(
-        virtual.simulate_drift(*_drift_test(inputs, model), seed)
+        *virtual.simulate_drift(*_drift_test(inputs, model), seed)
     ),
 }
 """What makes each file, by the option that names it."""

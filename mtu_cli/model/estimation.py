@@ -21,7 +21,7 @@ from mtu_cli.model.estimates import (
     between_passes,
     covariance_in_run,
 )
-from mtu_cli.model.passes import Passes, PassKey, passes_read
+from mtu_cli.model.visits import Passes, PassKey, passes_read
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.kernels import FEWEST_RUNS, FEWEST_TARGETS, SmoothProfile, smooth_profile

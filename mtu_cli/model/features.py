@@ -23,7 +23,7 @@ from mtu_cli.model.machine_model import (
     row_times,
     without_coordinate,
 )
-from mtu_cli.model.prediction import Prediction, temperature_gradients
+from mtu_cli.model.prediction import Outside, Prediction, temperature_gradients
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0
@@ -65,10 +65,10 @@ def feature_points(
     return ids, points, warnings
 
 
-def outside_warnings(prediction: Prediction) -> list[Finding]:
+def outside_warnings(outside: Iterable[Outside]) -> list[Finding]:
     """One warning for all components whose measured range the features leave alike."""
     by_component: dict[tuple[str, float, float], dict[str, float]] = {}
-    for point, component, position, low, high in prediction.outside:
+    for point, component, position, low, high in outside:
         by_component.setdefault((component, low, high), {})[point] = position
     alike: dict[tuple[float, float, tuple[str, ...]], list[str]] = {}
     for (component, low, high), positions in by_component.items():
@@ -91,23 +91,23 @@ def temperature_warnings(
 
     `points` (n, 3) in mm, `covariates` one value for all or one a point.
     """
-    beyond: dict[tuple[str, float, float], list[str]] = {}
+    beyond: dict[tuple[str, float, float], tuple[float, float, list[str]]] = {}
     for drift in model.drifts():
         ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
         for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
-            values = np.asarray(covariates[sensor], float)
-            if max(low - values.min(), values.max() - high) > max(SLACK * (high - low), 1e-9):
-                beyond.setdefault((sensor, low, high), []).append(drift.component)
+            values = np.atleast_1d(np.asarray(covariates[sensor], float))
+            away = np.maximum(low - values, values - high)
+            i = int(np.argmax(away))
+            if away[i] > max(SLACK * (high - low), 1e-9):
+                entry = beyond.setdefault((sensor, low, high), (values[i], away[i], []))
+                entry[2].append(drift.component)
     warnings, gradients = [], {}
     if beyond:
         levers = design(model, points, covariates).levers
         gradients = temperature_gradients(model, points, levers)
-    for (sensor, low, high), names in beyond.items():
-        values = np.atleast_1d(np.asarray(covariates[sensor], float))
-        away = np.maximum(low - values, values - high)
-        worst = int(np.argmax(away))
-        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * float(away[worst])
-        what = f"{sensor} at {values[worst]:.4g} degC (up to {wrong:.2g} um)"
+    for (sensor, low, high), (value, far, names) in beyond.items():
+        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * far
+        what = f"{sensor} at {value:.4g} degC (up to {wrong:.2g} um)"
         facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
         of = [f"the drift of {listed(names)}"]
         warnings.append(finding("outside-measured-range", what=what, names=of, **facts))
@@ -135,7 +135,7 @@ def prediction_warnings(
 ) -> list[Finding]:
     """Of places, temperatures and effects beyond what is known of them."""
     guessed = guess_warnings(model, prediction.points, covariates or {})
-    return [*outside_warnings(prediction), *guessed]
+    return [*outside_warnings(prediction.outside), *guessed]
 
 
 def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Finding]:

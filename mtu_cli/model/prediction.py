@@ -11,7 +11,7 @@ Coefficients that were estimated jointly are a block.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -313,11 +313,14 @@ def constant_effects(
     return blocks, shift
 
 
+Outside = tuple[str, str, float, float, float]
+"""A point, the component (or its drift) whose measured range it leaves, position, low, high."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
     """Errors at n points in a axes; rows are (point, axis), points first: `mean` (n*a,) in mm,
-    `independent_variance` (n*a,) under the papers' independence; `outside` lists (point, component
-    or its drift, position, low, high) beyond the measured range.
+    `independent_variance` (n*a,) under the papers' independence; `outside` the measured ranges.
     """
 
     ids: tuple[str, ...]
@@ -326,7 +329,7 @@ class Prediction:
     mean: FloatArray
     blocks: tuple[Block, ...]
     independent_variance: FloatArray
-    outside: tuple[tuple[str, str, float, float, float], ...]
+    outside: tuple[Outside, ...]
 
     @cached_property
     def beyond(self) -> dict[str, list[str]]:
@@ -445,16 +448,6 @@ def predict(
     for block in rest:
         independent += np.einsum("ri,ij,rj->r", block.G, block.C + block.D, block.G)
         independent += (block.noise**2).sum(axis=1)
-    outside = []
-    place = places(model, points)
-    for term in model.terms:
-        estimate, drift = term.estimate, term.drift
-        if estimate.of is None or estimate.position_range is None:
-            continue
-        (low, high), position = estimate.position_range, place[estimate.of]
-        beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist()
-        name = estimate.name if drift is None else f"the drift of {drift.component}"
-        outside += [(ids[i], name, float(position[i]), low, high) for i in beyond]
     return Prediction(
         ids=tuple(ids),
         axes=model.axes,
@@ -462,8 +455,23 @@ def predict(
         mean=rows.mean + shift,
         blocks=(*blocks, *rest),
         independent_variance=independent,
-        outside=tuple(outside),
+        outside=tuple(outside_ranges(model, ids, points)),
     )
+
+
+def outside_ranges(
+    model: MachineModel, ids: Sequence[str], points: FloatArray
+) -> Iterator[Outside]:
+    """Which of the `points` (n, 3), mm, are beyond the measured range of which component."""
+    place = places(model, points)
+    for term in model.terms:
+        estimate, drift = term.estimate, term.drift
+        if estimate.of is None or estimate.position_range is None:
+            continue
+        (low, high), position = estimate.position_range, place[estimate.of]
+        name = estimate.name if drift is None else f"the drift of {drift.component}"
+        for i in np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist():
+            yield ids[i], name, float(position[i]), low, high
 
 
 def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) -> list[Block]:

@@ -40,6 +40,8 @@ READINGS_STREAM, PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 0
 LARGEST_MM = 1e6
 """No machine is a kilometre long."""
 Equations = tuple[tuple[str, Node], ...]
+Columns = dict[str, np.ndarray]
+"""Of a file of readings, by their names there; errors in each component's own unit."""
 
 
 def pass_root(model: MachineModel) -> FloatArray:
@@ -65,18 +67,6 @@ def pass_root(model: MachineModel) -> FloatArray:
     return result
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedReadings:
-    """Columns of a readings file; `error` in each component's own unit."""
-
-    component: tuple[str, ...]
-    unit: tuple[str, ...]
-    position: FloatArray
-    pass_number: np.ndarray
-    direction: np.ndarray
-    error: FloatArray
-
-
 def simulate_readings(
     model: MachineModel,
     seed: int,
@@ -85,7 +75,7 @@ def simulate_readings(
     directions: tuple[int, ...],
     positions: Mapping[str, FloatArray],
     only: str | None = None,
-) -> SimulatedReadings:
+) -> Columns:
     """Readings of every component, or of `only` one, in `passes` in each of the `directions` at the
     `positions` (mm) of its axis: its polynomial, a draw of D a pass, jointly for components with
     shared passes, s_repeat a reading. A component without an axis is read once a pass, forward
@@ -109,7 +99,7 @@ def simulate_readings(
         drawn.append(draws[..., k:])
         normal.append(np.broadcast_to(draws[..., :k], (passes, each, k)))
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
-    rows: list[tuple[str, str, float, int, int, float]] = []
+    rows: list[tuple[str, float, int, int, float, str]] = []
     for estimate, runs, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
         if EFFECT_MARK in estimate.name or only not in (None, estimate.name):
             continue
@@ -118,18 +108,11 @@ def simulate_readings(
             b = estimate.coefficients + deviations[number, i, at]
             values = estimate.shape.columns(where) @ b + estimate.s_repeat * noise[number, i]
             rows += [
-                (estimate.name, estimate.unit.name, float(p), number + 1, sign, float(e))
+                (estimate.name, float(p), number + 1, sign, float(e), estimate.unit.name)
                 for p, e in zip(where, values / estimate.unit.to_internal, strict=True)
             ]
-    component, unit, position, number_, direction, errors = zip(*rows, strict=True)
-    return SimulatedReadings(
-        component=component,
-        unit=unit,
-        position=np.array(position),
-        pass_number=np.array(number_),
-        direction=np.array(direction),
-        error=np.array(errors),
-    )
+    names = ("component", "position_mm", "pass", "direction", "error", "unit")
+    return dict(zip(names, map(np.array, zip(*rows, strict=True)), strict=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -459,23 +442,6 @@ def as_read(
     }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulatedDrift:
-    """Columns of a drift file, rows by (cycle, component, position, time): `error` in each
-    component's own unit, `time` in min, `temperatures` in degC as read; `sensors` say how they
-    follow the room.
-    """
-
-    component: tuple[str, ...]
-    unit: tuple[str, ...]
-    position: FloatArray
-    cycle: np.ndarray
-    time: FloatArray
-    error: FloatArray
-    temperatures: dict[str, FloatArray]
-    sensors: Sensors
-
-
 def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> Sensors:
     """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible:
     with the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
@@ -525,8 +491,12 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     return Sensors(names=names, lags=lags, shares=shares)
 
 
-def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> SimulatedDrift:
-    """Readings of every component that drifts, cycle by cycle: warm-ups first, in turn."""
+def simulate_drift(
+    drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
+) -> tuple[Columns, Sensors]:
+    """Readings of every component that drifts, rows by (cycle, component, position, time), warm-ups
+    first, in turn; temperatures in degC as read. How the sensors follow the room.
+    """
     sensors = sensors_for(drifts, plan, seed)
     period = plan.moments + round(plan.soak / plan.interval)
     cool = np.repeat(np.arange(plan.cycles) % 2, period)
@@ -561,13 +531,13 @@ def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
     def spread(values: np.ndarray) -> np.ndarray:
         return np.broadcast_to(values, table.shape).ravel()
 
-    return SimulatedDrift(
-        component=tuple(spread(components[:, None]).tolist()),
-        unit=tuple(spread(units[:, None]).tolist()),
-        position=spread(positions[:, None]),
-        cycle=spread(np.arange(plan.cycles)[:, None, None] + 1),
-        time=spread(times[at][:, None]),
-        error=table.ravel(),
-        temperatures={name: spread(values[at][:, None]) for name, values in read.items()},
-        sensors=sensors,
-    )
+    made: Columns = {
+        "component": spread(components[:, None]),
+        "position_mm": spread(positions[:, None]),
+        "cycle": spread(np.arange(plan.cycles)[:, None, None] + 1),
+        "time_min": spread(times[at][:, None]),
+        "error": table.ravel(),
+        "unit": spread(units[:, None]),
+        **{name: spread(values[at][:, None]) for name, values in read.items()},
+    }
+    return made, sensors

@@ -24,8 +24,8 @@ MEANS = {
 
 def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
     """Points or moves with their places: mm, of a rotary axis deg; the item under its unit."""
-    key, unit = "deg" if result.asked.rotary else "mm", "arcsec" if result.asked.angle else "um"
-    shared = {"unit": unit, "size": result.size, "quantum": result.quantum}
+    key, unit = "deg" if result.asked.rotary else "mm", result.unit.name
+    shared = {"unit": unit, "size": result.unit.to_internal, "quantum": result.quantum}
     return [
         {**shared, "item": item, key: at, unit: item}
         for at, item in zip(places, items, strict=True)
@@ -44,11 +44,11 @@ def _moves(result: CompensateResult) -> list[dict[str, Any]]:
 
 def _figures(result: CompensateResult) -> dict[str, dict[str, Any]] | None:
     """Each figure before and after by name, in the unit of the errors."""
-    items: dict[str, dict[str, Any]] = {}
+    items, size = dict[str, dict[str, Any]](), result.unit.to_internal
     for name, before in (result.before or {}).items():
-        items[name] = {"name": name, "before": float(before) / result.size}
+        items[name] = {"name": name, "before": float(before) / size}
         if result.after is not None:
-            draws = result.after[name] / result.size
+            draws = result.after[name] / size
             items[name]["median"], items[name]["u"] = float(np.median(draws)), float(np.std(draws))
             items[name]["interval95"] = np.quantile(draws, (0.025, 0.975)).tolist()
     return items or None
@@ -91,8 +91,8 @@ RESULTS = declare(
     sign | controller.sign | what its values are: error, correction or position
     listing | controller.listing | whether it is for entry by hand
     direction | | both, mean or forward
-    unit | unit | unit of errors, E, B, M, rms and quantum
-    quantum | quantum | last place of the table's values | -, size=size
+    unit | unit.name | unit of errors, E, B, M, rms and quantum
+    quantum | quantum | last place of the table's values | -, size=unit.to_internal
     reference_mm | reference | machine position at which the table is 0; null: not zeroed
     backlash_um | backlash() | mean of forward - reverse; null of one direction
     points[] | points() | *point
@@ -151,7 +151,7 @@ def _of_backlash(result: CompensateResult, figure: Any) -> float | None:
 
 def document(result: CompensateResult, digits: int = 2) -> Document:
     """The points of the table, the figures before and after, and the moves."""
-    control, unit, component = result.controller, result.unit, result.component
+    control, unit, component = result.controller, result.unit.name, result.component
     footer = (
         f"errors (actual minus nominal) in {unit}; held: as read back from the file; the file's "
         f"values are {control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
@@ -186,7 +186,7 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
             verdict += f"(95 % interval {least} to {most})."
             B = _of_backlash(result, np.mean)
             if B is not None and not result.asked.both:
-                mean = f"{significant(B / result.size, 3)} {unit}"
+                mean = f"{significant(B / result.unit.to_internal, 3)} {unit}"
                 verdict += f" A reversal of {mean} (forward less reverse) is left to the control."
     figure_ = partial(figure, result)
     return Document("Compensation", (RESULTS, result), tables, figure_, verdict, digits)
@@ -197,7 +197,7 @@ def figure(result: CompensateResult) -> figures.Figure:
     """Errors requested and read back, by position."""
     page = figures.blank(7.0, 3.6)
     panel = page.subplots()
-    at, size = result.asked.at, result.size
+    at, size = result.asked.at, result.unit.to_internal
     names = ("forward", "reverse") if result.asked.both else ("both directions",)
     for name, colour, requested, readback in zip(
         names, (figures.BLUE, figures.ORANGE), result.asked.errors, result.held.errors, strict=False
@@ -206,7 +206,7 @@ def figure(result: CompensateResult) -> figures.Figure:
         panel.plot(at, readback / size, "-", color=colour, label=f"{name}, held by the control")
     xlabel = f"machine position, {'deg' if result.asked.rotary else 'mm'}"
     title = f"Compensation of {result.component}"
-    panel.set(xlabel=xlabel, ylabel=f"error, {result.unit}", title=title)
+    panel.set(xlabel=xlabel, ylabel=f"error, {result.unit.name}", title=title)
     panel.legend(loc="best")
     return page
 

@@ -20,9 +20,9 @@ from mtu_cli.units import UM
 
 POINT = """
     id | prediction.ids | name of the feature | feature, text, mark=mark()
-    x_mm | points.0 | nominal place; null: not given | x, mm
-    y_mm | points.1 | nominal place; null: not given | y, mm
-    z_mm | points.2 | nominal place; null: not given | z, mm
+    x_mm | prediction.points.0 | nominal place; null: not given | x, mm
+    y_mm | prediction.points.1 | nominal place; null: not given | y, mm
+    z_mm | prediction.points.2 | nominal place; null: not given | z, mm
     *of_axes
     conformance.
         position_um | | diameter of the zone of true position; conformance is null without \
@@ -135,13 +135,13 @@ def figure(result: PointsResult) -> figures.Figure:
     axes, k, ids = result.prediction.axes, result.coverage_factor, result.prediction.ids
     n, a = len(ids), len(axes)
     title = f"Predicted errors of {n} features, actual minus nominal"
-    if {"x", "y"} <= set(axes) and np.isfinite(result.points[:, :2]).all():
+    if {"x", "y"} <= set(axes) and np.isfinite(result.prediction.points[:, :2]).all():
         at = [AXES.index(axis) for axis in axes]
         errors, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         errors[:, at] = result.prediction.mean.reshape(n, a) / UM
         covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
         side = Side("", figures.BLUE, errors, covariance)
-        maps = Maps(ids, result.points, axes, [("", [side])], k)
+        maps = Maps(ids, result.prediction.points, axes, [("", [side])], k)
         share = 100 * (1 - math.exp(-(k**2) / 2))
         page = figures.blank(maps.width, maps.height)
         maps.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.model.simulate import SimulatedDrift, SimulatedPoints, SimulatedReadings
+from mtu_cli.model.simulate import Columns, Sensors, SimulatedPoints
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -17,6 +17,11 @@ SENSORS = (
 )
 FINE = ("um", "nm", "arcsec", "urad", "um/m")
 """Units of which a thousandth is fine enough; larger ones have seven digits."""
+MK = "{:.3f}"
+FORMS = {
+    "position_mm": "{:.6g}", "pass": "{:d}", "direction": "{:d}", "cycle": "{:d}",
+    "time_min": "{:.9g}", "error": "{:.7g}",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,19 +59,13 @@ def _values(cells: list[str]) -> list[str | float | None]:
     return [*cells]
 
 
-def readings_file(readings: SimulatedReadings) -> Synthetic:
+def readings_file(readings: Columns) -> Synthetic:
     """A readings file; errors to seven digits."""
-    columns = {
-        "component": [*readings.component],
-        "position_mm": _texts(readings.position, "{:.6g}"),
-        "pass": _texts(readings.pass_number, "{:d}"),
-        "direction": ["reverse" if sign < 0 else "forward" for sign in readings.direction],
-        "error": _texts(readings.error, "{:.7g}"),
-        "unit": [*readings.unit],
-    }
-    if not (readings.direction != 0).any():
-        del columns["direction"]
-    return Synthetic(columns)
+    cells = _cells(readings)
+    cells["direction"] = ["reverse" if sign < 0 else "forward" for sign in readings["direction"]]
+    if not readings["direction"].any():
+        del cells["direction"]
+    return Synthetic(cells)
 
 
 def points_file(points: SimulatedPoints) -> Synthetic:
@@ -81,22 +80,22 @@ def points_file(points: SimulatedPoints) -> Synthetic:
     return Synthetic(columns)
 
 
-def drift_file(drift: SimulatedDrift) -> Synthetic:
+def drift_file(drift: Columns, sensors: Sensors) -> Synthetic:
     """A drift file; temperatures to 1 mK, errors to 1 nm or a thousandth of the unit."""
-    errors = zip(drift.error, drift.unit, strict=True)
-    columns = {
-        "component": [*drift.component],
-        "position_mm": _texts(drift.position, "{:.6g}"),
-        "cycle": _texts(drift.cycle, "{:d}"),
-        "time_min": _texts(drift.time, "{:.9g}"),
-        "error": [f"{x:.3f}" if unit in FINE else f"{x:.7g}" for x, unit in errors],
-        "unit": [*drift.unit],
-        **{name: _texts(values, "{:.3f}") for name, values in drift.temperatures.items()},
-    }
-    sensors = zip(drift.sensors.names, drift.sensors.shares, drift.sensors.lags, strict=True)
-    each = [f"{name} {share:.3f} {lag:.1f}" for name, share, lag in sensors]
+    cells, errors = _cells(drift), zip(drift["error"], drift["unit"], strict=True)
+    cells["error"] = [f"{x:.3f}" if unit in FINE else f"{x:.7g}" for x, unit in errors]
+    rows = zip(sensors.names, sensors.shares, sensors.lags, strict=True)
+    each = [f"{name} {share:.3f} {lag:.1f}" for name, share, lag in rows]
     lines = [", ".join(each[i : i + 4]) for i in range(0, len(each), 4)]
-    return Synthetic(columns, SENSORS + "".join(f"#   {line}\n" for line in lines))
+    return Synthetic(cells, SENSORS + "".join(f"#   {line}\n" for line in lines))
+
+
+def _cells(columns: Columns) -> dict[str, list[str]]:
+    """Texts as they are, numbers as `FORMS` has them, temperatures to 1 mK."""
+    return {
+        name: values.tolist() if values.dtype.kind == "U" else _texts(values, FORMS.get(name, MK))
+        for name, values in columns.items()
+    }
 
 
 def _texts(values: FloatArray, form: str) -> list[str]:

@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from model_examples import estimate, model_of, part_of, stated
 
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.simulate import (
     WOBBLE_MEMORY_MIN,
+    Columns,
     DriftPlan,
     PartsPlan,
     Sensors,
-    SimulatedDrift,
     SimulatedPoints,
     followed,
     growth,
@@ -63,18 +64,18 @@ def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> 
     few = simulate_readings(machine(), 1, **READ)
     many = simulate_readings(machine(), 1, **READ | {"passes": 8})
     for name in "at":
-        rows = [i for i, other in enumerate(few.component) if other == name]
-        first = [i for i, other in enumerate(many.component) if other == name][: len(rows)]
-        assert (many.error[first] == few.error[rows]).all()
-    assert (simulate_readings(machine(), 2, **READ).error != few.error).all()
+        rows = [i for i, other in enumerate(few["component"]) if other == name]
+        first = [i for i, other in enumerate(many["component"]) if other == name][: len(rows)]
+        assert (many["error"][first] == few["error"][rows]).all()
+    assert (simulate_readings(machine(), 2, **READ)["error"] != few["error"]).all()
 
 
 def test_moments_of_readings() -> None:
     """The passes' lines have covariance D + s^2 (X'X)^-1, what is left s^2."""
     found = simulate_readings(machine(), 3, passes=4000, directions=(1,), positions=AT)
-    rows = np.array([name == "a" for name in found.component])
-    errors = found.error[rows].reshape(4000, 5)
-    p = found.position[rows][:5]
+    rows = np.array([name == "a" for name in found["component"]])
+    errors = found["error"][rows].reshape(4000, 5)
+    p = found["position_mm"][rows][:5]
     X = np.column_stack([np.ones(5), p])
     lines = errors @ X @ np.linalg.inv(X.T @ X)
     wanted = D + 4e-6 * np.linalg.inv(X.T @ X)
@@ -84,20 +85,20 @@ def test_moments_of_readings() -> None:
     assert (np.abs(lines.mean(axis=0) - [1e-3, 2e-5]) < 4.5 * deviation).all()
     rest = np.sum((errors - lines @ X.T) ** 2) / (4000 * 3)
     assert rest == pytest.approx(4e-6, rel=4.5 * np.sqrt(2 / 12000))
-    angle = found.error[~rows]
+    angle = found["error"][~rows]
     assert len(angle) == 4000
     assert angle.var(ddof=1) == pytest.approx(4e-10, rel=4.5 * np.sqrt(2 / 4000))
 
 
 def test_readings_run_back_and_forth() -> None:
     found = simulate_readings(machine(), 1, **READ)
-    positions = found.position[:10]
+    positions = found["position_mm"][:10]
     assert list(positions) == [0, 25, 50, 75, 100, 100, 75, 50, 25, 0]
-    assert list(found.direction[:10]) == [1] * 5 + [-1] * 5
-    assert list(found.pass_number[:30:10]) == [1, 2, 3]
-    constant = np.array([name == "t" for name in found.component])
-    assert list(found.direction[constant]) == [0, 0, 0]
-    assert found.unit[0] == "mm"
+    assert list(found["direction"][:10]) == [1] * 5 + [-1] * 5
+    assert list(found["pass"][:30:10]) == [1, 2, 3]
+    constant = np.array([name == "t" for name in found["component"]])
+    assert list(found["direction"][constant]) == [0, 0, 0]
+    assert found["unit"][0] == "mm"
 
 
 def test_moments_of_parts() -> None:
@@ -209,7 +210,7 @@ effects:
 def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
     """Its parameters are nothing an instrument reads; its covariates must be given."""
     model = stated(tmp_path, DECLARED)
-    assert set(simulate_readings(model, 1, **READ).component) == {"a"}
+    assert set(simulate_readings(model, 1, **READ)["component"]) == {"a"}
     with pytest.raises(InputError, match="a value of T_spindle_degC for the machine 'm'") as error:
         simulate(QUIET, model=model)
     assert "--covariate 'T_spindle_degC: EQUATION'" in str(error.value)
@@ -324,33 +325,33 @@ def drift(name: str = "p", tau: float = 0.0, leftover: float = 0.0) -> ThermalEs
     )
 
 
-def rises(found: SimulatedDrift, rows: np.ndarray) -> list[np.ndarray]:
-    return [found.temperatures[name][rows] - 20 for name in (A, B)]
+def rises(found: Columns, rows: np.ndarray) -> list[np.ndarray]:
+    return [found[name][rows] - 20 for name in (A, B)]
 
 
 @pytest.mark.parametrize("tau", [0.0, 40.0])
 def test_noise_free_readings_are_the_drift_of_the_temperatures_in_the_file(tau: float) -> None:
     """Of a sensor with a time constant, of the lagged temperature."""
-    found = simulate_drift([drift(tau=tau)], replace(NOISY, sensor_noise=0.0, cycles=1), 1)
+    found, _ = simulate_drift([drift(tau=tau)], replace(NOISY, sensor_noise=0.0, cycles=1), 1)
     for position in (0.0, 200.0):
-        rows = found.position == position
+        rows = found["position_mm"] == position
         a, b = rises(found, rows)
-        lagged = first_order_lag(a[:, None], found.time[rows], np.array([tau]))[0, :, 0]
+        lagged = first_order_lag(a[:, None], found["time_min"][rows], np.array([tau]))[0, :, 0]
         expected = 5 * lagged + (-2 + 0.01 * position) * b
-        assert found.error[rows] == pytest.approx(expected, abs=1e-9)
+        assert found["error"][rows] == pytest.approx(expected, abs=1e-9)
         assert (np.abs(5 * (a - lagged)).max() > 1) == (tau > 0)
-    assert found.error[0] == 0.0
-    assert np.abs(found.error).max() > 1
+    assert found["error"][0] == 0.0
+    assert np.abs(found["error"]).max() > 1
 
 
 def test_cycles_are_apart_by_soaking_and_warm_and_cool_in_turn() -> None:
-    found = simulate_drift([drift()], replace(STILL, minutes=300.0, soak=60.0), 1)
-    share = found.sensors.shares[0]
+    found, sensors = simulate_drift([drift()], replace(STILL, minutes=300.0, soak=60.0), 1)
+    share = sensors.shares[0]
     for cycle, start, end in ((1, 0, 26.0), (2, 362, 20.0), (3, 724, 26.0)):
-        rows = (found.cycle == cycle) & (found.position == 0)
-        assert found.time[rows] == pytest.approx(start + 2.0 * np.arange(151))
+        rows = (found["cycle"] == cycle) & (found["position_mm"] == 0)
+        assert found["time_min"][rows] == pytest.approx(start + 2.0 * np.arange(151))
         last = 20 + share * (end - 20)
-        assert found.temperatures[A][rows][-1] == pytest.approx(last, abs=0.01)
+        assert found[A][rows][-1] == pytest.approx(last, abs=0.01)
 
 
 def test_moments_of_noise_and_leftover_and_twins() -> None:
@@ -358,14 +359,14 @@ def test_moments_of_noise_and_leftover_and_twins() -> None:
     many = replace(NOISY, sensor_noise=0.02, cycles=400, minutes=8.0, noise={1: 1e-3, 0: 0},
                 twins=(("T_c_degC", A),))  # fmt: skip
     exact = replace(many, sensor_noise=0.0, twins=())
-    clean = simulate_drift([drift()], replace(exact, noise={1: 0.0, 0: 0.0}), 3)
-    found = simulate_drift([drift(leftover=4e-3)], many, 3)
-    assert list(found.temperatures) == [A, B, "T_c_degC"]
-    n, first = len(found.error) // 2, found.position == 0
-    noise = [(found.temperatures[x] - clean.temperatures[A])[first] for x in (A, "T_c_degC")]
+    clean, _ = simulate_drift([drift()], replace(exact, noise={1: 0.0, 0: 0.0}), 3)
+    found, _ = simulate_drift([drift(leftover=4e-3)], many, 3)
+    assert [x for x in found if is_temperature(x)] == [A, B, "T_c_degC"]
+    n, first = len(found["error"]) // 2, found["position_mm"] == 0
+    noise = [(found[x] - clean[A])[first] for x in (A, "T_c_degC")]
     for each in (*noise, (noise[0] - noise[1]) / np.sqrt(2)):
         assert each.std() == pytest.approx(0.02, rel=4.5 / np.sqrt(2 * n))
-    rest = (found.error - clean.error).reshape(400, 2, 5)
+    rest = (found["error"] - clean["error"]).reshape(400, 2, 5)
     # The leftover is one draw for both positions of a cycle.
     state = rest.mean(axis=(1, 2))
     assert state.var(ddof=1) == pytest.approx(16 + 0.1, rel=4.5 * np.sqrt(2 / 399))
