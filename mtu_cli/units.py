@@ -130,6 +130,8 @@ UNITS: dict[str, Unit] = {
 
 UM = UNITS["um"].to_internal
 ARCSEC = UNITS["arcsec"].to_internal
+SMALL = {LENGTH: UNITS["um"], ANGLE: UNITS["arcsec"]}
+"""The unit of an error of either dimension, where none is stated."""
 
 
 def plain_unit(text: str) -> str:

@@ -13,9 +13,8 @@ from mtu_cli.files.readings import Points
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
-from mtu_cli.model.prediction import Prediction
+from mtu_cli.model.prediction import Block, Prediction
 from mtu_cli.model.simulate import Columns, PartsPlan, simulate_points, simulate_readings
-from mtu_cli.model.variance import Block
 from mtu_cli.stats.least_squares import FloatArray
 
 GRID = np.linspace(10.0, 140.0, 14)

@@ -19,7 +19,7 @@ from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
 from mtu_cli.model.features import guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel, design
-from mtu_cli.model.measurands import differences, length_gradient
+from mtu_cli.model.measurands import differences, length_measure
 from mtu_cli.model.measured import (
     Label,
     MeasuredTables,
@@ -30,16 +30,9 @@ from mtu_cli.model.measured import (
     roundings,
     some,
 )
-from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.prediction import Prediction, Variance, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.variance import Variance
-from mtu_cli.model.visits import (
-    aligned,
-    incomplete_datum,
-    operations_of,
-    projector,
-    visits_of,
-)
+from mtu_cli.model.visits import aligned, basis, operations_of, visits_of, without
 from mtu_cli.stats.anova import OneWay, one_way, only, reml
 from mtu_cli.stats.coverage import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
@@ -265,11 +258,9 @@ def compare(
     k, rounding = settings.coverage_factor, roundings(points)
     axes, warnings = judged_axes(model, points, ASIDE)
     predictions, points, notes = predict_operations(model, points, covariates or {})
-    aligned_points, complete = aligned(points, axes, datum)
-    if not complete:
-        warnings.append(incomplete_datum())
-    tables, names = feature_tables(aligned_points, rounding), [AXES[i] for i in axes]
-    tables = tables.only([i for i, label in enumerate(tables.labels) if label[2] in names])
+    aligned_points, incomplete = aligned(points, axes, datum)
+    warnings += incomplete
+    tables, names = feature_tables(aligned_points, axes, rounding), [AXES[i] for i in axes]
     of_operation: dict[str, Predicted] = {}
     for operation, prediction in predictions.items():
         # Errors of features after the best-fit alignment to the datum.
@@ -280,7 +271,8 @@ def compare(
             if op == operation
         ]
         A = np.zeros((len(places), len(prediction.mean)))
-        A[:, columns] = projector(prediction.points, axes, datum)[places]
+        Q = basis(prediction.points, axes, datum)
+        A[:, columns] = without(Q, np.eye(len(Q)))[places]
         of_operation[operation] = prediction, A
     features, lengths = compared(tables, of_operation, k), None
     if (table := length_tables(points, visits_of(points), part)) is not None:
@@ -295,7 +287,7 @@ def compare(
             pairs = np.array([[*map(prediction.ids.index, ends[name])] for name in ids])
             pairs = pairs.reshape(-1, 2).astype(np.int64)
             delta = differences(prediction.points, pairs, ids, part.source.shown)
-            A = length_gradient(prediction, pairs, delta)
+            _, _, A = length_measure(prediction, pairs, delta)
             of_operation[operation] = prediction, A
             labels = [(operation, name, x) for name in prediction.ids for x in prediction.axes]
             V_holes = np.array([of_holes.get(label, np.nan) for label in labels])
@@ -350,7 +342,7 @@ def predict_operations(
             column = np.asarray(values[key])
             means[key] = mean(column[rows]) if column.ndim else float(column)
         prediction = predict(model, features, place, means)
-        warnings += outside_warnings(prediction)
+        warnings += outside_warnings(prediction.outside)
         if vary:
             of_feature = np.column_stack([mean(each) for each in errors[rows].T])
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]

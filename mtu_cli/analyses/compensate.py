@@ -16,13 +16,12 @@ from scipy.special import ndtr, stdtr
 from mtu_cli.analyses.iso230 import TRIALS, WAYS, figures_of
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
-from mtu_cli.model.stated_errors import StatedErrors
 from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pass_tests import FTest, f_test
-from mtu_cli.units import ARCSEC, UM
+from mtu_cli.units import ANGLE, LENGTH, SMALL, UM, Unit
 
 MOST_MOVES = 7
 """Targets of the verification, in both directions."""
@@ -68,12 +67,12 @@ class AxisErrors:
     rotary: bool = False
     read: bool = True
 
-    def plus(self, stated: StatedErrors) -> AxisErrors:
+    def plus(self, values: FloatArray, covariance: FloatArray, turns: bool) -> AxisErrors:
         """With what a machine file states of another component or effect at the same targets."""
-        covariance = stated.covariance if self.known is None else self.known + stated.covariance
-        means, expected = self.means + stated.values, self.expected + stated.values
-        ways = 2 if stated.turns else self.ways
-        return replace(self, means=means, expected=expected, ways=ways, known=covariance)
+        means, expected = self.means + values, self.expected + values
+        known = covariance if self.known is None else self.known + covariance
+        ways = 2 if turns else self.ways
+        return replace(self, means=means, expected=expected, ways=ways, known=known)
 
     @property
     def backlash(self) -> FloatArray | None:
@@ -315,14 +314,9 @@ class CompensateResult:
     warnings: tuple[Finding, ...] = ()
 
     @property
-    def unit(self) -> str:
+    def unit(self) -> Unit:
         """Of errors."""
-        return "arcsec" if self.asked.angle else "um"
-
-    @property
-    def size(self) -> float:
-        """Of that unit."""
-        return ARCSEC if self.asked.angle else UM
+        return SMALL[ANGLE if self.asked.angle else LENGTH]
 
 
 def compensate(

@@ -12,17 +12,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
-from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.study import InstrumentBudget
 from mtu_cli.findings import Finding, error, finding, listed
+from mtu_cli.model.visits import occurrence
 from mtu_cli.stats.blocks import stream
-from mtu_cli.stats.least_squares import FloatArray, quotient
+from mtu_cli.stats.least_squares import FloatArray, known_mean, quotient
 from mtu_cli.stats.outliers import medians, outlying
-from mtu_cli.units import LENGTH, UM, UNITS, dimension_name
+from mtu_cli.units import LENGTH, SMALL, UM, UNITS, dimension_name
 
 ISO = {
     "A": "bidirectional accuracy of positioning",
@@ -176,10 +176,8 @@ def statistics(readings: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     that reads 0 in every run is where the instrument was zeroed: it carries no scatter.
     """
     count = np.isfinite(readings).sum(axis=-1).astype(np.float64)
-    with catch_warnings():
-        # Of no run, or one, there is none.
-        simplefilter("ignore", RuntimeWarning)
-        mean, s = np.nanmean(readings, axis=-1), np.nanstd(readings, axis=-1, ddof=1)
+    mean = known_mean(readings)
+    s = np.sqrt(quotient(np.nansum((readings - mean[..., None]) ** 2, axis=-1), count - 1))
     zeroed = (np.nan_to_num(readings) == 0).all(axis=-1)
     zeroed &= ~zeroed.all(axis=-1, keepdims=True)
     return count, mean, np.where(zeroed, np.nan, s)
@@ -222,22 +220,17 @@ def figures_of(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
         "R": high(R, axis=-1),
         "M": high(middle, axis=-1) - low(middle, axis=-1),
         "B": high(U, axis=-1),
-        "B_mean": _average(B),
+        "B_mean": known_mean(B),
         "P": high(middle + half, axis=-1) - low(middle - half, axis=-1) + of_both,
         "Ps_max": high(Ps, axis=-1),
-        "Ps_mean": _average(Ps),
-        "U_mean": _average(U),
+        "Ps_mean": known_mean(Ps),
+        "U_mean": known_mean(U),
     }
     result |= {"Pa": result["M"], "U_max": result["B"]}
     one_way = {"A": top - bottom + scatters, "E": highest - lowest, "R": high(R_way, axis=-1)}
     result |= {f"{name}_{way}": values[..., i] for name, values in one_way.items()
               for i, way in enumerate(WAYS)}  # fmt: skip
     return {name: result[name] for name in MEANINGS}
-
-
-def _average(values: FloatArray) -> FloatArray:
-    """Mean of the known values along the last axis; nan of none."""
-    return quotient(np.nansum(values, axis=-1), np.isfinite(values).sum(axis=-1))
 
 
 def sampling_u(
@@ -397,12 +390,10 @@ def _axis(
     readings: Readings, name: str, position: FloatArray, rotary: bool, rows: np.ndarray
 ) -> Axis:
     """The readings of `rows` as (direction, target, run)."""
-    import pandas as pd
-
     targets, of = np.unique(np.round(position[rows], 6), return_inverse=True)
     way = (readings.direction[rows] < 0).astype(int)
     cell = way * len(targets) + of
-    rank = pd.Series(cell).groupby(cell).cumcount().to_numpy()
+    rank = occurrence(cell)
     values = np.full((2, len(targets), int(rank.max()) + 1), np.nan)
     lines = np.zeros(values.shape, int)
     values[way, of, rank], lines[way, of, rank] = readings.error[rows], readings.row[rows]
@@ -411,7 +402,7 @@ def _axis(
     timed = np.isfinite(time).all() and len(set(time.tolist())) == len(rows)
     return Axis(
         name=name,
-        unit="um" if readings.dimension[rows[0]] == LENGTH else "arcsec",
+        unit=SMALL[readings.dimension[rows[0]]].name,
         rotary=rotary,
         targets=targets,
         readings=values,

@@ -25,18 +25,19 @@ from mtu_cli.model.measurands import (
     conformance_of,
     differences,
     joint_conformance,
-    length_gradient,
     length_measure,
     position_conformance,
 )
-from mtu_cli.model.prediction import Prediction, predict, reportable, rescaled
+from mtu_cli.model.prediction import Prediction, Variance, predict, ratio_of
 from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
-from mtu_cli.model.variance import Shares, Variance
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult, Validation
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.units import ARCSEC, UM
+
+INDEFINITE = 1e-9
+"""Of the largest eigenvalue: what is further below 0 is no rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +50,6 @@ class PointsResult:
     """
 
     prediction: Prediction
-    points: FloatArray
     coverage_factor: float
     variance: FloatArray
     dof: FloatArray
@@ -73,6 +73,25 @@ class PointsResult:
         if self.independent:
             return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
         return rescaled(self.prediction.assembled(drawable=True, by_point=True), variance)
+
+
+def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
+    """The covariance (rows, rows) with the variances (rows,), without negative eigenvalues, as
+    reports show it: D that is estimated without bias may have a negative part; correlations are
+    those without it. The prediction's covariance where it has both already.
+    """
+    covariance = prediction.covariance
+    if np.allclose(np.diag(covariance), variance, rtol=1e-9, atol=0.0):
+        values = np.linalg.eigvalsh(covariance)
+        if values[0] >= -INDEFINITE * abs(values[-1]):
+            return covariance
+    return rescaled(prediction.drawable, variance)
+
+
+def rescaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
+    """The correlations of a covariance (..., rows, rows) with other variances (..., rows)."""
+    ratio = ratio_of(variance, np.einsum("...ii->...i", covariance))
+    return covariance * ratio[..., :, None] * ratio[..., None, :]
 
 
 def predict_points(
@@ -120,7 +139,6 @@ def predict_places(
     names = tuple(f"{i}.{axis}" for i in ids for axis in prediction.axes)
     return PointsResult(
         prediction=prediction,
-        points=points,
         coverage_factor=settings.coverage_factor,
         variance=total,
         dof=dof,
@@ -128,10 +146,7 @@ def predict_places(
         split=split,
         independent=settings.independent,
         conformance=(None,) * len(ids),
-        warnings=(
-            *prediction_warnings(model, prediction, covariates),
-            *dof_warnings(names, dof),
-        ),
+        warnings=(*prediction_warnings(model, prediction, covariates), *dof_warnings(names, dof)),
     )
 
 
@@ -166,7 +181,7 @@ class LengthsResult:
     u_uncorrelated: FloatArray
     u_bounds: FloatArray
     pair: tuple[tuple[str, str] | None, ...]
-    shares: tuple[Shares | None, ...]
+    shares: tuple[dict[str, float] | None, ...]
     conformance: tuple[Conformance | None, ...]
     validation: tuple[Validation, ...]
     outside: tuple[bool, ...]
@@ -196,14 +211,13 @@ def predict_lengths(
     prediction = predict(model, features, points, covariates)
     pairs = np.array([[features.index(name) for name in pair] for pair in ends])
     delta = differences(points, pairs, names, part.source.shown)
-    gradient = length_gradient(prediction, pairs, delta)
+    measure, combine, gradient = length_measure(prediction, pairs, delta)
     split = prediction.variance(gradient)
     independent = gradient**2 @ prediction.independent_variance
     variance, dof = split.total, split.dof
     if settings.independent:
         variance, dof = independent, np.full(len(names), np.inf)
     u = np.sqrt(variance)
-    measure, combine = length_measure(prediction, pairs, delta)
     owner = np.tile(np.arange(len(names)), len(prediction.axes))
     alone = settings.independent
     trials = PointTrials(
@@ -259,15 +273,13 @@ def _bounds(
     prediction: Prediction, by_block: FloatArray
 ) -> tuple[tuple[float, float], tuple[str, str] | None]:
     """u if the two largest blocks were correlated with -1 or +1, and their names."""
-    total = float(by_block.sum())
+    total, cross, pair = float(by_block.sum()), 0.0, None
     largest = np.argsort(-by_block, kind="stable")[:2]
-    if len(largest) < 2 or by_block[largest[1]] <= 0:
-        u = float(np.sqrt(total))
-        return (u, u), None
-    cross = 2 * float(np.sqrt(by_block[largest[0]] * by_block[largest[1]]))
-    first, second = (" + ".join(prediction.blocks[b].names) for b in largest)
-    low, high = np.sqrt(max(total - cross, 0.0)), np.sqrt(total + cross)
-    return (float(low), float(high)), (first, second)
+    if len(largest) == 2 and by_block[largest[1]] > 0:
+        cross = 2 * float(np.sqrt(by_block[largest].prod()))
+        first, second = (" + ".join(prediction.blocks[b].names) for b in largest)
+        pair = first, second
+    return (float(np.sqrt(max(total - cross, 0.0))), float(np.sqrt(total + cross))), pair
 
 
 DRAWN = 2**18
@@ -295,7 +307,7 @@ class Orthogonality:
     interval95: tuple[float, float]
     independent: MonteCarloResult
     validation: Validation
-    shares: Shares | None
+    shares: dict[str, float] | None
     conformance: Conformance | None
     outside: bool
     k: float

@@ -12,7 +12,7 @@ from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, ch
 from mtu_cli.files.covariates import SENSOR_DEGC, is_temperature
 from mtu_cli.stats.outliers import median_polish, outlying, spikes
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.units import LENGTH, UNITS, Unit
+from mtu_cli.units import LENGTH, SMALL, UNITS, Unit
 
 
 def stated_unit(data: ReadingsData, row: int) -> Unit:
@@ -20,9 +20,8 @@ def stated_unit(data: ReadingsData, row: int) -> Unit:
     table = data.table
     if table.unit is not None:
         return [*UNITS.values()][table.unit[row]]
-    plain = "um" if table.dimension[row] == LENGTH else "arcsec"
     component = data.components.get(table.components[table.code[row]])
-    return UNITS[getattr(component, "unit", plain)]
+    return UNITS[getattr(component, "unit", SMALL[table.dimension[row]].name)]
 
 
 def passes(data: ReadingsData, rows: Rows) -> list[Rows]:

@@ -17,7 +17,7 @@ from mtu_cli.files.machine import Component
 from mtu_cli.files.reports_read import ReportedComponent
 from mtu_cli.stats.kernels import interpolation_covariance, smooth_root, weights
 from mtu_cli.stats.least_squares import FloatArray, polynomial
-from mtu_cli.units import ARCSEC, LENGTH, UM, UNITS, Unit
+from mtu_cli.units import SMALL, UNITS, Unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,7 +277,7 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
     unit, k = UNITS[entry.unit], len(entry.coefficients or ())
     f, q, table = unit.to_internal, min(2, k), None
     if entry.at_mm is not None:
-        square = (UM if unit.dimension == LENGTH else ARCSEC) ** 2
+        square = SMALL[unit.dimension].to_internal ** 2
         table = TableShape(
             at=np.asarray(entry.at_mm, float),
             roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,

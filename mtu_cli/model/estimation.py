@@ -21,25 +21,13 @@ from mtu_cli.model.estimates import (
     between_passes,
     covariance_in_run,
 )
-from mtu_cli.model.passes import Passes, PassKey, passes_read
+from mtu_cli.model.visits import Passes, PassKey, passes_read
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.kernels import (
-    FEWEST_RUNS,
-    FEWEST_TARGETS,
-    SmoothProfile,
-    smooth_profile,
-)
+from mtu_cli.stats.kernels import FEWEST_RUNS, FEWEST_TARGETS, SmoothProfile, smooth_profile
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
-from mtu_cli.stats.pass_tests import (
-    FTest,
-    Shift,
-    lack_of_fit,
-    pass_scatter,
-    pass_trend,
-    reversal,
-)
+from mtu_cli.stats.pass_tests import FTest, Shift, lack_of_fit, pass_scatter, pass_trend, reversal
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.units import UNITS, Unit
 

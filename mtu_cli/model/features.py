@@ -11,17 +11,19 @@ import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.model.effect_parameters import range_warnings
 from mtu_cli.model.machine_model import (
     AXES,
     Covariates,
     MachineModel,
     coordinates_of,
+    design,
     places,
+    row_times,
     without_coordinate,
 )
-from mtu_cli.model.prediction import Prediction, temperature_warnings
+from mtu_cli.model.prediction import Outside, Prediction, temperature_gradients
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0
@@ -29,6 +31,8 @@ BELOW_THREE = "fewer than 3 effective ones"
 NO_U = "a source with two or fewer, so that no standard uncertainty exists"
 MOST_PLACES = 3000
 """The covariance of all places is calculated: its side is this times the axes."""
+SLACK = 0.05
+"""Share of the fitted range of temperatures that may be exceeded without a warning."""
 
 
 def feature_points(
@@ -60,10 +64,10 @@ def feature_points(
     return ids, points, warnings
 
 
-def outside_warnings(prediction: Prediction) -> list[Finding]:
+def outside_warnings(outside: Iterable[Outside]) -> list[Finding]:
     """One warning for all components whose measured range the features leave alike."""
     by_component: dict[tuple[str, float, float], dict[str, float]] = {}
-    for point, component, position, low, high in prediction.outside:
+    for point, component, position, low, high in outside:
         by_component.setdefault((component, low, high), {})[point] = position
     # Of other axes the same features are at other positions.
     alike: dict[tuple[float, float, tuple[tuple[str, float], ...]], list[str]] = {}
@@ -76,6 +80,43 @@ def outside_warnings(prediction: Prediction) -> list[Finding]:
         what = f"feature {point!r} at {at:g} mm{rest}"
         facts = {"low": low, "high": high, "unit": "mm"}
         warnings.append(finding("outside-measured-range", what=what, names=names, **facts))
+    return warnings
+
+
+def temperature_warnings(
+    model: MachineModel, points: FloatArray, covariates: Covariates
+) -> list[Finding]:
+    """Temperatures beyond those of the fit, one warning a sensor and range for all drifts that were
+    read in it, and lags without a history.
+
+    `points` (n, 3) in mm, `covariates` one value for all or one a point.
+    """
+    beyond: dict[tuple[str, float, float], tuple[float, float, list[str]]] = {}
+    for drift in model.drifts():
+        ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
+        for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
+            values = np.atleast_1d(np.asarray(covariates[sensor], float))
+            away = np.maximum(low - values, values - high)
+            i = int(np.argmax(away))
+            if away[i] > max(SLACK * (high - low), 1e-9):
+                entry = beyond.setdefault((sensor, low, high), (values[i], away[i], []))
+                entry[2].append(drift.component)
+    warnings, gradients = [], {}
+    if beyond:
+        levers = design(model, points, covariates).levers
+        gradients = temperature_gradients(model, points, levers)
+    for (sensor, low, high), (value, far, names) in beyond.items():
+        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * far
+        what = f"{sensor} at {value:.4g} degC (up to {wrong:.2g} um)"
+        facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
+        of = [f"the drift of {listed(names)}"]
+        warnings.append(finding("outside-measured-range", what=what, names=of, **facts))
+    times = row_times(covariates)
+    lagged = [drift for drift in model.drifts() if drift.time_constants.any()]
+    if lagged and (times is None or np.ptp(times) == 0):
+        slowest = max(float(drift.time_constants.max()) for drift in lagged)
+        names = [drift.component for drift in lagged]
+        warnings.append(finding("settled-temperatures", components=names, minutes=slowest))
     return warnings
 
 
@@ -94,7 +135,7 @@ def prediction_warnings(
 ) -> list[Finding]:
     """Of places, temperatures and effects beyond what is known of them."""
     guessed = guess_warnings(model, prediction.points, covariates or {})
-    return [*outside_warnings(prediction), *guessed]
+    return [*outside_warnings(prediction.outside), *guessed]
 
 
 def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Finding]:

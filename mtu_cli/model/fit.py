@@ -33,7 +33,7 @@ from mtu_cli.model.estimates import (
 from mtu_cli.model.estimation import TESTS, ComponentFit, fit_component, shared_passes
 from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone
 from mtu_cli.model.machine_model import places as fixed_places
-from mtu_cli.model.passes import Passes, passes_read
+from mtu_cli.model.visits import Passes, passes_read
 from mtu_cli.stats.coverage import significant
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.pass_tests import Shift

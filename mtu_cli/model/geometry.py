@@ -55,14 +55,6 @@ class RoundFit:
         return float(np.ptp(self.residuals))
 
 
-def fit_sphere(points: FloatArray) -> RoundFit:
-    """The least-squares sphere of `points` (n, 3), n >= 4.
-
-    Raises GeometryError where the points do not determine it.
-    """
-    return _round(points)
-
-
 def fit_circle(points: FloatArray) -> RoundFit:
     """The least-squares circle of `points` (n, 2), or (n, 3): in their least-squares plane.
 
@@ -72,9 +64,9 @@ def fit_circle(points: FloatArray) -> RoundFit:
     Raises GeometryError where the points do not determine it.
     """
     if points.shape[1] == 2:
-        return _round(points)
+        return fit_round(points)
     centroid, _, e = fit_plane(points)
-    flat = _round((points - centroid) @ e.T)
+    flat = fit_round((points - centroid) @ e.T)
     return replace(
         flat,
         centre=centroid + flat.centre @ e,
@@ -111,8 +103,11 @@ def _centred(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     return centroid, q / scale, scale
 
 
-def _round(points: FloatArray) -> RoundFit:
-    """The circle of points (n, 2), the sphere of points (n, 3)."""
+def fit_round(points: FloatArray) -> RoundFit:
+    """The least-squares circle of `points` (n, 2), or sphere of points (n, 3).
+
+    Raises GeometryError where the points do not determine it.
+    """
     n, d = points.shape
     straight = GeometryError(f"the {KINDS[d]} could not be fitted: the points hardly bend")
     centroid, q, scale = _centred(points)

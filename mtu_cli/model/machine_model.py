@@ -18,12 +18,7 @@ from mtu_cli.findings import Finding, InputError, error, finding, listed, neares
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call, Number
 from mtu_cli.model.effect_parameters import EFFECT_MARK, effects_of
-from mtu_cli.model.estimates import (
-    ComponentEstimate,
-    Estimates,
-    JointPasses,
-    ThermalEstimate,
-)
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses, ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, polynomial
 from mtu_cli.stats.serial import first_order_lag
 

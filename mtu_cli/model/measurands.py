@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.findings import InputError, error, finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.prediction import Prediction, ratio_of
+from mtu_cli.model.prediction import Prediction, Variance, ratio_of
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.variance import Variance
 from mtu_cli.stats.blocks import Draws, Workspace
 from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
-from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray, quotient
 from mtu_cli.stats.monte_carlo import monte_carlo
 from mtu_cli.units import UM
 
@@ -83,7 +82,7 @@ class PointTrials:
                 C = stacked @ prediction.drawable @ stacked.T
             self.dof, self.factor = variance.dof, factor_of(C)
             if lowered:
-                # By a negative D, which the variance is not (`variance.block_variance`): without
+                # By a negative D, which the variance is not (`block_variance`): without
                 # its negative part, all rows of an output scaled alike.
                 drawn = np.sum(self.factor[self.k :] ** 2, axis=1)
                 self.factor *= ratio_of(variance.total, drawn)[self.owner, None]
@@ -217,8 +216,7 @@ def position_conformance(
     def inside(rng: np.random.Generator, m: int) -> NDArray[np.bool_]:
         z = rng.standard_normal((len(dof), len(axes), m))
         for source in np.flatnonzero(dof < NORMAL_DOF):
-            half = dof[source] / 2
-            z[source] *= np.sqrt(half / rng.standard_gamma(half, m))
+            z[source] *= t_scales(float(dof[source]), rng, np.empty(m))
         errors = (mean + factor @ z.reshape(-1, m)).reshape(len(zones), len(axes), m)
         return np.hypot.reduce(errors, axis=1) <= limit[:, None]
 
@@ -276,33 +274,25 @@ def differences(points: FloatArray, pairs: IntArray, names: Sequence[str], file:
     return np.nan_to_num(delta)
 
 
-def length_gradient(prediction: Prediction, pairs: IntArray, delta: FloatArray) -> FloatArray:
-    """dL/dE (lengths, rows): minus and plus the nominal unit vector, eq. (22)."""
-    unit = _along(prediction, delta / np.linalg.norm(delta, axis=1)[:, None])
-    gradient = np.zeros((len(pairs), len(prediction.points), len(prediction.axes)))
-    each = np.arange(len(pairs))
-    gradient[each, pairs[:, 0]] -= unit
-    gradient[each, pairs[:, 1]] += unit
-    return gradient.reshape(len(pairs), len(prediction.mean))
-
-
-def _along(prediction: Prediction, delta: FloatArray) -> FloatArray:
-    """(lengths, axes) of vectors (lengths, 3) along the prediction's axes."""
-    return delta[:, [AXES.index(axis) for axis in prediction.axes]]
-
-
 def length_measure(
     prediction: Prediction, pairs: IntArray, delta: FloatArray
-) -> tuple[Measure, FloatArray]:
-    """Length minus nominal, eqs. (20)-(21), and the differences of errors that it needs.
+) -> tuple[Measure, FloatArray, FloatArray]:
+    """Length minus nominal, eqs. (20)-(21), the differences of errors (axes*lengths, rows) that it
+    needs, and dL/dE (lengths, rows), the nominal unit vector times them, eq. (22).
 
-    The sum runs over the prediction's axes: an axis without equation has no error.
+    The sums run over the prediction's axes: an axis without equation has no error.
     """
-    a, m = len(prediction.axes), len(pairs)
-    L0, along = np.linalg.norm(delta, axis=1), _along(prediction, delta)
-    of_axis = np.eye(len(prediction.mean)).reshape(-1, a, len(prediction.mean))
-    combine = np.concatenate([of_axis[pairs[:, 1], j] - of_axis[pairs[:, 0], j] for j in range(a)])
-    return lambda errors: length_error(L0, along, errors.reshape(a, m, -1)), combine
+    a, m, rows = len(prediction.axes), len(pairs), len(prediction.mean)
+    L0 = np.linalg.norm(delta, axis=1)
+    along = delta[:, [AXES.index(axis) for axis in prediction.axes]]
+    of_point = np.eye(rows).reshape(-1, a, rows)
+    combine = (of_point[pairs[:, 1]] - of_point[pairs[:, 0]]).transpose(1, 0, 2)
+    gradient = np.einsum("ma,amr->mr", along / L0[:, None], combine)
+
+    def measure(errors: FloatArray) -> FloatArray:
+        return length_error(L0, along, errors.reshape(a, m, -1))
+
+    return measure, combine.reshape(-1, rows), gradient
 
 
 def length_error(L0: FloatArray, delta: FloatArray, e: FloatArray) -> FloatArray:
@@ -332,10 +322,7 @@ Line = tuple[FloatArray, FloatArray]
 def slope(line: Line) -> FloatArray:
     """b1 = sum u v / sum u u (m,) of the least-squares line; nan where u does not vary."""
     u, v = line
-    squares = np.einsum("pm,pm->m", u, u)
-    result: FloatArray = np.full_like(squares, np.nan)
-    np.divide(np.einsum("pm,pm->m", u, v), squares, out=result, where=squares > 0)
-    return result
+    return quotient(np.einsum("pm,pm->m", u, v), np.einsum("pm,pm->m", u, u))
 
 
 def angle_error(placed: tuple[Line, Line], nominal: tuple[Line, Line]) -> FloatArray:

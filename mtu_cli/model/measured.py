@@ -21,7 +21,7 @@ from mtu_cli.model.visits import (
     only_features,
     operations_of,
 )
-from mtu_cli.stats.anova import Cells, cells_of, only
+from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import SEEN, rounding_variance
 
@@ -42,15 +42,6 @@ class MeasuredTables:
     cells: Cells
     rounding: FloatArray = field(default_factory=lambda: np.zeros(1))
 
-    def only(self, index: list[int]) -> MeasuredTables:
-        """The tables at the indices `index`."""
-        return MeasuredTables(
-            labels=tuple(self.labels[i] for i in index),
-            parts=self.parts,
-            cells=only(self.cells, index),
-            rounding=self.rounding[index],
-        )
-
 
 def roundings(points: Points) -> FloatArray:
     """The variance r (3,) mm^2 of a coordinate by its last digit, of the coarsest file along each
@@ -66,14 +57,17 @@ def roundings(points: Points) -> FloatArray:
     return result.max(axis=0)
 
 
-def feature_tables(points: Points, rounding: FloatArray | None = None) -> MeasuredTables:
-    """One table an operation, feature and axis: measured minus nominal, mm. `rounding` is that of
-    the points as they were read, where these are not (`roundings`).
+def feature_tables(
+    points: Points, axes: tuple[int, ...] | None = None, rounding: FloatArray | None = None
+) -> MeasuredTables:
+    """One table an operation, feature and axis (0, 1, 2; else all): measured minus nominal, mm.
+    `rounding` is that of the points as they were read, where these are not (`roundings`).
 
     Raises InputError for a feature that stands twice in one repeat of one part.
     """
     operations, operation = operations_of(points)
-    features, parts, axes = len(points.features), len(points.parts), axes_of(points)
+    features, parts = len(points.features), len(points.parts)
+    axes = axes_of(points) if axes is None else axes
     check_repeats(points)
     used, table = distinct(operation.astype(np.int64) * features + points.feature)
     cell = table * parts + points.part

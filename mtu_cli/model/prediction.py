@@ -6,18 +6,21 @@ For points p, q of one future part and a component with design rows x_p, x_q
 
 C the coefficients' covariance, D the pass-to-pass covariance, s_repeat the repeatability of
 one visit. Gilsinn & Ling 2004, eq. (18), is the case in which all of it counts as repeatability.
+Coefficients that were estimated jointly are a block.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.findings import Finding, InputError, finding, listed
+from mtu_cli.findings import InputError
+from mtu_cli.model.estimates import JointPasses, between_passes, from_mean
 from mtu_cli.model.machine_model import (
     Covariates,
     Design,
@@ -28,24 +31,253 @@ from mtu_cli.model.machine_model import (
     row_times,
     sensors_of,
 )
-from mtu_cli.model.variance import (
-    Block,
-    MeanSquares,
-    Variance,
-    block_variance,
-    component_blocks,
-    drawable_passes,
-    normal_block,
-)
-from mtu_cli.stats.covariance import covariance_root
+from mtu_cli.stats.covariance import covariance_root, positive_part
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
 
 NEGLIGIBLE = 1e-9
 """A change of lever arms below this share of the arms is rounding."""
-INDEFINITE = 1e-9
-"""Of the largest eigenvalue: what is further below 0 is no rounding."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns; `C`, `D`
+    (k, k); `noise` (rows, c) lever arms times s_repeat of its c components `names`, `columns` their
+    coefficients among the k, `repeat_dof` the degrees of freedom of their s_repeat. `between` (k,
+    k) is the mean square S between `n_passes` passes that C and D come from; None, 0 where they do
+    not come from one. `half_differences` (k, k) is S_h, the part of S that is of runs there and
+    back (`stats.mixed_model`); None where passes are independent.
+    """
+
+    names: tuple[str, ...]
+    columns: tuple[slice, ...]
+    G: FloatArray
+    C: FloatArray
+    D: FloatArray
+    noise: FloatArray
+    pass_dof: float
+    repeat_dof: tuple[float, ...]
+    between: FloatArray | None = None
+    n_passes: int = 0
+    half_differences: FloatArray | None = None
+
+
+class PassSquare(NamedTuple):
+    """A mean square of passes as a matrix: `S` (k, k), seen from measurands by `g` (m, k)."""
+
+    g: FloatArray
+    S: FloatArray
+
+    def independent(self, weights: FloatArray) -> float:
+        """How many times the degrees of freedom of one measurand the `weights` (m,) of all have.
+
+        Of a Wishart matrix of nu degrees of freedom the weighted sum of g'S g has those of a
+        chi-squared, nu tr(K S)^2/tr(K S K S), K = sum w g g' (Box, Ann. Math. Statist. 25 (1954)
+        290, theorem 3.1).
+        """
+        KS = (self.g * weights[:, None]).T @ self.g @ self.S
+        square = float((KS * KS.T).sum())
+        return max(float(np.trace(KS)) ** 2 / square, 1.0) if square > 0 else 1.0
+
+
+class MeanSquares(NamedTuple):
+    """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
+    (K, m) is what each adds to the variance of the mean over all future parts, that of the
+    coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
+    infinite where the machine file states it as known; `passes` those of passes.
+    """
+
+    of_mean: FloatArray
+    of_part: FloatArray
+    dof: FloatArray
+    passes: list[PassSquare | None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variance:
+    """Variance (m,) of m linear measurands with effective degrees of freedom (m,), by block
+    (blocks, m), by its nature (m,) and by the mean `squares` that it was estimated from.
+    """
+
+    total: FloatArray
+    dof: FloatArray
+    by_block: FloatArray
+    coefficients: FloatArray
+    passes: FloatArray
+    repeatability: FloatArray
+    squares: MeanSquares
+
+    def shares(self, i: int) -> dict[str, float] | None:
+        """The shares of the variance of measurand i by its nature, 1 in all; None where it has
+        none. That of passes is below 0 where they differ by less than repeatability makes them.
+        """
+        total, natures = float(self.total[i]), ("coefficients", "passes", "repeatability")
+        return {x: float(getattr(self, x)[i]) / total for x in natures} if total > 0 else None
+
+
+Square = tuple[FloatArray, FloatArray, float, PassSquare | None]
+"""A mean square as an entry of each of `MeanSquares`."""
+
+
+def block_variance(
+    block: Block, A: FloatArray | None, axes: int
+) -> tuple[FloatArray, list[Square]]:
+    """(3, m) variance by nature of the measurands A E, and the mean squares behind it.
+
+    Without A the measurands are the errors themselves, row by row: A = I, which for many rows is
+    not to be multiplied out.
+    """
+    # A zero of G has no sign in a product with I.
+    g = block.G + 0.0 if A is None else A @ block.G
+    # Of visits of one component, which the axes of a point share.
+    visits = [
+        column**2
+        if A is None
+        else ((A * column).reshape(len(A), -1, axes).sum(axis=2) ** 2).sum(axis=1)
+        for column in block.noise.T
+    ]
+    if block.between is not None:
+        return _of_mean_squares(block, block.between, g, visits)
+    of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
+    noise: FloatArray = np.sum(visits, axis=0)
+    # A pooled moment estimate of D may be negative where passes hardly differ; the sum of passes
+    # and visits is not.
+    of_D = np.maximum(of_D, -noise)
+    split = np.array([of_C, of_D, noise])
+    if block.pass_dof == 0:
+        return split, [(of_C, of_D + noise, block.repeat_dof[0], None)]
+    squares: list[Square] = [(of_C, of_D, block.pass_dof, PassSquare(g, block.D))]
+    pairs = zip(visits, block.repeat_dof, strict=True)
+    return split, squares + [(np.zeros_like(x), x, dof, None) for x, dof in pairs]
+
+
+def _of_mean_squares(
+    block: Block, between: FloatArray, g: FloatArray, visits: list[FloatArray]
+) -> tuple[FloatArray, list[Square]]:
+    """With the mean square S of n passes, E S = D + s^2 M, the variance is
+
+        g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g) + s^2 q,
+
+    w the visits of the measurand, q the powers that the passes have in common; (1/n) g'S g
+    and s^2 q are of the coefficients. Where w is less than g'M g the second term is negative;
+    its s^2 is then bounded by S, D being no less than 0: g'S g (1/n + w/g'M g) with the degrees
+    of freedom of the passes.
+
+    Of runs there and back S is S_m + S_h, two mean squares of the same degrees of freedom, and the
+    mean over n passes has the variance 2 S_m/n. S of uneven passes is composed of separate
+    estimates: where S_h is more than S, C is all of the passes.
+    """
+    n, halves = block.n_passes, block.half_differences
+    of_C, of_D, S = (_quadratic(g, matrix) for matrix in (block.C, block.D, between))
+    noise: FloatArray = np.sum(visits, axis=0)
+    capped = (of_D < 0) & (noise < S - of_D)
+    room = np.divide(S, S - of_D, out=np.ones_like(S), where=capped)
+    split = np.array([of_C, np.where(capped, 0.0, of_D), room * noise])
+    passes = np.where(capped, room * noise, S)
+    of_all, beyond_S = between, np.zeros(S.shape, bool)
+    squares: list[Square] = [(S / n, passes, block.pass_dof, PassSquare(g, between))]
+    if halves is not None:
+        of_all, of_halves = 2 * (between - halves), _quadratic(g, halves)
+        share = np.divide(of_halves, S, out=np.ones_like(S), where=S > 0).clip(0.0, 1.0)
+        beyond_S = of_halves > S
+        of_mean = np.where(beyond_S, of_C, 2 * (1 - share) * S / n)
+        of_middle, of_half = PassSquare(g, between - halves), PassSquare(g, halves)
+        squares = [(of_mean, (1 - share) * passes, block.pass_dof, of_middle)]
+        squares.append((np.zeros_like(S), share * passes, block.pass_dof, of_half))
+    for columns, visit, dof in zip(block.columns, visits, block.repeat_dof, strict=True):
+        inside = (columns, columns)
+        common = _quadratic(g[:, columns], block.C[inside] - of_all[inside] / n)
+        beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + visit
+        squares.append((np.where(beyond_S, 0.0, common), np.where(capped, 0.0, beyond), dof, None))
+    return split, squares
+
+
+def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:
+    """g'M g of every row of g (m, k)."""
+    return ((g @ matrix) * g).sum(axis=1)
+
+
+def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
+    """D (k, k) without its negative part, measured in the standard uncertainties of C.
+
+    Level and slope differ in unit: without a measure the result would depend on them. One without
+    uncertainty, or with an unknown one (nan), has the measure 1.
+    """
+    variances = np.where(np.diag(C) > 0, np.diag(C), 1.0)
+    scale = np.sqrt(variances)
+    if np.linalg.eigvalsh(D / np.outer(scale, scale))[0] >= 0:
+        return D
+    return positive_part(D, np.diag(variances))
+
+
+def normal_block(name: str, F: FloatArray, *, of_part: bool = False, dof: float = np.inf) -> Block:
+    """Standard normal quantities times F (rows, K), known or, with `dof` degrees of freedom, drawn
+    anew for every part; or one a point, times F (rows,).
+    """
+    each = F.ndim == 1
+    G = np.zeros((len(F), 1)) if each else F
+    identity = np.eye(G.shape[1])
+    return Block(
+        names=(name,),
+        columns=(slice(0, len(identity)),),
+        G=G,
+        C=0 * identity if of_part else identity,
+        D=identity if of_part else 0 * identity,
+        noise=F[:, None] if each else np.zeros((len(F), 1)),
+        pass_dof=dof if of_part else 0.0,
+        repeat_dof=(np.inf,),
+    )
+
+
+def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> list[Block]:
+    """One block a group of components that share passes, one for every other component.
+
+    `J` (rows, K) and `levers` (rows, c) as `design` gives them.
+    """
+    at, columns = {term.estimate.name: t for t, term in enumerate(model.terms)}, model.columns
+    groups: list[tuple[list[str], JointPasses | None]] = []
+    for group in model.joint:
+        members = [name for name in group.components if name in at]
+        if len(members) >= 2:
+            groups.append((members, group))
+    joint = {name for members, _ in groups for name in members}
+    groups += [([name], None) for name in at if name not in joint]
+    blocks = []
+    for names, shared in groups:
+        terms = [at[name] for name in names]
+        estimates = [model.terms[t].estimate for t in terms]
+        ends = np.cumsum([0, *(len(x.coefficients) for x in estimates)]).tolist()
+        inside = tuple(slice(*pair) for pair in pairwise(ends))
+        squares = [between_passes(x) for x in estimates]
+        of = shared or estimates[0]
+        C, D, halves, between = of.covariance, of.pass_covariance, of.half_differences, None
+        if shared is not None:
+            owners = np.repeat(np.array(shared.components, object), shared.widths)
+            rows = np.ix_(*[np.flatnonzero(np.isin(owners, names))] * 2)
+            C, D, halves = C[rows], D[rows], None if halves is None else halves[rows]
+        if of.n_passes is not None and all(S is not None for S in squares):
+            # Between components C is of their level and slope alone, whatever their degree.
+            between = from_mean(C, of.n_passes, halves)
+            for part, S in zip(inside, squares, strict=True):
+                between[part, part] = S
+        sides = [J[:, columns[t]] for t in terms]
+        visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, estimates, strict=True)]
+        block = Block(
+            names=tuple(names),
+            columns=inside,
+            G=sides[0] if shared is None else np.column_stack(sides),
+            C=C,
+            D=D,
+            noise=np.column_stack(visits),
+            pass_dof=of.pass_dof,
+            repeat_dof=tuple(x.repeat_dof for x in estimates),
+            between=between,
+            n_passes=of.n_passes or 0,
+            half_differences=halves,
+        )
+        blocks.append(block)
+    return blocks
 
 
 def constant_effects(
@@ -81,11 +313,14 @@ def constant_effects(
     return blocks, shift
 
 
+Outside = tuple[str, str, float, float, float]
+"""A point, the component (or its drift) whose measured range it leaves, position, low, high."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
     """Errors at n points in a axes; rows are (point, axis), points first: `mean` (n*a,) in mm,
-    `independent_variance` (n*a,) under the papers' independence; `outside` lists (point, component
-    or its drift, position, low, high) beyond the measured range.
+    `independent_variance` (n*a,) under the papers' independence; `outside` the measured ranges.
     """
 
     ids: tuple[str, ...]
@@ -94,7 +329,7 @@ class Prediction:
     mean: FloatArray
     blocks: tuple[Block, ...]
     independent_variance: FloatArray
-    outside: tuple[tuple[str, str, float, float, float], ...]
+    outside: tuple[Outside, ...]
 
     @cached_property
     def beyond(self) -> dict[str, list[str]]:
@@ -158,25 +393,21 @@ class Prediction:
         """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
         Without A of the errors themselves, (n*a,). Effective degrees of freedom by
         Welch-Satterthwaite (JCGM 100, G.4.1) over the independent mean squares behind it
-        (`variance.block_variance`), and never fewer than the least of them: where one is subtracted
+        (`block_variance`), and never fewer than the least of them: where one is subtracted
         the formula alone would give almost none.
         """
         results = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         parts = np.array([part for part, _ in results])
-        of_mean, of_part, dof, passes = zip(*(x for _, x in results), strict=True)
-        behind = MeanSquares(
-            of_mean=np.concatenate(of_mean),
-            of_part=np.concatenate(of_part),
-            dof=np.concatenate(dof),
-            passes=[*chain(*passes)],
-        )
+        squares = (each for _, of_block in results for each in of_block)
+        of_mean, of_part, dofs, passes = zip(*squares, strict=True)
+        behind = MeanSquares(np.array(of_mean), np.array(of_part), np.array(dofs), [*passes])
         by_block, split = parts.sum(axis=1), parts.sum(axis=0)
         total = by_block.sum(axis=0)
-        squares = behind.of_mean + behind.of_part
-        least = np.where(squares == 0, np.inf, behind.dof[:, None]).min(axis=0)
+        both = behind.of_mean + behind.of_part
+        least = np.where(both == 0, np.inf, behind.dof[:, None]).min(axis=0)
         return Variance(
             total=total,
-            dof=np.maximum(effective_dof(total, squares, behind.dof), least),
+            dof=np.maximum(effective_dof(total, both, behind.dof), least),
             by_block=by_block,
             coefficients=split[0],
             passes=split[1],
@@ -217,16 +448,6 @@ def predict(
     for block in rest:
         independent += np.einsum("ri,ij,rj->r", block.G, block.C + block.D, block.G)
         independent += (block.noise**2).sum(axis=1)
-    outside = []
-    place = places(model, points)
-    for term in model.terms:
-        estimate, drift = term.estimate, term.drift
-        if estimate.of is None or estimate.position_range is None:
-            continue
-        (low, high), position = estimate.position_range, place[estimate.of]
-        beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist()
-        name = estimate.name if drift is None else f"the drift of {drift.component}"
-        outside += [(ids[i], name, float(position[i]), low, high) for i in beyond]
     return Prediction(
         ids=tuple(ids),
         axes=model.axes,
@@ -234,13 +455,28 @@ def predict(
         mean=rows.mean + shift,
         blocks=(*blocks, *rest),
         independent_variance=independent,
-        outside=tuple(outside),
+        outside=tuple(outside_ranges(model, ids, points)),
     )
+
+
+def outside_ranges(
+    model: MachineModel, ids: Sequence[str], points: FloatArray
+) -> Iterator[Outside]:
+    """Which of the `points` (n, 3), mm, are beyond the measured range of which component."""
+    place = places(model, points)
+    for term in model.terms:
+        estimate, drift = term.estimate, term.drift
+        if estimate.of is None or estimate.position_range is None:
+            continue
+        (low, high), position = estimate.position_range, place[estimate.of]
+        name = estimate.name if drift is None else f"the drift of {drift.component}"
+        for i in np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist():
+            yield ids[i], name, float(position[i]), low, high
 
 
 def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) -> list[Block]:
     """The uncertainty of tables between and beyond their positions, common to all parts, and the
-    bends of runs (`basis.TableShape`); `levers` (rows, terms).
+    bends of runs (`estimates.TableShape`); `levers` (rows, terms).
     """
     blocks, place = [], places(model, points)
     for t, term in enumerate(model.terms):
@@ -255,12 +491,6 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
                 name = term.estimate.name
                 blocks.append(normal_block(name, F, of_part=of_part, dof=table.own_dof))
     return blocks
-
-
-# Temperatures: the noise of the sensors, and what to warn of.
-
-SLACK = 0.05
-"""Share of the fitted range of temperatures that may be exceeded without a warning."""
 
 
 def _by_sensor(
@@ -332,65 +562,6 @@ def temperature_blocks(
                 F += column[:, None] * np.repeat(LR, len(levers) // n, axis=0)
         result.append(normal_block(sensor, F, of_part=True))
     return result
-
-
-def temperature_warnings(
-    model: MachineModel, points: FloatArray, covariates: Covariates
-) -> list[Finding]:
-    """Temperatures beyond those of the fit, one warning a sensor and range for all drifts that were
-    read in it, and lags without a history.
-
-    `points` (n, 3) in mm, `covariates` one value for all or one a point.
-    """
-    beyond: dict[tuple[str, float, float], list[str]] = {}
-    for drift in model.drifts():
-        ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
-        for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
-            values = np.asarray(covariates[sensor], float)
-            if max(low - values.min(), values.max() - high) > max(SLACK * (high - low), 1e-9):
-                beyond.setdefault((sensor, low, high), []).append(drift.component)
-    warnings, gradients = [], {}
-    if beyond:
-        levers = design(model, points, covariates).levers
-        gradients = temperature_gradients(model, points, levers)
-    for (sensor, low, high), names in beyond.items():
-        values = np.atleast_1d(np.asarray(covariates[sensor], float))
-        away = np.maximum(low - values, values - high)
-        worst = int(np.argmax(away))
-        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * float(away[worst])
-        what = f"{sensor} at {values[worst]:.4g} degC (up to {wrong:.2g} um)"
-        facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
-        of = [f"the drift of {listed(names)}"]
-        warnings.append(finding("outside-measured-range", what=what, names=of, **facts))
-    times = row_times(covariates)
-    lagged = [drift for drift in model.drifts() if drift.time_constants.any()]
-    if lagged and (times is None or np.ptp(times) == 0):
-        slowest = max(float(drift.time_constants.max()) for drift in lagged)
-        names = [drift.component for drift in lagged]
-        warnings.append(finding("settled-temperatures", components=names, minutes=slowest))
-    return warnings
-
-
-# As reports show it.
-
-
-def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
-    """The covariance (rows, rows) with the variances (rows,), without negative eigenvalues, as
-    reports show it: D that is estimated without bias may have a negative part; correlations are
-    those without it. The prediction's covariance where it has both already.
-    """
-    covariance = prediction.covariance
-    if np.allclose(np.diag(covariance), variance, rtol=1e-9, atol=0.0):
-        values = np.linalg.eigvalsh(covariance)
-        if values[0] >= -INDEFINITE * abs(values[-1]):
-            return covariance
-    return rescaled(prediction.drawable, variance)
-
-
-def rescaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
-    """The correlations of a covariance (..., rows, rows) with other variances (..., rows)."""
-    ratio = ratio_of(variance, np.einsum("...ii->...i", covariance))
-    return covariance * ratio[..., :, None] * ratio[..., None, :]
 
 
 def ratio_of(target: FloatArray, drawn: FloatArray) -> FloatArray:

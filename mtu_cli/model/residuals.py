@@ -22,7 +22,6 @@ from mtu_cli.model.covariates import (
     gap_rows,
     needed_covariates,
     point_columns,
-    rows_of,
     table_covariates,
     text_warnings,
     without_gaps,
@@ -30,7 +29,7 @@ from mtu_cli.model.covariates import (
 )
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
 from mtu_cli.model.estimation import MOST_AUTO, reading_rounding
-from mtu_cli.model.features import guess_warnings, outside_warnings
+from mtu_cli.model.features import guess_warnings, outside_warnings, temperature_warnings
 from mtu_cli.model.fit import ComponentReadings, component_readings, effects_on_readings
 from mtu_cli.model.machine_model import (
     AXES,
@@ -43,17 +42,17 @@ from mtu_cli.model.machine_model import (
 )
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import judged_axes, roundings
-from mtu_cli.model.passes import Passes
 from mtu_cli.model.prediction import (
+    component_blocks,
     constant_effects,
-    predict,
+    drawable_passes,
+    outside_ranges,
     temperature_gradients,
-    temperature_warnings,
 )
-from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.model.visits import (
     Cells,
     Motions,
+    Passes,
     check_repeats,
     datum_errors,
     distinct,
@@ -67,10 +66,11 @@ from mtu_cli.stats.least_squares import (
     BoolArray,
     FloatArray,
     IntArray,
+    known_mean,
     least_squares,
     polynomial,
 )
-from mtu_cli.units import ANGLE, UNITS
+from mtu_cli.units import SMALL, UNITS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,10 +133,7 @@ class ResidualTable:
     @cached_property
     def mean_places(self) -> FloatArray:
         """Places (H, 3) of the features, means over the parts where they are known; else nan."""
-        finite = np.isfinite(self.places)
-        count = finite.sum(axis=0)
-        total = np.where(finite, self.places, 0.0).sum(axis=0)
-        return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+        return known_mean(self.places, axis=0)
 
     @cached_property
     def motions(self) -> tuple[Motions, ...]:
@@ -215,9 +212,8 @@ def residual_table(
     values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
     tables, more = table_covariates(columns, cells, points, np.arange(len(points)))
     predicted, common, of_part = cell_model(model, cells, values, tables)
-    first = np.unique(cells.column, return_index=True)[1]
-    once = predict(model, cells.features, points.nominal[first], rows_of(values, first))
-    warnings += [*idle, *more, *outside_warnings(once)]
+    once = points.nominal[np.unique(cells.column, return_index=True)[1]]
+    warnings += [*idle, *more, *outside_warnings(outside_ranges(model, cells.features, once))]
     warnings += guess_warnings(model, points.nominal, values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
@@ -441,7 +437,7 @@ def _table(
         errors[:, None],
         axes=(of or name,),
         component=name,
-        unit="arcsec" if unit.dimension == ANGLE else "um",
+        unit=SMALL[unit.dimension].name,
         covariates=covariates,
         common=common,
         of_part=of_part,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -12,22 +11,12 @@ from mtu_cli.findings import error, suggestion
 from mtu_cli.language import names
 from mtu_cli.model.estimates import known_component
 from mtu_cli.model.machine_model import AXES, component_alone, design, effect_alone
-from mtu_cli.model.variance import component_blocks
+from mtu_cli.model.prediction import component_blocks
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import LENGTH, UNITS
 
 POINTS = 11
 """Positions over the travel, where there is no table."""
-
-
-class StatedErrors(NamedTuple):
-    """Errors (2, n) forward and reverse at n positions along an axis, mm or rad, and their
-    covariance (2n, 2n); `turns`: the directions differ.
-    """
-
-    values: FloatArray
-    covariance: FloatArray
-    turns: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,8 +40,11 @@ class Stated:
             raise error("missing-input", what=f"the travel of {self.axis}", expected=expected)
         return np.linspace(*machine.machine.travels[self.axis], POINTS)
 
-    def errors_at(self, machine: LoadedMachine, positions: FloatArray) -> StatedErrors:
-        """Its errors by the machine file at `positions` (n,), mm.
+    def errors_at(
+        self, machine: LoadedMachine, positions: FloatArray
+    ) -> tuple[FloatArray, FloatArray, bool]:
+        """Its errors (2, n) by the machine file, forward and reverse at `positions` (n,) mm, in mm
+        or rad, their covariance (2n, 2n), and whether the directions differ.
 
         Raises InputError for a component without coefficients.
         """
@@ -70,11 +62,8 @@ class Stated:
         points[:, AXES.index(self.axis)] = np.tile(positions, 2)
         rows = design(model, points, {way: np.repeat([1.0, -1.0], len(positions))})
         blocks = component_blocks(model, rows.J, rows.levers)
-        return StatedErrors(
-            values=rows.mean.reshape(2, -1),
-            covariance=np.sum([block.G @ block.C @ block.G.T for block in blocks], axis=0),
-            turns=way in model.covariates(),
-        )
+        covariance = np.sum([block.G @ block.C @ block.G.T for block in blocks], axis=0)
+        return rows.mean.reshape(2, -1), covariance, way in model.covariates()
 
 
 def known_names(machine: LoadedMachine) -> list[str]:

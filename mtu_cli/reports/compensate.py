@@ -27,7 +27,7 @@ def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str
     """
     key = "deg" if result.asked.rotary else "mm"
     return [
-        {"of": result, "item": item, key: at, result.unit: item}
+        {"of": result, "item": item, key: at, result.unit.name: item}
         for at, item in zip(places, items, strict=True)
     ]
 
@@ -44,11 +44,11 @@ def _moves(result: CompensateResult) -> list[dict[str, Any]]:
 
 def _figures(result: CompensateResult) -> dict[str, dict[str, Any]] | None:
     """Each figure before and after by name, in the unit of the errors."""
-    items: dict[str, dict[str, Any]] = {}
+    items, size = dict[str, dict[str, Any]](), result.unit.to_internal
     for name, before in (result.before or {}).items():
-        items[name] = {"name": name, "before": float(before) / result.size}
+        items[name] = {"name": name, "before": float(before) / size}
         if result.after is not None:
-            draws = result.after[name] / result.size
+            draws = result.after[name] / size
             items[name]["median"], items[name]["u"] = float(np.median(draws)), float(np.std(draws))
             items[name]["interval95"] = np.quantile(draws, (0.025, 0.975)).tolist()
     return items or None
@@ -58,11 +58,11 @@ PLACE = """
     {name}_mm | mm | {what}; null of a rotary axis | {name} / mm, mm
     {name}_deg | deg | the same of a rotary axis | {name} / deg, mm
 """
-SHARED = "u=of.quantum, unit=, size=of.size"
+SHARED = "u=of.quantum, unit=, size=of.unit.to_internal"
 ROW = declare(
     PLACE.format(name="position", what="machine position")
     + f"""
-    unit | of.unit | unit of errors | -
+    unit | of.unit.name | unit of errors | -
     forward | item.0 | error asked for, forward | forward, {SHARED}
     reverse | item.1 | error asked for, reverse | reverse, {SHARED}
     held_forward | item.2 | as read back from the file, forward | forward held, {SHARED}
@@ -91,8 +91,8 @@ RESULTS = declare(
     sign | controller.sign | what its values are: error, correction or position
     listing | controller.listing | whether it is for entry by hand
     direction | | both, mean or forward
-    unit | unit | unit of errors, E, B, M, rms and quantum
-    quantum | quantum | last place of the table's values | -, size=size
+    unit | unit.name | unit of errors, E, B, M, rms and quantum
+    quantum | quantum | last place of the table's values | -, size=unit.to_internal
     reference_mm | reference | machine position at which the table is 0; null: not zeroed
     backlash_um | backlash() | mean of forward - reverse; null of one direction
     points[] | points() | *point
@@ -143,7 +143,7 @@ def _of_backlash(result: CompensateResult, figure: Any) -> float | None:
 
 def document(result: CompensateResult, digits: int = 2) -> Document:
     """The points of the table, the figures before and after, and the moves."""
-    control, unit, component = result.controller, result.unit, result.component
+    control, unit, component = result.controller, result.unit.name, result.component
     footer = (
         f"errors (actual minus nominal) in {unit}; held: as read back from the file; the file's "
         f"values are {control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
@@ -178,7 +178,7 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
             verdict += f"(95 % interval {least} to {most})."
             B = _of_backlash(result, np.mean)
             if B is not None and not result.asked.both:
-                mean = f"{significant(B / result.size, 3)} {unit}"
+                mean = f"{significant(B / result.unit.to_internal, 3)} {unit}"
                 verdict += f" A reversal of {mean} (forward less reverse) is left to the control."
     return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
 
@@ -187,7 +187,7 @@ def figure(result: CompensateResult) -> figures.Figure:
     """Errors requested and read back, by position."""
     page = figures.blank(7.0, 3.6)
     panel = page.subplots()
-    at, size = result.asked.at, result.size
+    at, size = result.asked.at, result.unit.to_internal
     names = ("forward", "reverse") if result.asked.both else ("both directions",)
     for name, colour, requested, readback in zip(
         names, (figures.BLUE, figures.ORANGE), result.asked.errors, result.held.errors, strict=False
@@ -196,7 +196,7 @@ def figure(result: CompensateResult) -> figures.Figure:
         panel.plot(at, readback / size, "-", color=colour, label=f"{name}, held by the control")
     xlabel = f"machine position, {'deg' if result.asked.rotary else 'mm'}"
     title = f"Compensation of {result.component}"
-    panel.set(xlabel=xlabel, ylabel=f"error, {result.unit}", title=title)
+    panel.set(xlabel=xlabel, ylabel=f"error, {result.unit.name}", title=title)
     panel.legend(loc="best")
     return page
 

@@ -22,7 +22,7 @@ from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.coverage import FAMILY_RATE
-from mtu_cli.units import ARCSEC, LENGTH, UM
+from mtu_cli.units import SMALL
 
 SHOWN, TITLE = 12, 36
 """Names in a note; characters above a panel."""
@@ -40,7 +40,7 @@ SIZES: dict[str, Any] = {
     "size": _size,
     "size2": lambda item: _size(item) ** 2,
     # um^2, or arcsec^2 of an angle.
-    "square": lambda item: float((UM if item.unit.dimension == LENGTH else ARCSEC) ** 2),
+    "square": lambda item: float(SMALL[item.unit.dimension].to_internal ** 2),
     "star": lambda test: "*" if test.significant else "",
 }
 TESTED = declare(

@@ -112,7 +112,7 @@ def _features(result: PointsResult) -> list[dict[str, Any]]:
             "id": name, "place": place, "conformance": conformance,
             "outside": of.beyond.get(name, []), **{axis: next(rows) for axis in of.axes},
         }
-        for name, place, conformance in zip(of.ids, result.points, result.conformance, strict=True)
+        for name, place, conformance in zip(of.ids, of.points, result.conformance, strict=True)
     ]  # fmt: skip
 
 
@@ -166,13 +166,13 @@ def points_figure(result: PointsResult) -> figures.Figure:
     axes, k, ids = result.prediction.axes, result.coverage_factor, result.prediction.ids
     n, a = len(ids), len(axes)
     title = f"Predicted errors of {n} features, actual minus nominal"
-    if {"x", "y"} <= set(axes) and np.isfinite(result.points[:, :2]).all():
+    if {"x", "y"} <= set(axes) and np.isfinite(result.prediction.points[:, :2]).all():
         at = [AXES.index(axis) for axis in axes]
         errors, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         errors[:, at] = result.prediction.mean.reshape(n, a) / UM
         covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
         side = Side("", figures.BLUE, errors, covariance)
-        maps = Maps(ids, result.points, axes, [("", [side])], k)
+        maps = Maps(ids, result.prediction.points, axes, [("", [side])], k)
         share = 100 * (1 - math.exp(-(k**2) / 2))
         page = figures.blank(maps.width, maps.height)
         maps.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")

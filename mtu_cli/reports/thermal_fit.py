@@ -76,7 +76,7 @@ GRADIENT = """
 
 def component(item: ComponentDrift | None) -> Fields:
     """The figures of a component; the unit in their names is um or arcsec."""
-    unit = "um" if item is None else item.rms_unit
+    unit = "um" if item is None else item.rms_unit.name
     return declare(COMPONENT, UNIT=unit, cycle=lambda _: "cycle", gradient=GRADIENT)
 
 
@@ -142,17 +142,17 @@ def rows(item: ComponentDrift) -> Iterator[dict[str, Any]]:
 MODEL = declare(
     """
     - | name | | component, text
-    - | rms_unit | | unit, text
+    - | rms_unit.name | | unit, text
     - | model | | model, text
     - | estimate.degree | | degree, count
     - | len(estimate.sensors) | | sensors, count
     - | leading() | | largest parts, text
-    - | rms_before | | fitted rms / without, sig3, size=rms_size
-    - | rms_after | | / with, sig3, size=rms_size
-    - | held_out.before | | held-out / without, sig3, size=rms_size
-    - | held_out.after | | / with, sig3, size=rms_size
+    - | rms_before | | fitted rms / without, sig3, size=rms_unit.to_internal
+    - | rms_after | | / with, sig3, size=rms_unit.to_internal
+    - | held_out.before | | held-out / without, sig3, size=rms_unit.to_internal
+    - | held_out.after | | / with, sig3, size=rms_unit.to_internal
     - | held_out.reduction | | reduction / %, reduction()
-    - | held_out.ordinary | | all sensors / held out, sig3, size=rms_size, detail
+    - | held_out.ordinary | | all sensors / held out, sig3, size=rms_unit.to_internal, detail
     - | condition | | condition / number, sig3, detail
     - | lag1 | | autocorr., detail
     - | normality_p | | normal / p, p, detail
@@ -217,6 +217,7 @@ def figure(fit: ThermalFit) -> figures.Figure:
 
 
 def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
+    unit, size = item.rms_unit.name, item.rms_unit.to_internal
     places = list(dict.fromkeys(curve.position for curve in item.curves))
     positions = [places[i] for i in spread(len(places), POSITIONS)]
     along, start = item.estimate.degree > 0 and len(positions) > 1, 0.0
@@ -227,17 +228,17 @@ def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
         panel.axvline(start, color=figures.GREY, linewidth=0.7, linestyle="--")
         for curve in (curve for curve in curves if curve.position in colours):
             time, colour = curve.time - curve.time.min() + start, colours[curve.position]
-            measured, modelled = curve.measured / item.rms_size, curve.modelled / item.rms_size
+            measured, modelled = curve.measured / size, curve.modelled / size
             panel.plot(time, measured, "o", ms=3.0, color=colour, alpha=0.35, mew=0)
             at = "" if curve.position is None else f"{curve.position:g} mm"
             panel.plot(time, modelled, color=colour, linewidth=1.0, label=at)
         start += max((float(np.ptp(curve.time)) for curve in curves), default=0.0)
     panel.set_xlabel("min, and the cycles one after the other")
-    panel.set_ylabel(f"drift, {item.rms_unit}")
+    panel.set_ylabel(f"drift, {unit}")
     held_out = item.held_out
     kind = "rms of held-out cycles" if held_out else "rms of the fit (nothing held out)"
     rms = (held_out.before, held_out.after) if held_out else (item.rms_before, item.rms_after)
-    change = " → ".join(significant(x / item.rms_size, 3) for x in rms)
-    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {item.rms_unit}")
+    change = " → ".join(significant(x / size, 3) for x in rms)
+    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {unit}")
     if along:
         figures.key(panel, [panel], loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -115,6 +115,11 @@ def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
     return np.divide(numerator, denominator, out=unknown, where=denominator > 0)
 
 
+def known_mean(values: FloatArray, axis: int = -1) -> FloatArray:
+    """Mean of the known values along an axis; nan of none."""
+    return quotient(np.nansum(values, axis=axis), np.isfinite(values).sum(axis=axis))
+
+
 def polynomial(position: FloatArray, degree: int) -> FloatArray:
     """Design rows [1, p, ..., p^degree], shape (n, degree + 1)."""
     return np.vander(position, degree + 1, increasing=True)

@@ -9,7 +9,7 @@ from graph_examples import shipped
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # no stubs published
 from watched_process import added_mib
 
-from mtu_cli.model.graph.propagation import GraphTrials
+from mtu_cli.analyses.graph import GraphTrials
 from mtu_cli.stats.monte_carlo import monte_carlo
 
 TRIALS = 1_000_000

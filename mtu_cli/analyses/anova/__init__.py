@@ -42,13 +42,12 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import (
     aligned,
     axes_of,
-    incomplete_datum,
     only_features,
     operations_of,
     visits_of,
 )
 from mtu_cli.stats.coverage import FAMILY_RATE
-from mtu_cli.stats.least_squares import BoolArray, FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, known_mean
 
 __all__ = ["Analysed", "AnovaResult", "Method", "analyse_variance"]
 
@@ -113,11 +112,11 @@ def analyse_variance(
     Raises InputError for a feature that stands twice in one repeat of one part, and a row or
     column that is off its axis.
     """
-    aligned_points, complete = aligned(points, axes_of(points), datum)
+    aligned_points, incomplete = aligned(points, axes_of(points), datum)
     tables: dict[Kind, MeasuredTables] = {
-        "feature": feature_tables(aligned_points, roundings(points))
+        "feature": feature_tables(aligned_points, rounding=roundings(points))
     }
-    warnings = [*left_out(points), *([] if complete else [incomplete_datum()])]
+    warnings = [*left_out(points), *incomplete]
     if part is not None:
         lengths, angles = part.part.lengths, part.part.orthogonality
         names = [name for item in lengths for name in (item.from_, item.to)]
@@ -167,8 +166,7 @@ def _totals(analysis: Analysed) -> tuple[Total, ...]:
         mean = analysis.one_way.mean[rows]
         spread = float(mean.std(ddof=1)) if len(mean) > 1 else np.nan
         variances = analysis.components.part, analysis.components.repeat, analysis.both
-        values = [each[rows][np.isfinite(each[rows])] for each in variances]
-        part, repeat, both = (float(x.mean()) if len(x) else np.nan for x in values)
+        part, repeat, both = (float(known_mean(each[rows])) for each in variances)
         total = Total(
             operation=operation,
             axis=axis,

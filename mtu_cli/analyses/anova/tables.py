@@ -16,7 +16,7 @@ from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval, reml
 from mtu_cli.stats.coverage import FAMILY_RATE, PROBABILITY, holm
-from mtu_cli.stats.least_squares import FloatArray, quotient
+from mtu_cli.stats.least_squares import FloatArray, known_mean, quotient
 from mtu_cli.stats.outliers import outstanding_rows
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.units import ARCSEC, UM
@@ -207,8 +207,8 @@ def unusual_parts(kinds: Sequence[Analysed], seed: int) -> tuple[UnusualPart, ..
     result = []
     for i in np.flatnonzero(p <= rate).tolist():
         rest = np.arange(len(parts)) != i
-        deviations = raw - _mean(raw[rest])
-        square = _mean(deviations[rest] ** 2)
+        deviations = raw - np.nan_to_num(known_mean(raw[rest], axis=0))
+        square = np.nan_to_num(known_mean(deviations[rest] ** 2, axis=0))
         size2 = square + rounding
         size = np.abs(np.nan_to_num(deviations[i])) / np.sqrt(np.where(size2 > 0, size2, 1.0))
         j = int(np.argmax(size))
@@ -222,12 +222,6 @@ def unusual_parts(kinds: Sequence[Analysed], seed: int) -> tuple[UnusualPart, ..
         )
         result.append(item)
     return tuple(sorted(result, key=lambda item: item.p))
-
-
-def _mean(values: FloatArray) -> FloatArray:
-    """Of each column, of what is known; 0 where nothing is."""
-    count = np.maximum(np.isfinite(values).sum(axis=0), 1)
-    return np.asarray(np.nan_to_num(values).sum(axis=0) / count)
 
 
 class Trend(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
@@ -129,8 +129,7 @@ def correct(
     sizes = mean_sizes(measurands, visits, scatter, settings.coverage_factor)
     u_corrected = u if scatter is None else np.hypot(u, scatter.s)
     forms = form_tests(rings, scatter, float(roundings(points).max()))
-    outside = replace(rows.predicted(np.arange(1)), outside=tuple(rows.outside.values()))
-    warnings += [*outside_warnings(outside), *absent, *partial]
+    warnings += [*outside_warnings(rows.outside.values()), *absent, *partial]
     for order, item in enumerate(measurands):
         temperatures = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
         warnings += item.warnings(temperatures) if temperatures and item.kind != "length" else []

@@ -32,10 +32,10 @@ from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.readings import Points
 from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest
 from mtu_cli.model.covariates import numbers_of, point_columns, rows_of
-from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_sphere
+from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_round
 from mtu_cli.model.machine_model import AXES, TIME, MachineModel
 from mtu_cli.model.measured import roundings
-from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.prediction import Outside, Prediction, predict
 from mtu_cli.model.visits import only_features, operations_of, visits_of
 from mtu_cli.stats.coverage import ENDLESS, PROBABILITY, coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray, IntArray
@@ -68,9 +68,7 @@ class RowErrors:
     places: FloatArray
     covariates: Mapping[str, FloatArray | float]
     independent: bool
-    outside: dict[tuple[str, str], tuple[str, str, float, float, float]] = field(
-        default_factory=dict
-    )
+    outside: dict[tuple[str, str], Outside] = field(default_factory=dict)
 
     @property
     def columns(self) -> list[int]:
@@ -401,7 +399,7 @@ def _round(item: Measurand, rows: IntArray, points: Points, corrected: FloatArra
     flat, sphere = np.isnan(before[:, 2]).any(), item.kind == "sphere"
     if sphere and flat:
         raise GeometryError("its points have no z_mm")
-    fit, d = fit_sphere if sphere else fit_circle, 2 if flat else 3
+    fit, d = fit_round if sphere else fit_circle, 2 if flat else 3
     first, last = fit(before[:, :d]), fit(after[:, :d])
     gradient, normals = np.zeros((2, len(after), 3))
     gradient[:, :d], normals[:, :d] = 2 * last.radius_gradient, last.away
@@ -555,19 +553,17 @@ def point_scatter(
         group, value = code[finite], values[finite]
         count = np.bincount(group)
         deviation = value - (np.bincount(group, value) / np.maximum(count, 1))[group]
-        repeated = count > 1
-        sums = np.bincount(group, deviation**2)[repeated]
-        squares.append(np.array([sums, count[repeated] - 1.0, np.zeros(len(sums))]))
-    repeats = np.concatenate(squares, axis=1)
+        squares.append([deviation @ deviation, len(value) - np.count_nonzero(count), 0.0])
+    repeats = np.array(squares, np.float64).T
     if repeats[1].sum() >= FEWEST:
         return estimate(repeats, "repeats", r)
-    squares = [np.zeros((3, 0))]
+    of_form = [np.zeros((3, 0))]
     for (kind, *_), ring in rings:
         Q = ring_space(ring.normals, kind)
         modelled, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
         each: FloatArray = (vectors.T @ Q.T @ ring.residuals) ** 2
-        squares.append(np.array([each, np.ones(len(each)), np.clip(modelled, 0.0, None)]))
-    form = np.concatenate(squares, axis=1)
+        of_form.append(np.array([each, np.ones(len(each)), np.clip(modelled, 0.0, None)]))
+    form = np.concatenate(of_form, axis=1)
     return estimate(form, "form", r) if form.size else None
 
 

@@ -23,7 +23,7 @@ from mtu_cli.findings import Finding, counted, error, finding
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, effective_number
 from mtu_cli.stats.serial import condition_number, normality_p, variance_inflation
-from mtu_cli.units import ARCSEC, LENGTH, UM, UNITS, Unit
+from mtu_cli.units import SMALL, UNITS, Unit
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
 _ROUNDING_OF_COUNT = 1e-6
@@ -86,14 +86,9 @@ class ComponentDrift:
         return self.unit.to_internal**2
 
     @property
-    def rms_unit(self) -> str:
+    def rms_unit(self) -> Unit:
         """Of reported root mean squares: um of a length, arcsec of an angle."""
-        return "um" if self.unit.dimension == LENGTH else "arcsec"
-
-    @property
-    def rms_size(self) -> float:
-        """mm or rad in one of it."""
-        return UM if self.unit.dimension == LENGTH else ARCSEC
+        return SMALL[self.unit.dimension]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,7 +129,7 @@ def thermal_fit(
     for code in pd.unique(readings.code):
         rows = np.flatnonzero(readings.code == code)
         design = Design(readings, rows, sensors, reference, lagged=lagged, zeroed=zeroed)
-        of, unit = None, "um" if design.dimension == LENGTH else "arcsec"
+        of, unit = None, SMALL[design.dimension].name
         if components is not None:
             of, unit = components[design.name]
         fitted = Fitted(design, design.every_cycle, choose(design, design.blocks, method))
@@ -191,7 +186,7 @@ def _component(fit: Fitted, method: str, of: str | None, unit: str) -> tuple[Com
     result = ComponentDrift(
         name=design.name,
         unit=UNITS[unit],
-        model="lagged" if any(spec.lags) else spec.kind,
+        model=spec.kind if spec.kind != "lagged" or any(spec.lags) else "ridge",
         estimate=estimate(fit, residual, of, UNITS[unit], sensor_u),
         positions=tuple(p for p in design.positions if p is not None),
         n=len(y),

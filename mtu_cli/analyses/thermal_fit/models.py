@@ -21,12 +21,15 @@ ROUNDING = 1e-12
 
 
 class Spec(NamedTuple):
-    """A model to be fitted: `kind` stepwise or ridge (lagged where `lags` are not all 0)."""
+    """A model to be fitted: `kind` stepwise, ridge, or lagged, a ridge with `lags` that were
+    searched; `score` is its held-out sum of squares.
+    """
 
     kind: str
     degree: int
     lags: tuple[int, ...]
     penalty: float = 0.0
+    score: float = np.nan
 
 
 class Fitted:
@@ -40,11 +43,7 @@ class Fitted:
     """
 
     def __init__(
-        self,
-        design: Design,
-        cycles: Iterable[int],
-        spec: Spec,
-        penalties: FloatArray | None = None,
+        self, design: Design, cycles: Iterable[int], spec: Spec, penalties: FloatArray | None = None
     ) -> None:
         self.design, self.spec = design, spec
         self.columns = columns = design.columns(spec.lags)
@@ -183,14 +182,6 @@ class HeldOut(NamedTuple):
         return 1.0 - self.after / self.before if self.before > 0 else float("nan")
 
 
-class Scored(NamedTuple):
-    """A spec of a kind and its held-out sum of squares."""
-
-    kind: str
-    spec: Spec
-    score: float
-
-
 def folds(blocks: Blocks) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
     """Each block, and the cycles of all others."""
     for block in blocks:
@@ -221,12 +212,12 @@ def choose(design: Design, blocks: Blocks, method: str) -> Spec:
     simple = min(unlagged, key=lambda item: item.score, default=best)
     if best.score >= (1 - LAG_WORTH) * simple.score:
         best = simple
-    return _simplest([item for item in candidates if item.kind == best.kind]).spec
+    return _simplest([item for item in candidates if item.kind == best.kind])
 
 
-def _best(design: Design, blocks: Blocks, kind: str, spec: Spec) -> Scored:
+def _best(design: Design, blocks: Blocks, spec: Spec) -> Spec:
     """The spec with the penalty that predicts each block best from the others."""
-    penalties = np.zeros(1) if kind == "stepwise" else PENALTIES
+    penalties = np.zeros(1) if spec.kind == "stepwise" else PENALTIES
     total, squares = np.zeros(len(penalties)), 0.0
     for block, training in folds(blocks):
         total = total + Fitted(design, training, spec, penalties).sum_of_squares(block)
@@ -234,36 +225,35 @@ def _best(design: Design, blocks: Blocks, kind: str, spec: Spec) -> Scored:
         squares += sum(float(item.factor[:, -1] @ item.factor[:, -1]) for item in items)
     total = np.where(total > NEGLIGIBLE * squares, total, 0.0)
     i = int(np.argmin(total))
-    return Scored(kind, spec._replace(penalty=float(penalties[i])), float(total[i]))
+    return spec._replace(penalty=float(penalties[i]), score=float(total[i]))
 
 
-def _by_degree(design: Design, blocks: Blocks, kind: str, lags: tuple[int, ...]) -> list[Scored]:
+def _by_degree(design: Design, blocks: Blocks, kind: str, lags: tuple[int, ...]) -> list[Spec]:
     """The best penalty for every degree in position, with the same lags."""
-    name = "stepwise" if kind == "stepwise" else "ridge"
-    specs = [Spec(name, degree, lags) for degree in range(design.most_degree + 1)]
-    return [_best(design, blocks, kind, spec) for spec in specs]
+    degrees = range(design.most_degree + 1)
+    return [_best(design, blocks, Spec(kind, degree, lags)) for degree in degrees]
 
 
-def _simplest(candidates: Sequence[Scored]) -> Scored:
+def _simplest(candidates: Sequence[Spec]) -> Spec:
     """The lowest degree that is as good as the best."""
     most = min(item.score for item in candidates) * (1 + WORTH)
-    return min((x for x in candidates if x.score <= most), key=lambda item: item.spec.degree)
+    return min((x for x in candidates if x.score <= most), key=lambda item: item.degree)
 
 
-def _lagged(design: Design, blocks: Blocks) -> list[Scored]:
+def _lagged(design: Design, blocks: Blocks) -> list[Spec]:
     """The best lags at the degree of ridge and at that which a model with them prefers: without its
     lags a drift may hide how it depends on position.
     """
     none = (0,) * len(design.groups)
-    degree = _simplest(_by_degree(design, blocks, "ridge", none)).spec.degree
+    degree = _simplest(_by_degree(design, blocks, "ridge", none)).degree
     first = _searched(design, blocks, degree)
-    scores = _by_degree(design, blocks, "lagged", first.spec.lags)
+    scores = _by_degree(design, blocks, "lagged", first.lags)
     scores[degree] = first
-    degree = _simplest(scores).spec.degree
-    return [first] if degree == first.spec.degree else [first, _searched(design, blocks, degree)]
+    degree = _simplest(scores).degree
+    return [first] if degree == first.degree else [first, _searched(design, blocks, degree)]
 
 
-def _searched(design: Design, blocks: Blocks, degree: int) -> Scored:
+def _searched(design: Design, blocks: Blocks, degree: int) -> Spec:
     """The best time constants at one degree: from none at all, and from one for all groups, one
     group's changed at a time, largest share of the drift first, where that is worth it. Once: more
     rounds fit the cycles that choose, not the next ones.
@@ -272,18 +262,18 @@ def _searched(design: Design, blocks: Blocks, degree: int) -> Scored:
     every = [cycle for block in blocks for cycle in block]
 
     @cache
-    def scored(lags: tuple[int, ...]) -> Scored:
-        return _best(design, blocks, "lagged", Spec("ridge", degree, lags))
+    def scored(lags: tuple[int, ...]) -> Spec:
+        return _best(design, blocks, Spec("lagged", degree, lags))
 
-    def changed(best: Scored, group: int, lag: int) -> Scored:
-        return scored((*best.spec.lags[:group], lag, *best.spec.lags[group + 1 :]))
+    def changed(best: Spec, group: int, lag: int) -> Spec:
+        return scored((*best.lags[:group], lag, *best.lags[group + 1 :]))
 
     common = [scored((c,) * groups) for c in constants]
     result = []
     # Sensors that warm together hide whose the lag is: single changes alone may get stuck.
     for start in dict.fromkeys((0, int(np.argmin([item.score for item in common])))):
         best = common[start]
-        shares = Fitted(design, every, best.spec).group_shares(every)
+        shares = Fitted(design, every, best).group_shares(every)
         for j in np.argsort(-shares, kind="stable")[:SENSORS_SEARCHED].tolist():
             for lag in constants:
                 other = changed(best, j, lag)

@@ -2,8 +2,9 @@
 of many trials at once.
 
 A place is an array of m trials: a coordinate or constant (m,), a point or vector (3, m), a line or
-plane (2, 3, m), a frame (4, 3, m) of its origin and its axes. What an entry computes takes the
-arrays of its inputs in the order of the file and gives those of its outputs.
+plane (2, 3, m) of a point and a unit vector, a frame (4, 3, m) of its origin and its axes; lengths
+in mm, angles in rad. What an entry computes takes the arrays of its inputs in the order of the file
+and gives those of its outputs.
 
 Fits are of least squared orthogonal distances, as in `mtu_cli.model.geometry`, which fits one set
 of points: the nominal ones, where the iteration for circles and spheres starts.
@@ -23,7 +24,7 @@ from mtu_cli.findings import InputError
 from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.tree import Call, Name
 from mtu_cli.language.unit_algebra import Algebra
-from mtu_cli.model.geometry import GeometryError, fit_circle, fit_plane, fit_sphere, round_figure
+from mtu_cli.model.geometry import GeometryError, fit_circle, fit_plane, fit_round, round_figure
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PLAIN, internal
 
@@ -182,13 +183,13 @@ def circle_through(nominal: FloatArray) -> Construction:
 
 def sphere_through(nominal: FloatArray) -> Construction:
     """Centre and radius."""
-    start = fit_sphere(nominal)
+    start = fit_round(nominal)
     return lambda *points: sphere(points, start.centre, start.radius)
 
 
 def sphere_of_radius_through(nominal: FloatArray) -> Construction:
     """The centre; the last input is the radius."""
-    centre = fit_sphere(nominal).centre
+    centre = fit_round(nominal).centre
     return lambda *places: sphere(places[:-1], centre, places[-1], free=False)[0]
 
 

@@ -394,9 +394,9 @@ def test_a_length_by_hand(tmp_path: Path) -> None:
     shares = first.shares
     assert shares is not None
     of_all = of_lines + visits
-    assert shares.coefficients == pytest.approx(4.0 / of_all)
-    assert shares.passes == pytest.approx(9.0 / of_all)
-    assert shares.repeatability == pytest.approx(8.0 / of_all)
+    assert shares["coefficients"] == pytest.approx(4.0 / of_all)
+    assert shares["passes"] == pytest.approx(9.0 / of_all)
+    assert shares["repeatability"] == pytest.approx(8.0 / of_all)
     assert first.dof == pytest.approx((of_lines + visits) ** 2 / (of_lines**2 + visits**2) * 12)
     u = np.sqrt(first.variance)
     t = stats.t(first.dof).ppf(0.975)

@@ -18,7 +18,7 @@ from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points, grid_of, outside_warnings
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
-from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_sphere
+from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_round
 from mtu_cli.model.graph import transitions
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.prediction import Prediction, predict
@@ -78,8 +78,8 @@ def bow(height: float) -> FloatArray:
         (fit_circle, [*np.eye(3), *-np.eye(3)], "in no plane"),
         # The normal equations lose the fourth power of its height over its length: 1e-20.
         (fit_circle, bow(1e-5), "hardly bend"),
-        (fit_sphere, np.insert(arc(9, 90.0, 3.0, 1), 2, 4.0, axis=1), "plane or a circle"),
-        (fit_sphere, ball(3, 1.0, 0.0, 1), "plane or a circle"),
+        (fit_round, np.insert(arc(9, 90.0, 3.0, 1), 2, 4.0, axis=1), "plane or a circle"),
+        (fit_round, ball(3, 1.0, 0.0, 1), "plane or a circle"),
     ],
 )
 def test_points_without_a_figure(
@@ -94,7 +94,7 @@ def test_points_without_a_figure(
 def test_circle_and_sphere_against_an_optimiser(seed: int) -> None:
     for points, fit in (
         (arc(9, 90.0, 2.0, seed) + np.array([500.0, 200.0]), fit_circle),
-        (ball(14, 12.5, 0.4, seed), fit_sphere),
+        (ball(14, 12.5, 0.4, seed), fit_round),
     ):
         start = np.append(points.mean(axis=0), 10.0)
 
@@ -113,7 +113,7 @@ CASES: dict[str, tuple[Callable[[FloatArray], RoundFit], FloatArray]] = {
     "short arc": (fit_circle, arc(9, 90.0, 0.5, 2, angle=1.0)),
     "gander": (fit_circle, GANDER),
     "circle in space": (fit_circle, tilted(arc(9, 90.0, 3.0, 1), 2, 1e-6)),
-    "sphere": (fit_sphere, ball(12, 12.5, 0.5, 1)),
+    "sphere": (fit_round, ball(12, 12.5, 0.5, 1)),
 }
 
 
@@ -305,7 +305,7 @@ def test_features_have_the_coordinates_that_the_equations_need(tmp_path: Path) -
     assert (ids, warned.code) == (("a", "b"), "not-used")
     px = replace(model.terms[0].estimate, position_range=(0.0, 100.0))
     seen = replace(model, terms=(replace(model.terms[0], estimate=px), *model.terms[1:]))
-    (outside,) = outside_warnings(predict(seen, ids, points))
+    (outside,) = outside_warnings(predict(seen, ids, points).outside)
     assert "feature 'b' at 140 mm" in outside.message
     # Along other axes the same features are elsewhere.
     along_y = (
@@ -315,7 +315,7 @@ def test_features_have_the_coordinates_that_the_equations_need(tmp_path: Path) -
         loaded(tmp_path, SPACE.replace("equations:", f"  {along_y}").replace("y*sq", "py"))
     )
     near = (replace(x, estimate=replace(x.estimate, position_range=(0, 0.5))) for x in both.terms)
-    warned_of = outside_warnings(predict(replace(both, terms=tuple(near)), ids, points))
+    warned_of = outside_warnings(predict(replace(both, terms=tuple(near)), ids, points).outside)
     assert ["feature 'a' at 1 mm" in warned_of[0].message, len(warned_of)] == [True, 2]
     assert "feature 'a' at 2 mm" in warned_of[1].message
     needing = build(loaded(tmp_path, SPACE.replace("px + y*sq", "px + z*sq")))
@@ -359,20 +359,20 @@ def along_x(folder: Path, effects: str) -> Prediction:
 def test_an_effect_is_what_it_adds_to_the_prediction(tmp_path: Path) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS)
     effect = stated(machine, "backlash")
-    found = effect.errors_at(machine, PLACES)
+    values, covariance, turns = effect.errors_at(machine, PLACES)
     only = EFFECTS[: EFFECTS.index("  - name: tilt")]
     more, plain = along_x(tmp_path, only), along_x(tmp_path, "")
-    assert found.values.ravel() == pytest.approx((more.mean - plain.mean)[0::2], rel=1e-12)
+    assert values.ravel() == pytest.approx((more.mean - plain.mean)[0::2], rel=1e-12)
     added = (more.covariance - plain.covariance)[0::2, 0::2]
-    assert found.covariance == pytest.approx(added, rel=1e-9, abs=1e-18)
-    assert (effect.axis, found.turns, effect.angle) == ("x", True, False)
+    assert covariance == pytest.approx(added, rel=1e-9, abs=1e-18)
+    assert (effect.axis, turns, effect.angle) == ("x", True, False)
 
 
 def test_a_component_is_what_is_predicted_with_it_alone(tmp_path: Path) -> None:
     machine, plain = loaded(tmp_path, MACHINE), along_x(tmp_path, "")
-    found = stated(machine, "a").errors_at(machine, PLACES)
-    assert found.values.ravel() == pytest.approx(plain.mean[0::2])
-    assert found.covariance == pytest.approx(plain.covariance[0::2, 0::2])
+    values, covariance, _ = stated(machine, "a").errors_at(machine, PLACES)
+    assert values.ravel() == pytest.approx(plain.mean[0::2])
+    assert covariance == pytest.approx(plain.covariance[0::2, 0::2])
     assert (stated(machine, "a").output, stated(machine, "s").output) == ("x", "y")
     assert stated(machine, "a").default_positions(machine) == pytest.approx(np.arange(0, 501, 50))
     endless = loaded(tmp_path, MACHINE.replace("axes: {x: {travel_mm: [0, 500]}}", ""))

@@ -14,9 +14,10 @@ from thermal_machines import IDS, POINTS, SENSORS, angle, line, machine
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.findings import InputError
+from mtu_cli.model.features import temperature_warnings
 from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 from mtu_cli.model.machine_model import MachineModel, design, drift_terms, temperatures
-from mtu_cli.model.prediction import predict, temperature_warnings
+from mtu_cli.model.prediction import predict
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
 

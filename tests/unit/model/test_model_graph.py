@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from graph_examples import graph_of, shipped
 
+from mtu_cli.analyses.graph import GraphTrials
 from mtu_cli.files.contract import json_schema
 from mtu_cli.files.graph_contract import TransitionKind
 from mtu_cli.findings import InputError
@@ -15,7 +16,6 @@ from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
 from mtu_cli.model.graph.net import load_graph
-from mtu_cli.model.graph.propagation import GraphTrials
 from mtu_cli.model.graph.transitions import TRANSITIONS, formula_unit
 
 

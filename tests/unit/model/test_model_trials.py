@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from support import paper_study
 
+from mtu_cli.analyses.predictions import reportable
 from mtu_cli.files.machine import Component
 from mtu_cli.files.part import Tolerance
 from mtu_cli.findings import InputError
@@ -27,9 +28,8 @@ from mtu_cli.model.measurands import (
     conformance_of,
     position_conformance,
 )
-from mtu_cli.model.prediction import Prediction, predict, reportable
+from mtu_cli.model.prediction import Block, Prediction, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.variance import Block
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM

@@ -35,7 +35,7 @@ from mtu_cli.model.covariates import FEW_ROWS, without_gaps, without_repeated
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residuals import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import projector, small_motions
+from mtu_cli.model.visits import basis, small_motions, without
 from mtu_cli.stats.least_squares import FloatArray
 
 ROTATION: Datum = "offset,rotation"
@@ -271,7 +271,8 @@ def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[in
     places = rng.uniform(0, 200, (7, 3))
     F = small_motions(places, axes, datum)
     wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
-    assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)
+    Q = basis(places, axes, datum)
+    assert without(Q, np.eye(len(Q))) == pytest.approx(wanted, abs=1e-12)
 
 
 # Covariates of residual tables: shapes, gaps, texts, errors again; lags and noise of sensors.

@@ -27,11 +27,10 @@ from mtu_cli.model.fit import (
 )
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.measured import angle_tables, feature_tables, length_tables, length_warnings
-from mtu_cli.model.passes import pairs_of_passes
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.residuals import reading_cells, reading_tables
 from mtu_cli.model.simulate import PartsPlan, pass_root, simulate_points
-from mtu_cli.model.visits import only_features, visits_of
+from mtu_cli.model.visits import only_features, pairs_of_passes, visits_of
 from mtu_cli.reports.fit_components import document
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import Shift

@@ -336,7 +336,7 @@ def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
     drawn = [*zip(*map(np.asarray, parts), strict=True)]
     assert len(drawn) == 24
     for i, (tip, width, height, turned) in enumerate(drawn):
-        place = result.points[i, :2]
+        place = result.prediction.points[i, :2]
         scale = np.linalg.norm(tip - place) / np.linalg.norm(
             result.prediction.mean[2 * i : 2 * i + 2]
         )
@@ -360,7 +360,7 @@ def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example)
     assert len(boxes) == 24
     for i, box in enumerate(boxes):
         assert not any(box.overlaps(other) for other in boxes[i + 1 :])
-    marks = panel.transData.transform(result.points[:, :2])
+    marks = panel.transData.transform(result.prediction.points[:, :2])
     for box in boxes:
         assert not any(box.contains(x, y) for x, y in marks)
 
