@@ -27,13 +27,7 @@ from mtu_cli.files.contract import (
     optional,
     present,
 )
-from mtu_cli.files.covariates import (
-    COVARIATES,
-    NUMBER,
-    POSITIONS,
-    column_dimensions,
-    is_covariate,
-)
+from mtu_cli.files.covariates import COVARIATES, NUMBER, POSITIONS, column_dimensions, is_covariate
 from mtu_cli.files.machine import AxisName, EquationText, ParameterUnitName
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlPath, read_yaml
@@ -158,7 +152,7 @@ class Template:
     trees: dict[str, Node]
     levers: dict[str, dict[str, Node]]
     columns: tuple[str, ...]
-    searched: str | None
+    searched: str
     search: Search | None
     readings: bool
 
@@ -280,9 +274,9 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
     for key, name in places:
         uses = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | base
         faults.symbol((*path, key, name), filled(name, {"each": "each"}), uses, NAMED)
-    searched, search = next(iter(form.search.items()), (None, None))
+    searched, search = next(iter(form.search.items()), ("", None))
     if search is not None:
-        _check_search(search, family, (*path, "search", str(searched)), faults)
+        _check_search(search, family, (*path, "search", searched), faults)
     trees, levers = dict[str, Node](), dict[str, dict[str, Node]]()
     for key, text in form.equations.items():
         location = (*path, "equations", key)
@@ -320,7 +314,7 @@ def _is_column(raw: str, family: Family) -> bool:
 
 
 def _levers(
-    tree: Node, key: str, parameters: Mapping[str, str], searched: str | None, family: Family
+    tree: Node, key: str, parameters: Mapping[str, str], searched: str, family: Family
 ) -> dict[str, Node]:
     """The levers of the parameters of an equation that is linear in these, which all its terms
     have, and its terms are lengths. Raises InputError with its faults.
