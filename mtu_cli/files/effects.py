@@ -61,8 +61,6 @@ FamilyName = Annotated[str, Field(pattern="^[a-z][a-z0-9-]*$")]
 EffectEquations = Annotated[dict[Name, EquationText], Field(min_length=1)]
 EffectParameters = Annotated[dict[Name, ParameterUnitName], Field(min_length=1)]
 Kind = Literal["mean", "offset", "outlier", "scatter"]
-
-
 Bounds = Annotated[list[EquationText], one_or_more(float | str)]
 """Numbers or expressions in `BOUNDS` of the column searched along."""
 
@@ -277,6 +275,9 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
     searched, search = next(iter(form.search.items()), ("", None))
     if search is not None:
         _check_search(search, family, (*path, "search", searched), faults)
+        if family.over is not None:
+            where = "a family without `over`"
+            faults.add((*path, "search"), "misplaced", key="search", where=where)
     trees, levers = dict[str, Node](), dict[str, dict[str, Node]]()
     for key, text in form.equations.items():
         location = (*path, "equations", key)
