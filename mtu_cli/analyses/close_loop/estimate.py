@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -64,16 +64,15 @@ class Estimates:
     fit: Fit
 
 
-def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
-    """The 95 % set of what was searched of one effect of a model; None where nothing was.
+def searched_set(models: ModelSet, model: Model, item: int, member: Member) -> Searched | None:
+    """The 95 % set of what was searched of one effect of a model, which is best at `member`; None
+    where nothing was.
 
     It is the union of the profile-likelihood set and of the highest-posterior set, the prior
     uniform in the angle between columns: the first alone forgets values that the search could have
     hit.
     """
-    design, like = models.design, models.likelihood
-    member = design.members[item]
-    form = member.form
+    design, like, form = models.design, models.likelihood, member.form
     if not form.searched:
         return None
     base = like.fit(models.columns(tuple(x for x in model if x != item)))
@@ -116,11 +115,12 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
     where the profile is credible: regular places cannot decide between the aliases of a wave, and
     of these each predicts other errors between the places.
     """
-    for item in model:
-        searched = searched_set(models, model, item) if item >= 0 else None
+    for item in models.members(model):
+        member = models.design.members[item]
+        searched = searched_set(models, model, item, member)
         if searched is None or len(searched.intervals) < 2:
             continue
-        axis = models.design.candidates[models.design.members[item].candidate].axis
+        axis = models.design.candidates[member.candidate].axis
         smooth = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
         total, best = models.additions(tuple(x for x in model if x != item))
         top = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
@@ -260,9 +260,7 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
         items, members, optima, pairwise(starts), strict=True
     ):
         form, rows = member.form, tuple(range(*ends))
-        searched = searched_set(models, model, item)
-        if searched is not None:
-            searched = replace(searched, value=member.value)
+        searched = searched_set(models, model, item, member)
         effects.append(
             FoundEffect(
                 candidate=design.candidates[member.candidate],
