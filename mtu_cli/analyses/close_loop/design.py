@@ -257,11 +257,11 @@ def members_at(design: Design, form: BoundTemplate, values: FloatArray) -> list[
     # What no column has is no direction: most columns are of one stratum.
     live = X.any(axis=(0, 1))
     at, X = at[live], X[:, :, live]
-    sizes = np.linalg.norm(X[:, : len(terms)], axis=2)
     sound, inner = _bases(X[:, : len(terms)], X[:, len(terms) :])
     width = np.any(inner, axis=2).sum(axis=1)
     # Periods: columns are of the same size for all of them.
     if form.scale == "frequency":
+        sizes = np.linalg.norm(X[:, : len(terms)], axis=2)
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
     return [
         Member(

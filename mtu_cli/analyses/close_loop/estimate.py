@@ -249,11 +249,10 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
         dof[row] = float(np.nan_to_num(nu, nan=np.inf))
     values, covariance = values * design.scale, covariance * design.scale**2
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    numbers = zip(values.tolist(), u.tolist(), dof, strict=True)
     sizes = tuple(
         Parameter(name=name, unit=unit, role=role, value=value, u=s, dof=nu)
-        for (name, unit, role), value, s, nu in zip(
-            labels, values.tolist(), u.tolist(), dof, strict=True
-        )
+        for (name, unit, role), (value, s, nu) in zip(labels, numbers, strict=True)
     )
     effects, members = [], [design.members[best] for best, _ in optima]
     for item, member, (_, tangent), ends in zip(
