@@ -276,8 +276,8 @@ def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faul
     if search is not None:
         _check_search(search, family, (*path, "search", searched), faults)
         if family.over is not None:
-            where = "a family without `over`"
-            faults.add((*path, "search"), "misplaced", key="search", where=where)
+            owner = "a family without `over`"
+            faults.add((*path, "search"), "misplaced", key="search", where=owner)
     trees, levers = dict[str, Node](), dict[str, dict[str, Node]]()
     for key, text in form.equations.items():
         location = (*path, "equations", key)
