@@ -90,17 +90,18 @@ def searched_set(models: ModelSet, model: Model, item: int, member: Member) -> S
     lows, highs = (ends[:-2] + values) / 2, (ends[2:] + values) / 2
     places = np.zeros(0)
     if form.ends is not None:
-        # Of all places between two of the data's values the errors are the same.
+        # Of all places between two of the data's values the errors are the same: a gap that is n
+        # times as wide as most has n of them.
         after, widths = np.searchsorted(form.ends, values), np.diff(form.ends)
         lows, highs = np.minimum(lows, form.ends[after - 1]), np.maximum(highs, form.ends[after])
         quantiles = (np.arange(PLACES) + 0.5) / PLACES
         ends = np.cumsum([0.0, *shares[hits] / shares[hits].sum()])
         i = np.searchsorted(ends[1:-1], quantiles)
         gap = after[hits[i]] - 1
-        steps = np.maximum(1.0, np.round(widths[gap] / np.median(widths)))
-        step = np.floor(steps * (quantiles - ends[i]) / (ends[i + 1] - ends[i]))
-        step = np.minimum(step, steps - 1) + 0.5
-        places = form.ends[gap] + step * widths[gap] / steps
+        counts = np.maximum(1.0, np.round(widths[gap] / np.median(widths)))
+        inside = np.floor(counts * (quantiles - ends[i]) / (ends[i + 1] - ends[i]))
+        inside = np.minimum(inside, counts - 1) + 0.5
+        places = form.ends[gap] + inside * widths[gap] / counts
     runs = np.split(hits, np.flatnonzero(np.diff(hits) > 2) + 1)
     return Searched(
         name=form.searched,
