@@ -61,8 +61,6 @@ FamilyName = Annotated[str, Field(pattern="^[a-z][a-z0-9-]*$")]
 EffectEquations = Annotated[dict[Name, EquationText], Field(min_length=1)]
 EffectParameters = Annotated[dict[Name, ParameterUnitName], Field(min_length=1)]
 Kind = Literal["mean", "offset", "outlier", "scatter"]
-
-
 Bounds = Annotated[list[EquationText], one_or_more(float | str)]
 """Numbers or expressions in `BOUNDS` of the column searched along."""
 
@@ -152,7 +150,7 @@ class Template:
     trees: dict[str, Node]
     levers: dict[str, dict[str, Node]]
     columns: tuple[str, ...]
-    searched: str | None
+    searched: str
     search: Search | None
     readings: bool
 
@@ -273,9 +271,12 @@ def _template(form: MemberTemplate, family: Family, faults: Faults) -> Template:
     for key, name in places:
         uses = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | base
         faults.at(key, name).symbol(filled(name, {"each": "each"}), uses, NAMED)
-    searched, search = next(iter(form.search.items()), (None, None))
+    searched, search = next(iter(form.search.items()), ("", None))
     if search is not None:
-        _check_search(search, family, faults.at("search", str(searched)))
+        _check_search(search, family, faults.at("search", searched))
+        if family.over is not None:
+            owner = "a family without `over`"
+            faults.at("search").add("misplaced", key="search", where=owner)
     trees, levers = dict[str, Node](), dict[str, dict[str, Node]]()
     for key, text in form.equations.items():
         here = faults.at("equations", key)
@@ -313,7 +314,7 @@ def _is_column(raw: str, family: Family) -> bool:
 
 
 def _levers(
-    tree: Node, key: str, parameters: Mapping[str, str], searched: str | None, family: Family
+    tree: Node, key: str, parameters: Mapping[str, str], searched: str, family: Family
 ) -> dict[str, Node]:
     """The levers of the parameters of an equation that is linear in these, which all its terms
     have, and its terms are lengths. Raises InputError with its faults.

@@ -32,6 +32,7 @@ from mtu_cli.files.effects import (
     marks,
     number_of,
 )
+from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, finding, nearest
 from mtu_cli.language import Node, evaluate, names, parse
 from mtu_cli.language.derivative import slope
@@ -59,17 +60,15 @@ def effect_library(paths: Sequence[Path] = ()) -> EffectLibrary:
 
     Raises InputError with all problems of a file; the name of a family may be used once.
     """
-    whole = EffectLibrary(families=_built_in().families, sources=())
-    owners = {family.family.family: "a built-in family" for family in whole.families}
+    families, sources = _built_in().families, list[Source]()
+    owners = dict.fromkeys((x.family.family for x in families), "a built-in family")
     for path in paths:
         file = load_effects(path, owners)
         owner = f"a family of {file.sources[0].shown}"
-        owners |= {family.family.family: owner for family in file.families}
-        whole = EffectLibrary(
-            families=(*whole.families, *file.families),
-            sources=(*whole.sources, *file.sources),
-        )
-    return whole
+        owners |= dict.fromkeys((x.family.family for x in file.families), owner)
+        families += file.families
+        sources += file.sources
+    return EffectLibrary(families=families, sources=tuple(sources))
 
 
 # Columns of a table.
@@ -91,20 +90,12 @@ class NoMember(Exception):  # noqa: N818  # no fault: the reason why the data ha
     """Why the data has no such member; empty where it could not have one."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TableData:
-    """Positions and columns by name in compact shapes, those that are `changing`, and by mark the
-    columns that ``{T}``, ``{c}`` and ``{v}`` may be.
+    """Of a table positions and columns by name as `values` in compact shapes, those that are
+    `changing`, and by mark the `columns` that ``{T}``, ``{c}`` and ``{v}`` may be.
     """
 
-    table: ResidualTable
-    values: dict[str, FloatArray]
-    changing: frozenset[str]
-    columns: dict[str, tuple[str, ...]]
-
-    @classmethod
-    def of(cls, table: ResidualTable) -> TableData:
-        """Sorts the columns of a table."""
+    def __init__(self, table: ResidualTable) -> None:
         values = {axis: _compact(table.places[..., i]) for i, axis in enumerate(AXES)}
         language = {"pi", CHOSEN, *AXES, *MACHINE_FUNCTIONS}
         for name, value in table.covariates.items():
@@ -120,12 +111,9 @@ class TableData:
         counts += [name for name in (TIME,) if name in columns and table.component is not None]
         # A range of printed values is rounded: 26.05 - 26.
         steady = dict.fromkeys(sensors, STEADY_K + 1e-9)
-        return cls(
-            table=table,
-            values=values,
-            changing=frozenset(n for n, v in values.items() if np.ptp(v) > steady.get(n, 0.0)),
-            columns={"T": sensors, "c": tuple(counts), "v": variables},
-        )
+        self.table, self.values = table, values
+        self.changing = {n for n, v in values.items() if np.ptp(v) > steady.get(n, 0.0)}
+        self.columns = {"T": sensors, "c": tuple(counts), "v": variables}
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -246,9 +234,9 @@ class BoundTemplate:
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
     of each parameter; `used` are the columns and positions that these and `needs` name, `covariate`
-    the column that the effect depends on, `grid` (G,) the values of the searched parameter, if any,
-    and `ends` (D,) the data's values that it lies between. With it its `margins`; of a family
-    `over` features, parts or operations one member each is `chosen`.
+    the column that the effect depends on, `grid` (G,) the values of what is `searched`, nan where
+    nothing is, and `ends` (D,) the data's values that it lies between. With it its `margins`; of a
+    family `over` features, parts or operations one member each is `chosen`.
     """
 
     family: Family
@@ -259,38 +247,27 @@ class BoundTemplate:
     levers: dict[int, dict[str, Node]]
     used: tuple[str, ...]
     covariate: str | None
-    grid: FloatArray | None
-    ends: FloatArray | None = None
+    grid: FloatArray
+    ends: FloatArray | None
     margins: tuple[BoundTemplate, ...] = ()
     chosen: tuple[str, ...] | None = None
 
     @property
     def searched(self) -> str:
         """The name of the searched parameter."""
-        return self.template.searched or ""
+        return self.template.searched
 
     @property
     def scale(self) -> str:
         """Of the grid of the searched parameter; empty without one."""
         return "" if self.template.search is None else self.template.search.grid
 
-    def gap(self, place: float) -> tuple[float, float, int]:
-        """The data's values next to a place between them, and how many times as far apart they are
-        as most: of all places in this gap the errors are the same.
-        """
-        assert self.ends is not None
-        i = int(np.searchsorted(self.ends, place))
-        low, high = float(self.ends[i - 1]), float(self.ends[i])
-        return low, high, max(1, round((high - low) / float(np.median(np.diff(self.ends)))))
-
-    def columns(self, searched: FloatArray | None) -> tuple[Levers, ...]:
+    def columns(self, searched: FloatArray) -> tuple[Levers, ...]:
         """The levers of each parameter at values (G,) of the searched one.
 
         Raises NoMember where they are no finite numbers.
         """
-        values = dict(self.data.values)
-        if searched is not None:
-            values[self.searched] = searched[:, None, None]
+        values = self.data.values | {self.searched: searched[:, None, None]}
         if self.family.over is not None:
             values[CHOSEN] = np.stack([*choices(self.data.table, self.family.over).values()])
         result: dict[str, Levers] = {name: {} for name in self.parameters}
@@ -322,10 +299,9 @@ class BoundTemplate:
             raise NoMember(f"a change of {searched} has no unit in files of machines")
         return units[0]
 
-    def texts(self, value: float | None = None) -> dict[str, str]:
+    def texts(self, value: float = math.nan) -> dict[str, str]:
         """Equations by key (``Ex``) with all numbers in place, `value` for the searched one."""
-        filling = {} if value is None else {self.searched: value}
-        axes = self.data.table.axes
+        filling, axes = {self.searched: value}, self.data.table.axes
         return {f"E{axes[a]}": filled_text(tree, filling) for a, tree in self.equations.items()}
 
 
@@ -366,9 +342,13 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
     }
     if binding.get("c") == TIME:
         pairs = (pair for by_name in levers.values() for pair in by_name.items())
-        timed = dict.fromkeys(name for name, lever in pairs if TIME in names(lever))
-        units |= {name: per_minute(name, units[name]) for name in timed}
-    grid = ends = None
+        # The time stands for {c}, a plain count: um/min for um.
+        for name in dict.fromkeys(name for name, lever in pairs if TIME in names(lever)):
+            powers = PARAMETER_UNITS[units[name]].powers / internal(minute=1)
+            if not (per := parameter_units_of(powers, units[name])):
+                raise NoMember(f"{units[name]} of {name} has no unit per minute")
+            units[name] = per[0]
+    grid, ends = np.array([np.nan]), None
     if (search := template.search) is not None:
         along = search.of and _column(search.of, binding, data)[0]
         if along:
@@ -395,16 +375,9 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         ends=ends,
     )
     whole.columns(grid)
-    if grid is not None:
+    if search is not None:
         whole.change_unit()
     return whole
-
-
-def per_minute(name: str, unit: str) -> str:
-    """The unit of a parameter where the time stands for {c}, a plain count: um/min for um."""
-    if not (per := parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)):
-        raise NoMember(f"{unit} of {name} has no unit per minute")
-    return per[0]
 
 
 def _column(raw: str, binding: Binding, data: TableData) -> tuple[str, str | None]:
@@ -461,7 +434,7 @@ def candidates_of(
         if not any(f"{name}-".startswith(f"{family}-") for family in families)
     ]:  # fmt: skip
         raise InputError(faults)
-    data = TableData.of(table)
+    data = TableData(table)
     candidates = (
         _candidate(family, binding, data)
         for family in library.families

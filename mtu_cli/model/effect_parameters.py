@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,12 +15,7 @@ from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import Effect, LoadedMachine
 from mtu_cli.findings import Finding, finding
 from mtu_cli.language import evaluate, names, parse
-from mtu_cli.model.estimates import (
-    ComponentEstimate,
-    EffectEstimates,
-    JointPasses,
-    known_component,
-)
+from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, JointPasses, known_component
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
 
@@ -33,32 +28,27 @@ SLACK = 0.1
 ELSEWHERE = "elsewhere each predicts other errors, and u is that of this one"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EffectParameters:
-    """The parameters of all effects of a machine, as known components; `tables` are the components
-    within effects, as the file states them.
-
-    `renames` by effect: the names in its equations -> ``effect.parameter``.
-    """
-
-    components: dict[str, ComponentEstimate]
-    tables: dict[str, ComponentEstimate]
-    joint: tuple[JointPasses, ...]
-    renames: tuple[dict[str, str], ...]
+Known = dict[str, ComponentEstimate]
 
 
-def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> EffectParameters:
+def renames(effect: Effect) -> dict[str, str]:
+    """The names of an effect's parameters and components -> ``effect.parameter``."""
+    own = (*effect.parameters, *effect.components)
+    return {name: f"{effect.name}{EFFECT_MARK}{name}" for name in own}
+
+
+def effects_of(
+    machine: LoadedMachine, reported: EffectEstimates | None
+) -> tuple[Known, Known, tuple[JointPasses, ...]]:
     """The parameters of a machine's effects: as the file states them, each effect by itself,
-    or, of effects all of whose parameters are `reported`, with the report's joint covariance.
+    or, of effects all of whose parameters are `reported`, with the report's joint covariance; the
+    components within effects; and the covariances.
     """
-    components: dict[str, ComponentEstimate] = {}
-    tables: dict[str, ComponentEstimate] = {}
-    covariances, renames, matches = dict[tuple[str, ...], FloatArray](), [], list[str]()
+    components, tables = Known(), Known()
+    covariances, matches = dict[tuple[str, ...], FloatArray](), list[str]()
     recorded = () if reported is None else reported.names
     for effect in machine.machine.effects:
-        names = (*effect.parameters, *effect.components)
-        rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in names}
-        renames.append(rename)
+        rename = renames(effect)
         stated = {rename[name]: parameter for name, parameter in effect.parameters.items()}
         f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in stated.values()])
         # Where the file states a covariance, it replaces the parameters' u.
@@ -68,14 +58,11 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
         for i, (name, parameter) in enumerate(stated.items()):
             components[name] = ComponentEstimate(
                 name=name,
-                of=None,
                 unit=PARAMETER_UNITS[parameter.unit],
                 coefficients=np.array([parameter.value * f[i]]),
                 covariance=C[i : i + 1, i : i + 1],
                 pass_covariance=np.zeros((1, 1)),
-                s_repeat=0.0,
                 pass_dof=0.0,
-                repeat_dof=np.inf,
             )
         for name, entry in effect.components.items():
             tables[rename[name]] = known_component(rename[name], entry)
@@ -101,9 +88,7 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
         )
         for names, C in covariances.items()
     )
-    return EffectParameters(
-        components=components, tables=tables, joint=tuple(joint), renames=tuple(renames)
-    )
+    return components, tables, tuple(joint)
 
 
 def joint_effects(
@@ -117,12 +102,12 @@ def joint_effects(
     That of effects estimated separately is zero between them; `covariance` (k, k), in internal
     units, is over the parameters `names`, estimated jointly now.
     """
-    effects = effects_of(machine, reported)
-    order, items = list(effects.components), list(effects.components.values())
+    components, _, joint = effects_of(machine, reported)
+    order, items = list(components), list(components.values())
     if not order:
         return None
     C = np.diag([item.covariance[0, 0] for item in items])
-    for group in effects.joint:
+    for group in joint:
         rows = [order.index(name) for name in group.components]
         C[np.ix_(rows, rows)] = group.covariance
     rows = [order.index(name) for name in names]
@@ -142,7 +127,7 @@ def effect_warnings(
     """Where the file `report` and the machine file differ in their effects."""
     if reported is None:
         return []
-    stated, estimates = (effects_of(machine, x).components for x in (None, reported))
+    stated, estimates = (effects_of(machine, x)[0] for x in (None, reported))
     file = machine.source.shown
     unknown = [name for name in reported.names if name not in stated]
     changed = [
@@ -240,10 +225,8 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     # The variables of the bounds of a search.
     variables = dict[str, float]()
     if len(distinct) > 1:
-        low, high, steps = float(distinct[0]), float(distinct[-1]), np.diff(distinct)
-        step = float(np.median(steps[steps > ONE_VALUE * (high - low)]))
-        variables = {"low": low, "high": high, "span": high - low}
-        variables |= {"spacing": _spacing(distinct, step)}
+        low, high = float(distinct[0]), float(distinct[-1])
+        variables = {"low": low, "high": high, "span": high - low, "spacing": _spacing(distinct)}
     trees = [[parse(text) for text in texts] for texts in (search.from_, search.to)]
     if not all(names(tree).keys() <= {*variables} for side in trees for tree in side):
         return np.zeros(0)
@@ -261,17 +244,19 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
     return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
 
 
-def _spacing(distinct: FloatArray, step: float) -> float:
+def _spacing(distinct: FloatArray) -> float:
     """The period at which a wave is a constant on the values (D,): their step where it is even, or
     they are few; of many uneven ones a shorter one, as far as it is looked for.
 
     Frequencies are separable up to the first f at which |sum exp(2 pi i f x)|/D is near 1, the
     height of an alias in the spectral window (Lomb, Astrophys. Space Sci. 39 (1976) 447).
     """
+    span, steps = float(np.ptp(distinct)), np.diff(distinct)
+    step = float(np.median(steps[steps > ONE_VALUE * span]))
     first = 0.5 / step
     if len(distinct) < MANY_PLACES or first >= FINEST:
         return step
-    count = math.ceil((FINEST - first) * 2 * PER_SPAN * float(np.ptp(distinct))) + 1
+    count = math.ceil((FINEST - first) * 2 * PER_SPAN * span) + 1
     frequencies = np.linspace(first, FINEST, min(count, 2 * MOST_FREQUENCIES))
     window = np.abs(np.exp(2j * np.pi * np.outer(frequencies, distinct)).mean(axis=1))
     alike = frequencies[window >= ALIKE]

@@ -17,7 +17,7 @@ from mtu_cli.files.machine import Effect, LoadedMachine
 from mtu_cli.findings import Finding, InputError, error, finding, listed, nearest
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call, Number
-from mtu_cli.model.effect_parameters import EFFECT_MARK, effects_of
+from mtu_cli.model.effect_parameters import EFFECT_MARK, effects_of, renames
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses, ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, polynomial
 from mtu_cli.stats.serial import first_order_lag
@@ -156,10 +156,10 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     Raises InputError for a component of the equations that has neither readings nor
     coefficients, or too few readings for an uncertainty, with the line of the machine file.
     """
-    effects = effects_of(machine, estimates.effects)
+    parameters, tables, of_effects = effects_of(machine, estimates.effects)
     parts: list[Part] = [(machine.forms, {})]
-    parts += zip(machine.effect_forms, effects.renames, strict=True)
-    by_name = estimates.components | effects.components | effects.tables
+    parts += zip(machine.effect_forms, map(renames, machine.machine.effects), strict=True)
+    by_name = estimates.components | parameters | tables
     levers = _levers(parts)
     terms = [
         Term(estimate=by_name[name], levers=levers[name]) for name in by_name if name in levers
@@ -168,7 +168,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     for name, drift in estimates.thermal.items():
         if levers.get(name):
             terms += drift_terms(drift, levers[name])
-    joint = (*estimates.joint, *effects.joint)
+    joint = (*estimates.joint, *of_effects)
     return replace(_joined(machine, parts, terms, joint), effects=tuple(machine.machine.effects))
 
 
@@ -197,15 +197,15 @@ def _joined(
 
 def effect_alone(machine: LoadedMachine, index: int) -> MachineModel:
     """What one of the machine's effects adds, its parameters as the file states them."""
-    effects = effects_of(machine, None)
-    part: Part = (machine.effect_forms[index], effects.renames[index])
-    components, levers = effects.components | effects.tables, _levers([part])
+    effect = machine.machine.effects[index]
+    part: Part = (machine.effect_forms[index], renames(effect))
+    parameters, tables, of_effects = effects_of(machine, None)
+    components, levers = parameters | tables, _levers([part])
     if missing := sorted(levers.keys() - components.keys()):
-        name = machine.machine.effects[index].name
-        reason = f"the effect {name!r} holds {listed(missing)}: it adds nothing by itself"
+        reason = f"the effect {effect.name!r} holds {listed(missing)}: it adds nothing by itself"
         raise error("not-applicable", reason=reason)
     terms = [Term(estimate=components[name], levers=arms) for name, arms in levers.items()]
-    joint = tuple(x for x in effects.joint if set(x.components) <= levers.keys())
+    joint = tuple(x for x in of_effects if set(x.components) <= levers.keys())
     return _joined(machine, [part], terms, joint)
 
 

@@ -107,9 +107,7 @@ def close_loop(
     )
 
 
-def _large_enough(
-    tables: Sequence[ResidualTable],
-) -> tuple[list[ResidualTable], list[Finding]]:
+def _large_enough(tables: Sequence[ResidualTable]) -> tuple[list[ResidualTable], list[Finding]]:
     """The tables with enough to separate an effect from scatter, and a warning of each other one.
 
     Raises InputError where none has.
@@ -136,11 +134,7 @@ def _large_enough(
 
 
 def _result(
-    diagnosis: Diagnosis,
-    held_out: str,
-    errors: FloatArray,
-    table: ResidualTable,
-    tables: int,
+    diagnosis: Diagnosis, held_out: str, errors: FloatArray, table: ResidualTable, tables: int
 ) -> TableResult:
     """The diagnosis of one of `tables`, with the `errors` of what was held out."""
     covariance = diagnosis.sizes.covariance

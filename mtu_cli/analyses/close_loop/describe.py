@@ -211,7 +211,7 @@ def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
         family="profile",
         axis=kernel.axis,
         kind="smooth",
-        says=f"a smooth error of {(kernel.axis or '')[:1]} along {kernel.along}",
+        says=f"a smooth error of {kernel.axis[:1]} along {kernel.along}",
         sentence=f"{{A}} has a smooth error along {kernel.along}, {{value}} rms",
     )
     axis = design.table.axes[design.strata.axis[next(iter(kernel.directions))]]
@@ -247,7 +247,7 @@ def without_references(diagnosis: Diagnosis) -> Diagnosis:
     reference (the 95 % interval reaches there), which is reported instead.
     """
     table = diagnosis.design.table
-    values = TableData.of(table).values
+    values = TableData(table).values
     for offset in tuple(diagnosis.offsets) if diagnosis.entries else ():
         others = {name: x for name, x in diagnosis.offsets.items() if name != offset}
         rest = replace(diagnosis, offsets=others)
@@ -271,7 +271,7 @@ def crossings(
     cells = np.linspace(0, int(table.there.sum()) - 1, CELLS).astype(int)
     columns = {
         name: np.broadcast_to(v, table.there.shape)[table.there][cells]
-        for name, v in TableData.of(table).values.items()
+        for name, v in TableData(table).values.items()
     }
     # Where a polynomial or the datum took the level, it is none that is missing.
     no_level = table.fitted_degree >= 0 or table.datum != "none"

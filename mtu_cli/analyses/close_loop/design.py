@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.close_loop.strata import (
-    EMPTY,
     FEATURE,
     INTERACTION,
     NONE,
@@ -35,6 +34,8 @@ AROUND = 9
 """Finer members around one of the grid."""
 SAME_RAD = 0.03
 """Angle below which two members are one."""
+EMPTY = 1e-9
+"""Share of a column's size below which its coordinates in the strata are rounding."""
 LEAST_LEFT = 1e-6
 """Share of a column that must remain with the margins partialled out."""
 DEPENDENT = 1e-4
@@ -54,23 +55,23 @@ RANK = 1e-4
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Member:
-    """One form of a candidate at one value of what is searched.
+    """One form of a candidate at one value of what is searched (nan where nothing is), on one of
+    what its family is over.
 
     `columns` (k, n) of its parameters, the effect's and then its margins', are what is not zero at
-    the coordinates `at` (n,), `means` (k, A) and `norms` (k,) theirs over the table; `basis` is an
-    orthonormal basis of the effect with the margins partialled out. `terms` and `low` (of margins)
+    the coordinates `at` (n,), `means` (k, A) theirs over the table; `basis` is an orthonormal basis
+    of the effect with the margins partialled out. `terms` and `low` (of margins)
     are indices of the design's columns; of each parameter `indices` is the column (-1: within
     rounding of 0) and `factors` its lever over the unit column. `prior` is its share of the
     candidate's.
     """
 
     form: BoundTemplate
-    value: float | None
-    chosen: int | None
+    value: float
+    chosen: int
     at: IntArray
     columns: FloatArray
     means: FloatArray
-    norms: FloatArray
     basis: FloatArray
     prior: float = 1.0
     around: tuple[float, ...] = ()
@@ -89,7 +90,7 @@ class Kernel:
 
     directions: dict[int, tuple[FloatArray, FloatArray]]
     name: str = ""
-    axis: str | None = None
+    axis: str = ""
     along: str = ""
     informed: float = 1.0
     """Coordinates of its stratum over those that it moves: that many inform each of them."""
@@ -136,9 +137,9 @@ class Design:
         self._around: dict[int, tuple[int, ...]] = {}
         powers = fitted_powers(table).T
         at, X = strata.of_levers([{0: power[None, None]} for power in powers], 1)
-        none = np.zeros((len(powers), len(table.axes)))
-        indices, _ = self.columns.add(at, X[0], none, np.ones(len(powers)))
-        common = [i for i in indices.tolist() if i != NONE]
+        X = X[:, np.linalg.norm(X[0], axis=1) > EMPTY]
+        indices, _ = self.columns.add(at, X[0], np.zeros((X.shape[1], len(table.axes))))
+        common = indices.tolist()
         factors = [
             {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
             for k in range(table.common.shape[3])
@@ -153,15 +154,10 @@ class Design:
         self.common = tuple(common)
         self.mean_variance = (table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2
         for c, candidate in enumerate(candidates):
-            if candidate.kind in ("scatter", "offset"):
+            if candidate.kind == "offset":
                 continue
-            distinct = _distinct_members(
-                [
-                    item
-                    for form in candidate.forms
-                    for item in _at_equal_angles(members_at(self, form, grid_values(form)))
-                ]
-            )
+            found = (members_at(self, form, grid_values(form)) for form in candidate.forms)
+            distinct = _distinct_members([x for items in found for x in _at_equal_angles(items)])
             total = sum(item.prior for item in distinct)
             for _, group in groupby(distinct, key=lambda item: id(item.form)):
                 for m in add(self, c, list(group)):
@@ -242,11 +238,11 @@ def fitted_powers(table: ResidualTable) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
 
 
-def members_at(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Member]:
+def members_at(design: Design, form: BoundTemplate, values: FloatArray) -> list[Member]:
     """The members of a form at some values; those that the data cannot estimate are left out."""
     terms = form.columns(values)
     levers: list[Levers] = [*terms, *(lever for x in form.margins for lever in x.columns(values))]
-    G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
+    G = len(values if form.chosen is None else form.chosen)
     gaps = design.gaps
     means, norms = _means(levers, G, design.table)
     if design.table.motions:
@@ -261,22 +257,21 @@ def members_at(design: Design, form: BoundTemplate, values: FloatArray | None) -
     # What no column has is no direction: most columns are of one stratum.
     live = X.any(axis=(0, 1))
     at, X = at[live], X[:, :, live]
-    sizes = np.linalg.norm(X[:, : len(terms)], axis=2)
     sound, inner = _bases(X[:, : len(terms)], X[:, len(terms) :])
-    nonzero: BoolArray = np.any(inner, axis=2)
+    width = np.any(inner, axis=2).sum(axis=1)
     # Periods: columns are of the same size for all of them.
     if form.scale == "frequency":
+        sizes = np.linalg.norm(X[:, : len(terms)], axis=2)
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
     return [
         Member(
             form=form,
-            value=None if values is None else float(values[g]),
-            chosen=None if form.chosen is None else int(g),
+            value=float(values[g if form.chosen is None else 0]),
+            chosen=int(g),
             at=at,
             columns=X[g],
             means=means[g],
-            norms=norms[g],
-            basis=inner[g, nonzero[g]],
+            basis=inner[g, -width[g] :],
         )
         for g in np.flatnonzero(sound)
     ]
@@ -307,9 +302,10 @@ def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
     """The indices of members of one form of candidate c among those of the design, their columns
     among its.
     """
-    names = ("columns", "means", "norms")
-    arrays = (np.concatenate([getattr(member, name) for member in members]) for name in names)
-    indices, factors = design.columns.add(members[0].at, *arrays)
+    X, means = (
+        np.concatenate([getattr(m, name) for m in members]) for name in ("columns", "means")
+    )
+    indices, factors = design.columns.add(members[0].at, X, means)
     k, first, shape = len(members[0].form.parameters), len(design.members), (len(members), -1)
     of_members = zip(indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True)
     for member, (at, units) in zip(members, of_members, strict=True):
@@ -324,8 +320,8 @@ def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
 
 
 def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
-    """Of columns X (G, k, n) beside margins Z (G, m, n) orthonormal bases (G, k, n), zero where a
-    column is; and whether (G,) they are independent and none is rounding.
+    """Of columns X (G, k, n) beside margins Z (G, m, n) orthonormal bases (G, k, n), the first zero
+    where columns are; and whether (G,) they are independent and none is rounding.
     """
     sizes = (np.linalg.norm(columns, axis=2)[..., None] for columns in (X, Z))
     X, Z = (x / np.where(size > 0, size, 1.0) for x, size in zip((X, Z), sizes, strict=True))
@@ -350,12 +346,11 @@ def _angles(products: FloatArray) -> FloatArray:
     return np.asarray(np.arccos(np.clip(s[:, -1], -1.0, 1.0)))
 
 
-def grid_values(form: BoundTemplate) -> FloatArray | None:
+def grid_values(form: BoundTemplate) -> FloatArray:
     """The values of a form's grid, finer where members may lie between."""
-    grid = form.grid
-    if grid is None or form.scale == "between" or len(grid) < 2:
+    grid, (to, back) = form.grid, SCALES.get(form.scale, (np.asarray, np.asarray))
+    if form.scale == "between":
         return grid
-    to, back = SCALES.get(form.scale, (np.asarray, np.asarray))
     at = np.linspace(0, len(grid) - 1, FINE * (len(grid) - 1) + 1)
     return np.asarray(back(np.interp(at, np.arange(len(grid)), to(grid))))
 
@@ -374,7 +369,7 @@ def neighbours(items: Sequence[Member]) -> tuple[list[Member], FloatArray, Float
 
 def _at_equal_angles(members: list[Member]) -> list[Member]:
     """Members at equal angles along what is searched; few stay all, weighed by their arcs."""
-    if len(members) < 2 or members[0].value is None:
+    if len(members) < 2 or not members[0].form.searched:
         return members
     members, arcs, weights = neighbours(members)
     if len(members) < FEW:
@@ -388,7 +383,7 @@ def _at_equal_angles(members: list[Member]) -> list[Member]:
     lows, highs = np.append(selection[:1], middles), np.append(middles, selection[-1:])
     windows = lows[:, None] + (highs - lows)[:, None] * np.arange(AROUND) // (AROUND - 1)
     for i, window in zip(selection, windows.tolist(), strict=True):
-        members[i].around = tuple(float(members[q].value or 0.0) for q in dict.fromkeys(window))
+        members[i].around = tuple(members[q].value for q in dict.fromkeys(window))
     return [members[i] for i in selection]
 
 

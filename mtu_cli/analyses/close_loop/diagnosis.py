@@ -159,9 +159,7 @@ SAME = 1e-6
 
 
 def likelihood_of(
-    table: ResidualTable,
-    candidates: Sequence[Candidate],
-    scatter: Sequence[str] = (),
+    table: ResidualTable, candidates: Sequence[Candidate], scatter: Sequence[str] = ()
 ) -> Likelihood:
     """The likelihood of a table's errors in its strata with the columns of its candidates, given
     motions of whole parts that `scatter`, each a line, the last of each axis.

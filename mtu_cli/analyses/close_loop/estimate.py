@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -64,22 +64,21 @@ class Estimates:
     fit: Fit
 
 
-def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
-    """The 95 % set of what was searched of one effect of a model; None where nothing was.
+def searched_set(models: ModelSet, model: Model, item: int, member: Member) -> Searched | None:
+    """The 95 % set of what was searched of one effect of a model, which is best at `member`; None
+    where nothing was.
 
     It is the union of the profile-likelihood set and of the highest-posterior set, the prior
     uniform in the angle between columns: the first alone forgets values that the search could have
     hit.
     """
-    design, like = models.design, models.likelihood
-    member = design.members[item]
-    form = member.form
-    if member.value is None:
+    design, like, form = models.design, models.likelihood, member.form
+    if not form.searched:
         return None
     base = like.fit(models.columns(tuple(x for x in model if x != item)))
     items = members_at(design, form, grid_values(form))
-    items, _, arcs = neighbours(sorted(items, key=lambda m: m.value or 0.0))
-    values = np.array([m.value for m in items], float)
+    items, _, arcs = neighbours(sorted(items, key=lambda m: m.value))
+    values = np.array([m.value for m in items])
     gains = _gains(like, base, items)
     logs = gains / 2 + np.log(np.maximum(arcs, 1e-12))
     shares = np.exp(logs - np.logaddexp.reduce(logs))
@@ -89,23 +88,26 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     # Runs of values; a gap of one value is bridged, as the grid may miss a peak.
     hits, ends = np.flatnonzero(credible), np.pad(values, 1, mode="edge")
     lows, highs = (ends[:-2] + values) / 2, (ends[2:] + values) / 2
-    places = list[float]()
+    places = np.zeros(0)
     if form.ends is not None:
-        gaps = [form.gap(value) for value in values.tolist()]
-        lows = np.minimum(lows, [low for low, _, _ in gaps])
-        highs = np.maximum(highs, [high for _, high, _ in gaps])
+        # Of all places between two of the data's values the errors are the same: a gap that is n
+        # times as wide as most has n of them.
+        after, widths = np.searchsorted(form.ends, values), np.diff(form.ends)
+        lows, highs = np.minimum(lows, form.ends[after - 1]), np.maximum(highs, form.ends[after])
+        quantiles = (np.arange(PLACES) + 0.5) / PLACES
         ends = np.cumsum([0.0, *shares[hits] / shares[hits].sum()])
-        for level in (np.arange(PLACES) + 0.5) / PLACES:
-            i = int(np.searchsorted(ends[1:-1], level))
-            low, high, count = gaps[hits[i]]
-            inside = int(count * (level - ends[i]) / (ends[i + 1] - ends[i]))
-            places.append(low + (min(inside, count - 1) + 0.5) * (high - low) / count)
+        i = np.searchsorted(ends[1:-1], quantiles)
+        gap = after[hits[i]] - 1
+        counts = np.maximum(1.0, np.round(widths[gap] / np.median(widths)))
+        inside = np.floor(counts * (quantiles - ends[i]) / (ends[i + 1] - ends[i]))
+        inside = np.minimum(inside, counts - 1) + 0.5
+        places = form.ends[gap] + inside * widths[gap] / counts
     runs = np.split(hits, np.flatnonzero(np.diff(hits) > 2) + 1)
     return Searched(
         name=form.searched,
         value=member.value,
         intervals=tuple((float(lows[run[0]]), float(highs[run[-1]])) for run in runs),
-        places=tuple(places),
+        places=tuple(places.tolist()),
     )
 
 
@@ -114,11 +116,12 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
     where the profile is credible: regular places cannot decide between the aliases of a wave, and
     of these each predicts other errors between the places.
     """
-    for item in model:
-        searched = searched_set(models, model, item) if item >= 0 else None
+    for item in models.members(model):
+        member = models.design.members[item]
+        searched = searched_set(models, model, item, member)
         if searched is None or len(searched.intervals) < 2:
             continue
-        axis = models.design.candidates[models.design.members[item].candidate].axis
+        axis = models.design.candidates[member.candidate].axis
         smooth = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
         total, best = models.additions(tuple(x for x in model if x != item))
         top = [i for x, i in zip(total, best, strict=True) if x > total.max() - np.log(WINDOW)]
@@ -171,7 +174,7 @@ def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent 
     """
     design, like = models.design, models.likelihood
     member = design.members[item]
-    if member.value is None or member.form.scale == "between":
+    if member.form.scale in ("", "between"):
         return item, None
     rest = tuple(x for x in models.members(model) if x != item)
     smooth = models.columns(model)[len(like.closure(models.members(model))) :]
@@ -179,7 +182,7 @@ def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent 
     def columns(m: int) -> Columns:
         return like.closure((*rest, m)) + smooth
 
-    grid = np.asarray(member.form.grid)
+    grid = member.form.grid
     best, tangent = item, _tangent(design, like.fit(columns(item)), item)
     top = like.log_likelihood(columns(item))
     for _ in range(4):
@@ -201,17 +204,14 @@ def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent 
 def _tangent(design: Design, fit: Fit, m: int) -> Tangent | None:
     """The derivative of an effect by the logarithm of what is searched, at its sizes in a fit."""
     member = design.members[m]
-    assert member.value is not None
     sizes = fit.sizes(member)
-    values = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
-    items = members_at(design, member.form, values)
+    items = members_at(design, member.form, member.value * np.exp([STEP, -STEP]))
     if len(items) != 2:
         return None
     weights = sizes[: len(member.form.parameters)] / (2 * STEP)
     slope = weights @ (items[0].columns - items[1].columns)[: len(weights)]
     mean = weights @ (items[0].means - items[1].means)[: len(weights)]
-    norms = np.linalg.norm(slope[None], axis=1)
-    (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None], norms)
+    (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None])
     if index == NONE:
         return None
     return Tangent(index=int(index), norm=float(norm), sizes=sizes)
@@ -233,7 +233,7 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
     bounded = list[int]()
     for (best, _), end in zip(optima, starts[1:], strict=True):
         value, grid = design.members[best].value, design.members[best].form.grid
-        if labels[end - 1][2] == "searched" and value is not None and grid is not None:
+        if labels[end - 1][2] == "searched":
             change, low, high = values[end - 1], grid.min() * (1 + 1e-9), grid.max() * (1 - 1e-9)
             if (value <= low and change < 0) or (value >= high and change > 0):
                 bounded.append(end - 1)
@@ -250,20 +250,17 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
         dof[row] = float(np.nan_to_num(nu, nan=np.inf))
     values, covariance = values * design.scale, covariance * design.scale**2
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    numbers = zip(values.tolist(), u.tolist(), dof, strict=True)
     sizes = tuple(
         Parameter(name=name, unit=unit, role=role, value=value, u=s, dof=nu)
-        for (name, unit, role), value, s, nu in zip(
-            labels, values.tolist(), u.tolist(), dof, strict=True
-        )
+        for (name, unit, role), (value, s, nu) in zip(labels, numbers, strict=True)
     )
     effects, members = [], [design.members[best] for best, _ in optima]
     for item, member, (_, tangent), ends in zip(
         items, members, optima, pairwise(starts), strict=True
     ):
         form, rows = member.form, tuple(range(*ends))
-        searched = searched_set(models, model, item)
-        if searched is not None and member.value is not None:
-            searched = replace(searched, value=member.value)
+        searched = searched_set(models, model, item, member)
         effects.append(
             FoundEffect(
                 candidate=design.candidates[member.candidate],
@@ -272,7 +269,7 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
                 covariance=covariance[np.ix_(rows, rows)],
                 rows=rows,
                 equations=_equations(member, tangent, sizes[slice(*ends)], searched),
-                chosen=None if form.chosen is None else form.chosen[member.chosen or 0],
+                chosen=form.chosen[member.chosen] if form.chosen else None,
                 searched=searched,
             )
         )
@@ -331,8 +328,7 @@ def _equations(
             weight = count / len(places)
             terms.setdefault(key, []).append(text if weight == 1 else f"{weight:g}*({text})")
     # Two effects that have the same change have it once.
-    changed = any(size.role == "searched" for size in sizes)
-    if changed and value is not None and tangent is not None:
+    if tangent is not None and any(size.role == "searched" for size in sizes):
         name, direction = bound.searched, tangent.sizes
         shares = direction / max(float(np.linalg.norm(direction)), 1e-300) * value
         share = dict(zip(bound.parameters, shares.tolist(), strict=False))

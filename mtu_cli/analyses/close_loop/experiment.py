@@ -43,11 +43,8 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
     from its rivals, weighted by their posteriors; None where none does, or the effect is alone in
     it. Of follow-ups that do as well, the one that is less work stands first.
     """
-    design, like, weights = (
-        diagnosis.design,
-        diagnosis.models.likelihood,
-        diagnosis.sizes.fit.weights,
-    )
+    design, like = diagnosis.design, diagnosis.models.likelihood
+    weights = diagnosis.sizes.fit.weights
     posteriors = {m: max(p, 1e-300) for _, m, p in entry.credible if m >= 0}
     items, rivals = [*posteriors], [design.members[m] for m in posteriors]
     if len(rivals) < 2:
@@ -64,14 +61,13 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
         keys = zip(strata.kinds, strata.axis, strict=True)
         of_strata = [variance.get((k, a), variance.get((INTERACTION, a), 1.0)) for k, a in keys]
         root = 1 / np.sqrt(of_strata)[strata.labels()]
-        data, signal, distances = TableData.of(table), np.zeros(len(root)), list[float]()
+        data, signal, distances = TableData(table), np.zeros(len(root)), list[float]()
         for m in items:
             member = design.members[m]
-            value = None if member.value is None else np.array([member.value])
             levers = [
-                {a: v[[(member.chosen or 0) if len(v) > 1 else 0]] for a, v in lever.items()}
+                {a: v[[member.chosen if len(v) > 1 else 0]] for a, v in lever.items()}
                 for form in (member.form, *member.form.margins)
-                for lever in replace(form, data=data).columns(value)
+                for lever in replace(form, data=data).columns(np.array([member.value]))
             ]
             at, X = strata.of_levers(levers, 1)
             columns = np.zeros((len(levers), len(root)))

@@ -114,9 +114,7 @@ class Gate:
                 order = np.tile(np.arange(P), (rows.stop - rows.start, H, 1))
                 within = np.swapaxes(rng.permuted(order, axis=2), 1, 2)
                 mixed = cells[within, np.arange(H)] / np.sqrt(1 - 1 / H)
-                turned = strata.coordinates(mixed)
-                for s in strata.of(INTERACTION):
-                    Y[rows, strata.slices[s]] = turned[:, strata.slices[s]]
+                Y[rows, inner] = strata.coordinates(mixed)[:, inner]
             if fit.columns:
                 Y[rows] -= ((Y[rows] * w) @ X.T) @ fit.covariance @ X
         Y[0] = fit.residual

@@ -121,8 +121,7 @@ class ModelSet:
         """
         model = tuple(sorted(model))
         if model in self._added:
-            total, best = self._added[model]
-            return total.copy(), list(best)
+            return self._added[model]
         design, like = self.design, self.likelihood
         columns = like.closure(self.members(model))
         smooth = self.columns(model)[len(columns) :]
@@ -151,7 +150,7 @@ class ModelSet:
         total[first:] = value + np.array(self._gains(columns, self.named))
         best[first:] = [-1 - k for k in self.named]
         self._added[model] = total, best
-        return total.copy(), list(best)
+        return total, best
 
     def without_name(self, model: Model) -> FloatArray:
         """Log marginal likelihood, with their odds, of nameless random functions given a model."""
@@ -161,8 +160,9 @@ class ModelSet:
     def _new_additions(self, model: Model) -> tuple[FloatArray, list[Item]]:
         """The additions to a model that are not in it yet."""
         total, best = self.additions(model)
+        total = total.copy()
         total[[self.place(item) for item in model]] = -np.inf
-        return total, best
+        return total, list(best)
 
     def _entrants(self, model: Model) -> list[Item]:
         """Items that pass the gate given a model, the likeliest first; unless it is empty only

@@ -220,8 +220,6 @@ def _full_basis(begin: FloatArray) -> tuple[FloatArray, Short | None]:
     return basis * signs, short
 
 
-EMPTY = 1e-9
-"""Share of a column's size below which its coordinates in the strata are rounding."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
 FREE = 1e-9
@@ -256,18 +254,14 @@ class Columns:
         """How many columns there are, K."""
         return len(self.means)
 
-    def add(
-        self, at: IntArray, X: FloatArray, means: FloatArray, sizes: FloatArray
-    ) -> tuple[IntArray, FloatArray]:
-        """Indices and factors (m,) of columns: x = factor * unit column; NONE and nan of those that
-        are rounding.
+    def add(self, at: IntArray, X: FloatArray, means: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Indices and factors (m,) of columns: x = factor * unit column; NONE and nan of zeros.
 
-        `X` (m, n) at the coordinates `at` (n,), `means` (m, A) of the table, `sizes` (m,) their
-        norms over the table.
+        `X` (m, n) at the coordinates `at` (n,), `means` (m, A) of the table.
         """
         norms = np.linalg.norm(X, axis=1)
         indices, factors = np.full(len(X), NONE), np.full(len(X), np.nan)
-        nonzero = np.flatnonzero((norms > EMPTY * sizes) & (norms > 0))
+        nonzero = np.flatnonzero(norms)
         units = X[nonzero] / norms[nonzero, None]
         marks = units @ self._marks[at]
         signs = np.where(marks[:, 0] < 0, -1.0, 1.0)

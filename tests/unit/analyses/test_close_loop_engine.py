@@ -334,8 +334,9 @@ def test_a_profile_in_the_place_of_a_wave_stands_once(monkeypatch: pytest.Monkey
     design = SimpleNamespace(candidates=[of_x], members=[member], kernels=[of_x])
     added = (np.array([5.0, 4.0]), [wave, profile])
     models: Any = SimpleNamespace(
-        design=design, likelihood=None, named=[0], additions=lambda model: added
-    )
+        design=design, likelihood=None, named=[0], additions=lambda model: added,
+        members=lambda model: [item for item in model if item >= 0],
+    )  # fmt: skip
     assert estimate.without_aliases(models, (wave,)) == (profile,)
     assert estimate.without_aliases(models, (profile, wave)) == (profile,)
 

@@ -362,6 +362,8 @@ PERIOD = "{Ex: k*x*sin(p)}"
          "unknown-name"),
         (family(PERIOD, more="search: {p: {of: w, from: 1, to: 2}}"), 7, "[0].search.p.of",
          "unknown-name"),
+        (family("{Ex: k*x*chosen*sin(p)}", more="over: part\nsearch: {p: {from: 1, to: 2}}"), 8,
+         "[0].search", "misplaced"),
         ("- family: f\n  says: s\n", 3, "[0]", "missing-key"),
         (family() + family(), 7, "[1]", "appears-twice"),
         (family('{Ex: "k*{b}"}'), 3, "[0]", "incomplete"),

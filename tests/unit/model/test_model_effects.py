@@ -262,10 +262,10 @@ def values_of(own: ResidualTable) -> dict[str, FloatArray]:
     return values | {n: np.broadcast_to(v, shape) for n, v in own.covariates.items()}
 
 
-def members_of(form: BoundTemplate) -> Iterator[tuple[float | None, list[FloatArray]]]:
+def members_of(form: BoundTemplate) -> Iterator[tuple[float, list[FloatArray]]]:
     """Each value of the grid, with the columns (P, H, A) of its parameters."""
-    grid, levers = form.grid, form.columns(form.grid)
-    for g, value in enumerate([None] if grid is None else grid.tolist()):
+    levers = form.columns(form.grid)
+    for g, value in enumerate(form.grid.tolist()):
         columns = [np.zeros(form.data.table.errors.shape) for _ in levers]
         for full, lever in zip(columns, levers, strict=True):
             for axis, values in lever.items():
@@ -381,7 +381,7 @@ def test_a_machine_file_takes_the_forms_and_predicts_their_columns(
 )
 def test_which_columns_count_parts(values: list[float], counts: bool) -> None:
     covariates = shop_covariates(9, 12) | {"n": np.array(values, float)[:, None]}
-    data = TableData.of(table(covariates=covariates))
+    data = TableData(table(covariates=covariates))
     assert ("n" in data.columns["c"], "n" in data.columns["v"]) == (counts, not counts)
     assert data.columns["c"][0] == "sequence"
     assert data.columns["T"] == ("T_spindle_degC", "T_part_degC")
