@@ -220,7 +220,14 @@ def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
     line, row = content[start:body].decode(), content.count(b"\n", 0, start) + 1
     place = {"file": source.shown, "row": row}
     decimal: Decimal = "."
-    separator = _separator(line, place)
+    bare, facts = re.sub(r'"[^"]*"', "", line), {"value": line.strip(), **place}
+    if re.match(r"[{\[]|---|[A-Za-z_]+:\s|sep=", line.strip()):
+        expected = "a header row, and rows of values below it"
+        raise error("other-table", kind="no table", expected=expected, **facts)
+    if "," not in bare and ";" not in bare and re.search(r"[\t|]", bare.strip()):
+        reason = "the columns are separated by tabs or bars"
+        raise error("not-readable", reason=reason, expected="commas or semicolons", **facts)
+    separator = ";" if ";" in bare and bare.count(";") >= bare.count(",") else ","
     if separator == ";":  # numbers have the decimal sign of most of them
         sample = content[body : body + SAMPLE_BYTES].decode(errors="ignore")
         signs = re.findall(r"(?<![\d.,])[+-]?\d*([.,])\d", sample)
@@ -248,19 +255,6 @@ def inflated(raw: bytes, file: str) -> bytes:
         return gzip.decompress(raw)
     except (EOFError, OSError, zlib.error) as fault:
         raise error("not-readable", file=file, reason=f"damaged gzip data ({fault})") from None
-
-
-def _separator(line: str, place: dict[str, Any]) -> str:
-    """The separator of the columns, by the header; raises InputError for what is no header."""
-    bare = re.sub(r'"[^"]*"', "", line)
-    if re.match(r"[{\[]|---|[A-Za-z_]+:\s|sep=", line.strip()):
-        expected = "a header row, and rows of values below it"
-        raise error("other-table", kind="no table", value=line.strip(), expected=expected, **place)
-    if "," not in bare and ";" not in bare and re.search(r"[\t|]", bare.strip()):
-        reason = "the columns are separated by tabs or bars"
-        facts = {"value": line.strip(), "expected": "commas or semicolons"}
-        raise error("not-readable", reason=reason, **facts, **place)
-    return ";" if ";" in bare and bare.count(";") >= bare.count(",") else ","
 
 
 # Rows and columns.

@@ -271,19 +271,16 @@ def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpe
             if {*contract.required} <= {*header}:
                 expected = f"{spec.holds} ({contract.option} takes {contract.holds})"
                 raise error("other-table", kind=contract.holds, expected=expected, **place)
-    if faults := [*_faults(header, spec)]:
-        raise InputError([item.at(**place) for item in faults])
-
-
-def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
+    faults: list[Finding] = []
     for i, name in enumerate(header, 1):
         if not is_name(name):
             expected = A_NAME if name else "a name, or no such column"
-            facts: dict[str, Any] = {"value": name, "column": i, "expected": expected}
-            yield finding("wrong-type", kind="a name that a table can show", **facts)
+            facts: dict[str, Any] = {"value": name, "column": i, "expected": expected, **place}
+            faults.append(finding("wrong-type", kind="a name that a table can show", **facts))
         elif name in header[: i - 1]:
             expected = f"one of the columns {header.index(name) + 1} and {i}"
-            yield finding("appears-twice", what="the column", column=name, expected=expected)
+            facts = {"column": name, "expected": expected, **place}
+            faults.append(finding("appears-twice", what="the column", **facts))
     required_names = {*spec.required}
     required_names |= {name for pair in spec.pairs if {*pair} & {*header} for name in pair}
     extras = [name for name in header if name and name not in spec.columns]
@@ -296,9 +293,11 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
         unit = name.rpartition("_")[2]
         values = f", its values in {unit}" if unit in UNITS and unit not in f"{match}" else ""
         expected = f"{match!r} renamed to {name!r}{values}" if match else hint
-        yield finding("missing-column", column=name, expected=expected)
+        faults.append(finding("missing-column", column=name, expected=expected, **place))
     if {*EXCLUSIVE} <= {*header}:
-        yield finding("exclusive", names=EXCLUSIVE, expected="one of them")
+        faults.append(finding("exclusive", names=EXCLUSIVE, expected="one of them", **place))
+    if faults:
+        raise InputError(faults)
 
 
 def meant_by(name: str, columns: Sequence[str], likeness: float) -> str | None:

@@ -156,6 +156,33 @@ class Part(Contract):
             for name, item in self.features.items()
         }
 
+    def check(self, faults: Faults) -> None:
+        """Features that the file has, none twice; lengths above 0; ids once."""
+        places, keys = self.places(), faults.at("features").keys()
+        references: list[tuple[Faults, str]] = []
+        for kind in ("lengths", "orthogonality", "circles", "spheres"):
+            entries = present(getattr(self, kind))
+            ids = [(index, item.id) for index, item in entries]
+            faults.at(kind).once(ids, "the id", "id", expected="another `id`")
+            for index, item in entries:
+                here = faults.at(kind, index)
+                if isinstance(item, Length):
+                    references += [(here.at("from"), item.from_), (here.at("to"), item.to)]
+                    if places.get(item.from_, item.from_) == places.get(item.to, item.to):
+                        expected = f"a feature at another place than {item.from_!r}"
+                        here.at("to").add("appears-twice", what="the place", expected=expected)
+                for key in ("row", "column", "features"):
+                    names = [*enumerate(getattr(item, key, ()))]
+                    here.at(key).once(names, "the feature")
+                    references += [(here.at(key, place), name) for place, name in names]
+                if len(getattr(item, "calibrated_mm", None) or ()) > 1 and item.temperature is None:
+                    facts = {"what": "diameters at several temperatures", "other": "`temperature`"}
+                    here.at("calibrated_mm").add("incomplete", **facts)
+        for at, name in references:
+            # A feature whose entry is faulty is not unknown.
+            if name not in keys:
+                at.unknown(name, keys, "feature")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedPart(Loaded):
@@ -170,32 +197,4 @@ def load_part(path: Path) -> LoadedPart:
     Raises InputError with all faults of the file, each with its line.
     """
     document = read_yaml(path, "part")
-    return LoadedPart(document=document, part=check_contract(document, Part, "part", _check))
-
-
-def _check(part: Part, faults: Faults) -> None:
-    """Features that the file has, none twice; lengths above 0; ids once."""
-    places, keys = part.places(), faults.at("features").keys()
-    references: list[tuple[Faults, str]] = []
-    for kind in ("lengths", "orthogonality", "circles", "spheres"):
-        entries = present(getattr(part, kind))
-        ids = [(index, item.id) for index, item in entries]
-        faults.at(kind).once(ids, "the id", "id", expected="another `id`")
-        for index, item in entries:
-            here = faults.at(kind, index)
-            if isinstance(item, Length):
-                references += [(here.at("from"), item.from_), (here.at("to"), item.to)]
-                if places.get(item.from_, item.from_) == places.get(item.to, item.to):
-                    expected = f"a feature at another place than {item.from_!r}"
-                    here.at("to").add("appears-twice", what="the place", expected=expected)
-            for key in ("row", "column", "features"):
-                names = [*enumerate(getattr(item, key, ()))]
-                here.at(key).once(names, "the feature")
-                references += [(here.at(key, place), name) for place, name in names]
-            if len(getattr(item, "calibrated_mm", None) or ()) > 1 and item.temperature is None:
-                facts = {"what": "diameters at several temperatures", "other": "`temperature`"}
-                here.at("calibrated_mm").add("incomplete", **facts)
-    for at, name in references:
-        # A feature whose entry is faulty is not unknown.
-        if name not in keys:
-            at.unknown(name, keys, "feature")
+    return LoadedPart(document=document, part=check_contract(document, Part, "part"))

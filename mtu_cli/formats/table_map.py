@@ -84,23 +84,23 @@ class Profile(Contract):
         units = [name for name in self.units if name != "error"]
         return [*self.scale, *units, *self.subtract, *self.subtract.values()]
 
-
-def read_profile(source: Path | Mapping[str, Any]) -> Profile:
-    """A checked mapping profile; raises InputError with all its faults."""
-
-    def check(profile: Profile, faults: Faults) -> None:
-        for name, unit in profile.units.items():
+    def check(self, faults: Faults) -> None:
+        """Units that are known, columns that it makes or reads."""
+        for name, unit in self.units.items():
             if plain_unit(unit) not in UNITS:
                 faults.at("units", name).unknown(unit, UNITS, "unit")
-        columns = [*profile.made, *profile.operands]
+        columns = [*self.made, *self.operands]
         for key in ("scale", "subtract", "units"):
-            for name in getattr(profile, key):
+            for name in getattr(self, key):
                 if name not in columns and (key, name) != ("units", "error"):
                     faults.at(key, name).unknown(name, columns, "column")
 
+
+def read_profile(source: Path | Mapping[str, Any]) -> Profile:
+    """A checked mapping profile; raises InputError with all its faults."""
     if not isinstance(source, Path):
         return Profile(**source)
-    return check_contract(read_yaml(source, "map"), Profile, "import", check)
+    return check_contract(read_yaml(source, "map"), Profile, "import")
 
 
 def read_with(result: Import, spec: TableSpec) -> None:

@@ -98,7 +98,11 @@ class Algebra:
                 continue
             if _has_literal_factor(rest):  # in 1 + x/500 the 500 may be mm
                 return unit * ANY
-            if value and verb == "added" and not self._takes_numbers(rest, unit):
+            # The 90 of phi - 90 is in deg, the 1 of 1 + alpha*dT is no number of um/m.
+            units = [self.units.get(name, ANY) for name in _names_alone(rest)]
+            units += map(unit_powers, ("1", "%", *ANGLES))
+            in_unit = not unit.alike(PLAIN) or any(map(unit.agrees, units))
+            if value and verb == "added" and not in_unit:
                 expected = times(unit, PLAIN, short_text(rest)) or "a plain number"
                 of = f"what is added to {short_text(side)}"
                 self.add(of, unit, PLAIN, expected, column=column)
@@ -109,14 +113,6 @@ class Algebra:
         expected = "terms of one unit" + times(other, one, f": {short_text(right)}")
         self.add(f"what is {verb}", other, one, expected, column=column)
         return ANY
-
-    def _takes_numbers(self, term: Node, unit: Powers) -> bool:
-        """Whether a number beside a term is in its unit: the 90 of phi - 90 is in deg, the 1 of
-        1 + alpha*dT is no number of um/m.
-        """
-        units = [self.units.get(name, ANY) for name in _names_alone(term)]
-        units += map(unit_powers, ("1", "%", *ANGLES))
-        return not unit.alike(PLAIN) or any(map(unit.agrees, units))
 
     def _check_number(self, node: Node, what: str) -> None:
         powers = self.of(node)
