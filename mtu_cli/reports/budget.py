@@ -55,9 +55,10 @@ INPUT = """
 
 def row(unit: str = "", *, several: bool = False) -> Fields:
     """The figures of one input of an output in `unit`; an exact input needs no sensitivity."""
-    text = INPUT.replace("OUTPUT", "output" if several else "-").replace("UNIT", unit)
     return declare(
-        text,
+        INPUT,
+        OUTPUT="output" if several else "-",
+        UNIT=unit,
         stated_dof=lambda x: "inf" if math.isinf(x.inputs.dof) else x.inputs.dof,
         finite_dof=lambda x: x.inputs.dof if x.inputs.u else None,
         sensitivity=lambda x: x.sensitivity if x.inputs.u else None,

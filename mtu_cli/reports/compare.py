@@ -77,7 +77,7 @@ SUMMARY = declare(
     under_predicted | faults.under-predicted.0 | items with that fault | under- / predicted, some()
     over_predicted | faults.over-predicted.0 | items with that fault | over- / predicted, some()
     all_at_once. | pooled
-        items | | features whose scatter is pooled; all_at_once is null of lengths
+        items | | items whose scatter is pooled
         ratio_scatter | ratio | their scatter, measured over predicted
         p_scatter_familywise | p | p of it, adjusted for all tests of the study (Holm) \
             | p / pooled, p
@@ -127,12 +127,14 @@ RESULTS = declare(
     features[] | rows(features) | *row
     lengths[] | lengths() | *row
     summary.features[] | features.summaries | *summary
-    summary.lengths[] | lengths.summaries | *summary
+    summary.lengths[] | lengths.summaries | *of_lengths
     """,
     rows=_rows,
     lengths=lambda x: _rows(x.lengths),
     row=ROW,
     summary=SUMMARY,
+    # Lengths are made of features, whose scatter is pooled.
+    of_lengths=[each for each in SUMMARY if each.path != "all_at_once"],
 )
 
 

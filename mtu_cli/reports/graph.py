@@ -198,31 +198,26 @@ GRID_POINT = """
     interval95 | interval | 95 % interval of the trials | -, interval
     first_order_u | | standard uncertainty of first order
     formula_u | | standard uncertainty by the formula
-    error_percent | | formula less Monte Carlo, of u
-    *shown
+    - | deviation | | mean less nominal / UNIT, u=u, size=size()
+    - | u | | u / UNIT, sig4, size=size()
+    - | first_order_u | | first-order u / UNIT, sig4, size=size()
+    - | formula_u | | formula / UNIT, sig4, size=size()
+    error_percent | | formula less Monte Carlo, of u | error / %, fix1
     monte_carlo.se_mean | se_mean | standard error of the mean | -, csv=se_mean
     monte_carlo.se_u | se_u | standard error of u | -, csv=se_u
     trials | | number of trials | trials, count
     converged | | whether they reached the digits asked for
 """
-DEVIATION = """
-    - | deviation | | mean less nominal / UNIT, u=u, size=size()
-    - | u | | u / UNIT, sig4, size=size()
-    - | first_order_u | | first-order u / UNIT, sig4, size=size()
-    - | formula_u | | formula / UNIT, sig4, size=size()
-    - | error_percent | | error / %, fix1
-"""
 
 
 def grid_point(names: Iterable[str], unit: str = "") -> Fields:
-    """The figures of one setting; with the `unit` of the output those of its table, too."""
+    """The figures of one setting, of an output in `unit`."""
     at = "NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()\n"
     factor, small = small_unit(unit)
     return declare(
         GRID_POINT,
         varied="".join(at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in names),
         unit=lambda item: unit,
-        shown=DEVIATION if unit else "",
         UNIT=small,
         size=lambda item: 1.0 / factor,
     )
