@@ -36,7 +36,7 @@ long again, and statistics of thousands of tables elsewhere cover nothing more.
 REPEATED = (
     "cover", "alarms", "uniform", "unbiased", "seeds", "rarely", "seldom", "rejected", "thousand",
     "no_reversal", "future", "paths", "moments_of", "draughts", "threads", "refits", "statsmodels",
-    "follows", "strip", "negative", "few_trials", "slow_sum", "ends_of",
+    "follows", "strip", "negative_part", "never_negative", "few_trials", "slow_sum", "ends_of",
 )  # fmt: skip
 """In the names of tests that run the same lines for thousands of drawn tables."""
 

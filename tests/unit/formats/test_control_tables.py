@@ -255,14 +255,14 @@ def readings(
     """Five runs of both directions: scatter `s`, and `drift`: a level and a slope of each run, and
     a level of each direction in it.
     """
-    rows: list[tuple[float, int, float, int]] = []
-    for run in range(5):
+    n, values = len(targets), []
+    for _ in range(5):
         level, slope = rng.normal(0, drift[:2])
-        for errs, way in zip(errors, (1, -1), strict=True):
+        for own in errors:
             line = level + slope * (targets / 250 - 1) + rng.normal(0, drift[2])
-            e = errs + line + rng.normal(0, s, len(targets))
-            rows += [(x, way, y, run) for x, y in zip(targets, e, strict=True)]
-    return tuple(map(np.array, zip(*rows, strict=True)))
+            values.append(own + line + rng.normal(0, s, n))
+    way = np.tile(np.repeat([1, -1], n), 5)
+    return np.tile(targets, 10), way, np.concatenate(values), np.repeat(np.arange(5), 2 * n)
 
 
 def axis(seed: int, errors: Any = TRUE, targets: Any = TARGETS, **more: Any) -> AxisErrors:
