@@ -102,6 +102,16 @@ def size(kind: Kind) -> Fields:
     )
 
 
+FORM_LEFT = declare("""
+    kind | | circle or sphere
+    id | | its name | id, text
+    operation | stated(operation) | its operation | operation, text
+    visits | | in how many visits it was measured | visits, count
+    rms_um | rms | rms of its mean radial residuals | rms
+    explained_um | explained | rms by the model's uncertainty and the points' scatter | explained
+    F | | ratio of the two mean squares | F, sig3
+    p | | p that nothing else is left | p, p
+""")
 SIZES = {kind: size(kind) for kind in KINDS}
 
 
@@ -119,9 +129,11 @@ RESULTS = declare(
     circles[] | circle() | *circles
     spheres[] | sphere() | *spheres
     lengths[] | length() | *lengths
+    form_left[] | forms | *form_left
     """,
     points=_points,
     point=ROW,
+    form_left=FORM_LEFT,
     **{name: SIZES[kind] for kind, name in KINDS.items()},
     **{str(kind): partial(CorrectResult.of_kind, kind=kind) for kind in KINDS},
 )
@@ -153,6 +165,8 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
             verdict = (
                 f"Correction {changes} the rms error of the {name} from {before} to {after} um."
             )
+    form = "mean form over the visits; explained: u of the model and scatter of the points"
+    tables.append(Table("Form left", FORM_LEFT, result.forms, form, detail=True))
     return Document("Corrected points", (RESULTS, result), tables, figure, verdict, digits)
 
 

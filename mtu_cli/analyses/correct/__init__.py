@@ -47,7 +47,7 @@ class CorrectResult:
     with standard uncertainty `u` (n, 3), mm; nan along axes that have no equation or were not
     measured. `corrected` (n, 3) = measured - error, along such
     axes measured as it is; its `u_corrected` has the `scatter` of the measured points, too.
-    `axes` are those that were corrected.
+    `axes` are those that were corrected, `forms` the rings whose form could be tested.
     """
 
     points: Points
@@ -62,6 +62,7 @@ class CorrectResult:
     u_corrected: FloatArray
     scatter: PointScatter | None
     sizes: tuple[Size, ...]
+    forms: tuple[FormTest, ...]
     independent: bool
     warnings: tuple[Finding, ...]
 
@@ -147,6 +148,7 @@ def correct(
         u_corrected=u_corrected,
         scatter=scatter,
         sizes=tuple(sizes),
+        forms=forms,
         independent=settings.independent,
         warnings=tuple(warnings),
     )
@@ -155,8 +157,9 @@ def correct(
 def _size_warnings(
     sizes: Sequence[Size], scatter: PointScatter | None, forms: Collection[FormTest]
 ) -> Iterator[Finding]:
-    """Of unknown figures of sizes, or of their common scatter; and of rings whose form is more than
-    is explained, at 95 % of all together (Bonferroni).
+    """Of unknown figures of sizes, or of their common scatter; and of calibrated rings whose form
+    is more than is explained, at 95 % of all together (Bonferroni): a ring of no calibration may
+    have the form that it was made with.
     """
     names = [f"{size.id} of {size.part}" for size in sizes]
     yield from dof_warnings(names, np.array([size.dof for size in sizes]))
@@ -168,7 +171,8 @@ def _size_warnings(
     if exact := [name for name, size in zip(names, sizes, strict=True) if size.error[0] == 0]:
         details = {"names": exact, "reason": "no error before the correction"}
         yield finding("not-estimable", quantity="reduction_percent", **details)
-    excess = [form for form in forms if form.p * len(forms) < 1 - PROBABILITY]
+    calibrated = [form for form in forms if form.calibrated]
+    excess = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
     if excess:
         worst = max(excess, key=lambda form: form.F)
         labels = {form: f"{form.operation} {form.id}".strip() for form in excess}

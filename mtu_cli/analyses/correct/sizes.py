@@ -525,12 +525,15 @@ class PointScatter:
 
 
 class FormTest(NamedTuple):
-    """The mean form of a ring over its visits: root mean square `rms` of its residuals, and
+    """The mean form of a ring over its `visits`: root mean square `rms` of its residuals, and
     `explained`, that of the model's uncertainty and the points' scatter, mm; F, p.
     """
 
+    kind: Kind
     id: str
     operation: str
+    calibrated: bool
+    visits: int
     rms: float
     explained: float
     F: float
@@ -601,8 +604,7 @@ def estimate(squares: FloatArray, origin: Origin, r: float) -> PointScatter:
 def form_tests(
     rings: Sequence[Ring], scatter: PointScatter | None, r: float
 ) -> tuple[FormTest, ...]:
-    """The mean form of every calibrated ring against what the model and the scatter of points
-    explain: a ring of no calibration may have the form that it was made with.
+    """The mean form of every ring against what the model and the scatter of points explain.
 
     F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n, with what the last
     digit hides of s in all of them alike (`r` is the variance of a coordinate by it). What the
@@ -614,8 +616,6 @@ def form_tests(
     result = []
     for of in dict.fromkeys(of for of, _ in rings):
         visits = [ring for key, ring in rings if key == of]
-        if not any(isfinite(ring.reference) for ring in visits):
-            continue
         Q = ring_space(np.mean([ring.normals for ring in visits], axis=0), of[0])
         n, k = len(visits), Q.shape[1]
         e = np.array([ring.residuals for ring in visits]) @ Q
@@ -636,5 +636,6 @@ def form_tests(
         F = float(mean @ mean) / total
         p = float(fdtrc(df1, min(max(df2, 1.0), ENDLESS), F))
         sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
-        result.append(FormTest(*of[1:], *sizes, F, p))
+        calibrated = any(isfinite(ring.reference) for ring in visits)
+        result.append(FormTest(*of, calibrated, n, *sizes, F, p))
     return tuple(result)

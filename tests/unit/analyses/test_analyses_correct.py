@@ -218,15 +218,13 @@ def test_a_squareness_that_the_model_lacks_is_left_as_form(tmp_path: Path, angle
     measured[:, :2] += 5e-4 * rng.standard_normal((44, 2))
     points = ring_points(measured, ["p", "p", "q", "q"], [1, 2, 1, 2], {"T_scale_degC": T})
     result = correct(machine(tmp_path), ring_part(tmp_path), points, Settings())
+    (form,) = result.forms
+    assert (form.id, form.visits) == ("ring", 4)
     assert codes(result) == (["form-left"] if angle else [])
-    if not angle:
-        return
-    (form,) = (each.facts for each in result.warnings)
-    assert (form["names"], form["worst"]) == (["ring"], "ring")
     # Residuals of (r angle/2) sin 2 phi; what the model and probing explain is below 1 um.
     expected = DIAMETER / 4 * angle * np.sqrt(11 / 8 / 2)
-    assert form["rms_um"] == pytest.approx(1e3 * expected, abs=0.5)
-    assert form["explained_um"] < 1.0
+    assert form.rms == pytest.approx(expected, abs=0.5e-3)
+    assert form.explained < 1e-3
 
 
 # Covariates, and drifts that lag behind temperatures.
