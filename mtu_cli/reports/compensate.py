@@ -98,10 +98,10 @@ RESULTS = declare(
     points[] | points() | *point
     before. | figures() | *before
     predicted_after. | predicted() | *after
-    backlash_varies. | errors.varies
-        F | F | mean squares of forward - reverse over targets
-        p | p | that chance makes it so large
-    backlash_range_um | range() | range of forward - reverse over targets; null of one direction
+    backlash_varies.F | errors.varies.F | mean squares of forward - reverse over targets
+    backlash_varies.p | errors.varies.p | that chance makes it so large
+    backlash_varies.range_um | range() | range of forward - reverse over targets; null of one \
+        direction
     verification.moves[] | moves() | *move
     verification.verdict | verified.verdict | worked, no-effect, wrong-sign, partly, \
         too-small-to-tell; null without --verify

@@ -344,6 +344,9 @@ def test_every_control_is_written_and_read(name: str, tmp_path: Path) -> None:
 def test_the_report_predicts_and_lists_moves(tmp_path: Path) -> None:
     found = report(*CALL, "--for", "beckhoff", "--to-nc", "v.nc", cwd=tmp_path)["results"]
     assert found["before"]["E"] == pytest.approx(19.6576, abs=1e-3)
+    differences = [point["forward"] - point["reverse"] for point in found["points"]]
+    assert found["backlash_varies"]["range_um"] == pytest.approx(np.ptp(differences), abs=0.02)
+    assert 0 < found["backlash_varies"]["p"] < 1
     low, high = found["predicted_after"]["E"]["interval95"]
     assert 0.1 < low < found["predicted_after"]["E"]["median"] < high < 5
     for move in found["verification"]["moves"]:
@@ -406,6 +409,7 @@ def test_what_the_loop_found_is_compensated_from_the_machine_file(tmp_path: Path
         assert point["forward"] == pytest.approx(mean + 3, abs=1e-9)
         assert point["reverse"] == pytest.approx(mean - 3, abs=1e-9)
     assert found["backlash_um"] == pytest.approx(6)
+    assert found["backlash_varies"] == {"F": None, "p": None, "range_um": pytest.approx(0)}
     assert "depends on x, y" in refused(tmp_path, *call, "--component", "tilt")
     done(mtu("compensate", "-m", "m.yaml", "--for", "isg-csv", "--component", "dy", "--to-file",
              "dy.csv", "-q", cwd=tmp_path))  # fmt: skip
