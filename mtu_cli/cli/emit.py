@@ -49,14 +49,14 @@ class Listing:
 
     lines: Sequence[str] = ()
     results: Mapping[str, Any] = field(default_factory=dict)
-    table: tuple[Sequence[str], Iterable[Sequence[object]]] = ((), ())
+    table: tuple[Sequence[str], Sequence[Sequence[object]]] = ((), ())
     figure: None = None
 
     def record(self) -> dict[str, Any]:
         """`results` of the JSON report."""
         return dict(self.results)
 
-    def rows(self) -> tuple[Sequence[str], Iterable[Sequence[object]]]:
+    def rows(self) -> tuple[Sequence[str], Sequence[Sequence[object]]]:
         """Header and rows of the CSV."""
         return self.table
 

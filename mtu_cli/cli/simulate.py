@@ -54,7 +54,7 @@ def simulate(inputs: Inputs) -> Result:
     document = Listing(
         [f"{path}: {tables[name].count} synthetic rows" for name, path in paths.items()],
         {name.removeprefix("write_"): table.values() for name, table in tables.items()},
-        (tuple(first.columns), zip(*first.values().values(), strict=True)),
+        (tuple(first.columns), [*zip(*first.values().values(), strict=True)]),
     )
     files = {
         path: tables[name].text(_heading(inputs, name)).encode() for name, path in paths.items()

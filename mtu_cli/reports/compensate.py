@@ -110,6 +110,10 @@ RESULTS = declare(
     verification.u | verified.u | standard uncertainty of k
     verification.interval95 | verified.interval95 | 95 % interval of k
     verification.p | verified.p | of the nearest of 0, 1 and 2
+    verification.misfit. | verified.misfit
+        F | F | chi2/dof of the readings about the first test less k tables, by its scatter; null \
+            where that shows none
+        p | p | upper bound of the probability that chance makes F so large
     """,
     points=_points,
     point=ROW,

@@ -37,7 +37,7 @@ CHANGE = """
             u_sampling | before.u_sampling | its standard deviation over repeated tests \
                 | -, size=size
             difference | | now minus earlier | -, size=size
-            differs | | whether they differ beyond 2 sqrt(2) u_sampling"""
+            differs | | whether they differ beyond 2 u of the difference, by u_sampling of both"""
 AT_TARGET = """
         target_mm | mm | target position; null of a rotary axis | target / mm, plain
         target_deg | deg | target position of a rotary axis | target / deg, plain
@@ -95,6 +95,8 @@ POSITIONING = declare(
         U | 1.U | expanded uncertainty k u; null without a budget | -, size=1.size
         verdict | 1.verdict | conforming, not proven or nonconforming (ISO 14253-1)
     plan. | plan
+        length_mm | length | travel
+        pitch_mm | pitch | pitch that no target is a multiple of
         targets_mm | targets | proposed targets
     """,
     absolute=abs,

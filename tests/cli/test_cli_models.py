@@ -113,7 +113,7 @@ def test_the_same_bytes_with_other_threads(tmp_path: Path) -> None:
         folder = tmp_path / str(threads)
         folder.mkdir()
         graph = GRAPHS / "work-coordinates.yaml"
-        files = ("-o", "a.json", "--csv", "a.csv")
+        files = ("-o", "a.json", "--csv", "a.csv", "--plot", "a.svg")
         done(mtu("graph", "simulate", graph, "--threads", threads, *files, cwd=folder))
         found.append(listing(folder))
     assert found[0] == found[1]

@@ -28,47 +28,54 @@ from cli_runner import (
     started,
 )
 from cli_runner import mtu as within
+from support import CONFIGS
 
 from mtu_cli.cli import emit
 from mtu_cli.cli.emit import late_bar
 
 ESCAPE, COLOUR = "\x1b[", re.compile(r"\x1b\[[0-9;]*m")
-PLAIN = {"PYTHONHASHSEED": "0", "TZ": "UTC", "LC_ALL": "C"}
-STRANGE = {"PYTHONHASHSEED": "1", "TZ": "Asia/Tokyo", "LC_ALL": "de_DE.UTF-8", "MPLBACKEND": "svg"}
-CALLS: dict[str, tuple[int, dict[str, str], set[str]]] = {
-    "lengths {} -o out.json --csv out.csv --plot out.svg": (
-        0, PLAIN, {"out.json", "out.csv", "out.svg"},
-    ),
-    "orthogonality {} --trials 20000 -o out.json --csv out.csv --plot out.pdf --threads": (
-        0, STRANGE, {"out.json", "out.csv", "out.pdf"},
-    ),
-    "simulate {} --write-lbb a.csv --write-cmm b.csv": (0, STRANGE, {"a.csv", "b.csv"}),
-    "anova {} --cmm ../work/lbb.csv": (2, PLAIN, set()),
-    "lenghts": (2, PLAIN, set()),
-}  # fmt: skip
-"""With how each ends, where, and its files; a picture of every kind of file."""
+SURROUNDINGS = [
+    (1, {"PYTHONHASHSEED": "0", "TZ": "UTC", "LC_ALL": "C"}),
+    (2, {"PYTHONHASHSEED": "1", "TZ": "Asia/Tokyo", "LC_ALL": "de_DE.UTF-8", "MPLBACKEND": "svg"}),
+]
+CALLS = {
+    "lengths --plot out.svg -o out.json --csv out.csv": 0,
+    f"budget {CONFIGS}/budgets/gum-h2-impedance.yaml --trials 20000 --plot out.pdf": 0,
+    "anova --cmm lbb.csv": 2,
+    "lenghts": 2,
+}
+"""With how each ends, in a folder of its own; a picture of every kind of file."""
 
 
 @pytest.mark.parametrize("call", CALLS)
 def test_a_process_does_what_a_call_of_the_tests_does(call: str, tmp_path: Path) -> None:
-    """Whatever its threads, hash seed, language, time zone and place, with absolute paths."""
-    code, env, files = CALLS[call]
-    found: list[Listing] = []
-    for threads in (1, 2):
-        folder = tmp_path / f"secret-{threads}"
-        study, away = prepared(folder / "work") / "mtu.yaml", folder / "away"
-        away.mkdir()
-        words = call.format(study).split() + [str(threads)] * call.endswith("--threads")
-        ran = within(*words, cwd=away) if threads == 1 else started(*words, cwd=away, env=env)
-        result, where = done(ran, code), str(folder) if code else ""
-        said = [text.replace(where, "").encode() for text in (result.stdout, result.stderr)]
-        found.append(listing(away) | dict(zip(("", " "), said, strict=True)))
-    first, other = found
-    assert set(first) == {"", " ", *files}
+    found = []
+    for name, way in (("within", within), ("process", started)):
+        work = prepared(tmp_path / name / "work")
+        result = done(way(*call.split(), cwd=work), CALLS[call])
+        found.append((result.stdout, result.stderr, listing(work)))
+    assert found[0] == found[1]
+
+
+def outcome(folder: Path, threads: int, env: dict[str, str]) -> Listing:
+    """All bytes of calls with absolute paths from another folder: files and standard streams."""
+    work, away = prepared(folder / "secret-folder"), folder / "away"
+    away.mkdir()
+    files = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.pdf"]
+    words = ["--threads", threads, "--trials", 20_000]
+    result = done(started("orthogonality", work / "mtu.yaml", *files, *words, cwd=away, env=env))
+    made = ("--write-lbb", "a.csv", "--write-cmm", "b.csv")
+    done(started("simulate", work / "mtu.yaml", *made, cwd=away, env=env))
+    return listing(away) | {"": result.stdout.encode(), " ": result.stderr.encode()}
+
+
+def test_threads_hash_seeds_languages_time_zones_and_places(tmp_path: Path) -> None:
+    first, other = (outcome(tmp_path / str(n), n, env) for n, env in SURROUNDINGS)
+    assert set(first) == {"", " ", "out.json", "out.csv", "out.pdf", "a.csv", "b.csv"}
     assert other == first
     for name, content in first.items():
         text = (content or b"").decode("utf-8", "replace")
-        assert "secret-" not in text, name
+        assert "secret-folder" not in text, name
         assert str(Path.home()) + "/" not in text, name
         assert not re.search(r"\b20\d\d-\d\d-\d\d|CreationDate", text), name
         assert '"path": "/' not in text, name
@@ -318,6 +325,14 @@ def bomb() -> str:
     [
         (bomb(), "machine.yaml:6: more than 500000 values"),
         (
+            MACHINE + f"equations: {{Ex: '{'(' * 5000}a{')' * 5000}'}}",
+            "machine.yaml:4: equations.Ex: more than 60 levels of an equation at column",
+        ),
+        (
+            MACHINE + f"equations: {{Ex: '{'-' * 9000}a'}}",
+            "machine.yaml:4: equations.Ex: more than 300 operators of an equation",
+        ),
+        (
             MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
             "machine.yaml:4: equations.Ex: not a finite number at column 3: '999",
         ),
@@ -326,7 +341,7 @@ def bomb() -> str:
             "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
         ),
     ],
-    ids=["aliases", "digits", "tag"],
+    ids=["aliases", "parentheses", "signs", "digits", "tag"],
 )
 def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")

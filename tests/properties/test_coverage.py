@@ -122,7 +122,7 @@ def test_intervals_cover(drift: Drift, tmp_path: Path) -> None:
 # The 95 % interval of a corrected diameter and length holds the true one in 95 % of machines.
 
 
-MACHINES, RINGS = 40, 4
+MACHINES, RINGS = 60, 4
 """Rings of one machine have passes and noise of their own, and only its coefficients in common."""
 NONE, SOME = Drift(0.0), Drift(1.0)
 
@@ -169,7 +169,7 @@ def test_a_round_ring_is_rarely_left_with_a_form(
 # made afterwards has temperatures, noise of its thermocouples and unfollowed drift of its own.
 
 
-DRIFTING = 30
+DRIFTING = 45
 CYCLES, N, STEP_MIN = 4, 32, 6.0
 PLACES = (0.0, 150.0, 300.0)
 LEVEL = {"px": np.array([2.0, -1.0]), "py": np.array([-1.5, 3.0])}

@@ -29,6 +29,7 @@ from mtu_cli.findings import InputError
 from mtu_cli.formats.control import CONTROLLERS
 from mtu_cli.formats.control.errors import Controller, ErrorTable
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
+from mtu_cli.reports.compensate import document
 
 Command = Callable[[float, int], float]
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
@@ -494,6 +495,7 @@ def test_a_first_test_without_scatter_has_no_misfit() -> None:
         assert found.verified is not None
         assert found.verified.misfit is None
         assert "unlike-first-test" not in [each.code for each in found.warnings]
+        assert document(found).record()["verification"]["misfit"] is None
 
 
 def test_p_of_the_misfit_is_an_upper_bound() -> None:

@@ -124,7 +124,7 @@ def test_two_instruments_cover_what_they_both_read(passes: int) -> None:
     component = Component(of="x", unit="um", degree=1)
     x = np.array([1.0, 70.0])
     hits = []
-    for rng in np.random.default_rng(5).spawn(160):
+    for rng in np.random.default_rng(5).spawn(300):
         both = [
             segment(rng, passes=passes, s=s, level=1.2e-3, role=role)
             for s, role in ((1e-3, "lbb"), (0.5e-3, "laser"))
