@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.cli.emit import STANDARD_OUTPUT, Listing, Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, number_of
+from mtu_cli.files.contract import is_name
 from mtu_cli.files.csv_file import read_tables
 from mtu_cli.files.headers import CellFaults
 from mtu_cli.findings import Finding, InputError, error
@@ -182,6 +183,8 @@ def import_(inputs: Inputs) -> Result:
     """The contract's CSV of all files, and how they were understood."""
     options, kind = inputs.options, inputs.options.as_
     spec, entries = instruments.SPECS[kind], {}
+    if options.component is not None and not is_name(options.component):
+        raise error("wrong-type", path="--component", kind="a name", value=options.component)
     if options.machine:
         entries = inputs.machine.machine.components
     if entries and kind != "points":

@@ -235,8 +235,11 @@ def check_contract(
     model: type[M],
     kind: str,
     check: Callable[[M, Faults], None] = lambda *_: None,
+    *,
+    at: YamlPath = (),
 ) -> M:
-    """The document as a checked `model` of the schema ``mtu/<kind>/1``.
+    """The document, or what of it stands `at` a place, as a checked `model` of the schema
+    ``mtu/<kind>/1``.
 
     `check` adds the faults of the whole, behind those of its entries. Both see the sound part of a
     document: faulty entries of mappings are left out, faulty items of lists and single values are
@@ -252,16 +255,20 @@ def check_contract(
         faults.add("missing-key", key="schema", expected=f"'schema: {schema}'")
     elif (value := data["schema"]) != schema:
         faults.at("schema").add("wrong-type", kind=a_file(kind), value=value, expected=schema)
+    elif document.at(*at) is None:
+        faults.add("missing-key", key=at[-1])
     if faults.findings:
         raise InputError(faults.findings)
+    here, data = faults.at(*at), document.at(*at)
     try:
-        result = model.model_validate(data)
+        # By the keys of the contract alone, not by our names of fields.
+        result = model.model_validate(data, by_alias=True, by_name=False)
     except ValidationError as fault:
         for item in fault.errors(include_url=False):
-            _report(item, faults, model)
-        result = _sound_part(model, data)
-    _check_entries(result, faults)
-    check(result, faults)
+            _report(item, here, model)
+        result = _sound_part(model, data if isinstance(data, dict) else {})
+    _check_entries(result, here)
+    check(result, here)
     if faults.findings:
         raise InputError(faults.findings)
     return result
@@ -336,12 +343,14 @@ def keys_of(model: Any) -> dict[str, Any]:
 
 def _sound_part(model: type[M], data: Mapping[str, Any]) -> M:
     """The sound part of a document; see `check_contract`."""
-    values: dict[str, Any] = {}
+    values, strict = dict[str, Any](), model.model_config.get("strict")
     for name, info in model.model_fields.items():
         entry, kind = data.get(info.alias or name), get_origin(info.annotation)
         value = None
         if entry is not None:
-            value = _lenient(model, name).validate_python(entry, strict=True, extra="ignore")
+            value = _lenient(model, name).validate_python(
+                entry, strict=strict, extra="ignore", by_alias=True, by_name=False
+            )
         elif not info.is_required():
             value = info.get_default(call_default_factory=True)
         if kind is dict:

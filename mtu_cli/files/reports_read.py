@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from math import isnan, nan
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Generic, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Field
 
@@ -23,6 +23,7 @@ from mtu_cli.files.contract import (
     Number,
     check_contract,
     must,
+    present,
 )
 from mtu_cli.files.machine import (
     AxisName,
@@ -201,7 +202,10 @@ class ComponentsReport(_Results):
 
     def check(self, faults: Faults) -> None:
         """Jointly fitted components are components of the report, with as many coefficients."""
-        for i, group in enumerate(self.joint_pass_covariance):
+        faulty = {*faults.at("components").keys()} - {*self.components}
+        for i, group in present(self.joint_pass_covariance):
+            if faulty & {*group.components}:
+                continue
             items = [self.components[name] for name in group.components if name in self.components]
             widths = [len(item.coefficients) for item in items]
             if group.widths != widths or len(items) < len(group.components):
@@ -216,18 +220,11 @@ class ThermalReport(_Results):
     components: dict[str, ReportedDrift]
 
 
-R = TypeVar("R", bound=_Results)
-
-
-class _Report(_Reported, Generic[R]):
-    results: R
-
-
 KINDS: dict[str, tuple[str, Any]] = {
-    "fit-components": ("components", _Report[ComponentsReport]),
-    "thermal-fit": ("thermal", _Report[ThermalReport]),
+    "fit-components": ("components", ComponentsReport),
+    "thermal-fit": ("thermal", ThermalReport),
 }
-"""By command: the role of its report, and the contract."""
+"""By command: the role of its report, and the contract of its results."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,9 +259,10 @@ def report_from(source: Source, document: Any) -> Any:
         facts = {"kind": "a components report", "expected": expected}
         raise error("wrong-type", file=source.shown, **facts, **place)
     role, contract = KINDS[kind]
-    report = check_contract(YamlDocument(source=source, data=document), contract, kind)
+    whole = YamlDocument(source=source, data=document)
+    results = check_contract(whole, contract, kind, at=("results",))
     read = {"source": replace(source, role=role), "document": document}
-    return report.results.model_copy(update=read)
+    return results.model_copy(update=read)
 
 
 def read_reports(paths: Iterable[Path]) -> ModelReports:

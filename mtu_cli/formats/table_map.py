@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from mtu_cli.files.contract import Contract, Faults, check_contract, optional
+from mtu_cli.files.contract import (
+    A_NAME,
+    Contract,
+    Faults,
+    check_contract,
+    is_name,
+    must,
+    optional,
+)
 from mtu_cli.files.headers import Column, TableSpec
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.formats.base import Import
@@ -21,6 +29,8 @@ from mtu_cli.units import UNITS, Unit, plain_unit
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+CELL = must(lambda x: not isinstance(x, str) or is_name(x), A_NAME, "wrong-type", kind="a name")
+"""What can stand in a cell: a number, or a text on one line."""
 WORDS = {"tab": "\t", "blank": " ", "space": " "}
 
 
@@ -51,7 +61,7 @@ class Profile(Contract):
     columns: dict[str, str | int] = optional(
         "Column of the contract: heading, or number from 1", {}
     )
-    constants: dict[str, str | float] = optional("Columns with one value", {})
+    constants: dict[str, Annotated[str | float, CELL]] = optional("Columns with one value", {})
     scale: dict[str, float] = optional("Factors of columns", {})
     subtract: dict[str, str] = optional("Columns less another: error: target", {})
     unpivot: Unpivot | None = None

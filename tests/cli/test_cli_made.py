@@ -137,6 +137,7 @@ def test_import_checks_its_files_as_the_one_csv_that_it_writes(instruments: Path
     (instruments / "t4.csv").write_text(rows + "60;2024-05-03T14:32:00;0,1\n")
     assert "t4.csv, row 3: the same as row 3 of t1.csv" in imported("t1.csv", "t4.csv")
     assert "t2.csv, column 'Zeit': contradicts the other times" in imported("t1.csv", "t2.csv")
+    assert r"--component: not a name: 'd\nx'" in imported("t1.csv", "--component", "d\nx")
     assert not (instruments / "o.csv").exists()
     imported("t1.csv", "t3.csv", exit_code=0)
     done(mtu("fit-components", "-m", "m.yaml", "--laser", "o.csv", cwd=instruments))

@@ -427,6 +427,7 @@ NO_TOLERANCE = "expected a number above 0, or [low, high]"
         ("lengths: [{from: 3, to: b}]", "'b'; expected a feature at another place than '3'"),
         *((f"lengths: [{{from: 3, to: 9, tolerance_um: {value}}}]", NO_TOLERANCE)
           for value in ("[3]", "[5, -5]", "[1, .inf]")),
+        ("lengths: [{from: 3, to: 9, tolerance: 0.015}]", "did you mean 'tolerance_um'?"),
         ("circles: [{id: c, features: [3, 9]}]", "features: wrong value: '[3, 9]'; expected at l"),
         ("circles: [{id: c, features: [3, 9, a], calibrated_mm: {20: 1, 26: 2}}]",
          "circles[0].calibrated_mm: diameters at several temperatures"),

@@ -307,6 +307,21 @@ def test_components_fitted_together(
         assert report_faults(path)[0].startswith("results.joint_pass_covariance")
 
 
+def test_faults_of_all_components_are_reported_at_once(tmp_path: Path) -> None:
+    """A faulty figure of one hides no other's, and makes none of the groups that it is in."""
+    unit, shape, sound = FITTED | {"unit": "bad"}, FITTED | {"covariance": [[1, 0]]}, FITTED
+    joint = {"joint_pass_covariance": [JOINT | {"components": ["a", "c"]}, None]}
+    path = written(tmp_path / "c.json", "fit-components", unit, shape, sound, **joint)
+    found = report_faults(path)
+    assert [each.partition(": ")[0] for each in found] == [
+        "results.components.a.unit",
+        "results.joint_pass_covariance[1]",
+        "results.components.b.covariance",
+    ]
+    path.write_text('{"schema": "mtu/fit-components/1"}')
+    assert report_faults(path) == ["the key 'results' is missing"]
+
+
 def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     fitted = [written(tmp_path / f"c{i}.json", "fit-components", FITTED) for i in (1, 2)]
