@@ -39,8 +39,6 @@ from mtu_cli.files.yaml_file import YamlDocument
 from mtu_cli.findings import Finding, InputError, error, finding
 
 MAX_BYTES = 1 << 30
-
-
 _OR_NULL = BeforeValidator(lambda value: nan if value is None else value)
 _STRICT = Field(strict=True, allow_inf_nan=True)
 Figure = Annotated[float, _STRICT, _OR_NULL, SIZED]
@@ -270,8 +268,7 @@ def read_reports(paths: Iterable[Path]) -> ModelReports:
 
     Raises InputError with the faults of all files, and for a second report of a kind.
     """
-    findings: list[Finding] = []
-    reports: dict[str, Any] = {}
+    findings, reports = list[Finding](), dict[str, Any]()
     for path in paths:
         try:
             report = read_report(path)

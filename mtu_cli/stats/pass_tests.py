@@ -11,12 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc, stdtr
 
-from mtu_cli.stats.least_squares import (
-    FloatArray,
-    IntArray,
-    least_squares,
-    polynomial,
-)
+from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import ARITHMETIC, PassFit, lines_by_pass
 from mtu_cli.stats.resolution import hidden
 

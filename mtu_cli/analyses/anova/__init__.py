@@ -39,13 +39,7 @@ from mtu_cli.model.measured import (
     some,
 )
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import (
-    aligned,
-    axes_of,
-    only_features,
-    operations_of,
-    visits_of,
-)
+from mtu_cli.model.visits import aligned, axes_of, only_features, operations_of, visits_of
 from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, known_mean
 
