@@ -223,7 +223,6 @@ def predict_points(inputs: Inputs) -> Result:
 
 def lengths(inputs: Inputs) -> Result:
     from mtu_cli.analyses.predictions import predict_lengths
-    from mtu_cli.reports import predictions as report
 
     model, warnings = modelled(inputs)
     result = predict_lengths(model, inputs.part, inputs.settings, inputs.at)
@@ -231,24 +230,18 @@ def lengths(inputs: Inputs) -> Result:
     conformances: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
     conformances["the whole part"] = result.joint_conformance
     gates = _conformance_gate(conformances, "tolerance_um at a length")
-    document, warnings = (
-        report.lengths(result, inputs.settings.digits),
-        [*warnings, *result.warnings],
-    )
-    return Result(inputs, document, warnings, gates=gates)
+    return Result.reported(inputs, result, warnings, gates=gates)
 
 
 def orthogonality(inputs: Inputs) -> Result:
     from mtu_cli.analyses.predictions import predict_orthogonality
-    from mtu_cli.reports import predictions as report
 
     model, warnings = modelled(inputs)
     result = predict_orthogonality(model, inputs.part, inputs.settings, inputs.at)
     warnings = [*warnings, *one_direction(inputs, model)]
     conformances = {each.id: each.conformance for each in result.angles}
     gates = _conformance_gate(conformances, "tolerance_arcsec at an angle")
-    document = report.orthogonality(result, inputs.settings.digits)
-    return Result(inputs, document, [*warnings, *result.warnings], gates=gates)
+    return Result.reported(inputs, result, warnings, gates=gates)
 
 
 def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]:

@@ -38,8 +38,6 @@ ROTARY = "c"
 
 
 def iso230(inputs: Inputs) -> Result:
-    from mtu_cli.reports import standards as report
-
     options = inputs.options
     if (options.plan is None) != (options.pitch is None):
         option, other = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
@@ -47,7 +45,7 @@ def iso230(inputs: Inputs) -> Result:
     if options.plan is not None:
         plan = positioning.plan(options.plan, options.pitch)
         result = positioning.Iso230Result(axes={}, plan=plan)
-        return Result(inputs, report.positioning(result, inputs.settings.digits))
+        return Result.reported(inputs, result)
     readings = inputs.readings
     if readings is None:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
@@ -80,8 +78,7 @@ def iso230(inputs: Inputs) -> Result:
                     for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
         return f"beyond the limit by ISO 14253-1: {listed(failures)}" if failures else None
 
-    document = report.positioning(result, inputs.settings.digits)
-    return Result(inputs, document, result.warnings, gates={"nonconforming": nonconforming})
+    return Result.reported(inputs, result, gates={"nonconforming": nonconforming})
 
 
 def _budget(inputs: Inputs) -> InstrumentBudget | None:
@@ -137,8 +134,7 @@ def circular(inputs: Inputs) -> Result:
         record = envelope("fit-components", inputs=traces.sources, settings=inputs.settings,
                           results=report.components(result), warnings=result.warnings)  # fmt: skip
         files[target] = report_bytes(record)
-    document = report.circular(result, inputs.settings.digits)
-    return Result(inputs, document, result.warnings, files=files)
+    return Result.reported(inputs, result, files=files)
 
 
 def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Result:

@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +23,7 @@ from mtu_cli.files.headers import is_made, measured_in, number
 from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.reports import figures
-from mtu_cli.reports.document import Document, envelope, page_bytes, plain_text
+from mtu_cli.reports.document import Document, document_of, envelope, page_bytes, plain_text
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.stats.monte_carlo import Progress
 
@@ -82,9 +81,8 @@ class Result:
     def reported(
         cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
     ) -> Result:
-        """An analysis' result by the `document` of its report, and its warnings after others."""
-        report = import_module(f"mtu_cli.reports.{inputs.options.command.replace('-', '_')}")
-        document = report.document(result, inputs.settings.digits)
+        """An analysis' result as the document of the command, and its warnings after others."""
+        document = document_of(inputs.options.command, result, inputs.settings.digits)
         return cls(inputs, document, [*warnings, *result.warnings], **more)
 
     @property

@@ -229,26 +229,34 @@ def envelope(
 
 REPORTS = {
     **{
-        command: (command.replace("-", "_"), "RESULTS", "ROW")
+        command: (command.replace("-", "_"), "document", "RESULTS", "ROW")
         for command in ("fit-components", "anova", "compare", "close-loop", "thermal-fit",
                         "correct", "budget", "compensate")
     },
-    "predict-points": ("predictions", "POINTS", "POINT"),
-    "lengths": ("predictions", "LENGTHS", "LENGTH"),
-    "orthogonality": ("predictions", "ANGLES", "ANGLE"),
-    "iso230": ("standards", "POSITIONING", "FIGURE_ROW"),
-    "circular": ("standards", "CIRCULAR", "CAUSE"),
-    "graph check": ("graph", "CHECK", "STEP"),
-    "graph simulate": ("graph", "SIMULATION", "COORDINATE_ROW"),
-    "graph sweep": ("graph", "SWEEP", "GRID_ROW"),
+    "predict-points": ("predictions", "points", "POINTS", "POINT"),
+    "lengths": ("predictions", "lengths", "LENGTHS", "LENGTH"),
+    "orthogonality": ("predictions", "orthogonality", "ANGLES", "ANGLE"),
+    "iso230": ("standards", "positioning", "POSITIONING", "FIGURE_ROW"),
+    "circular": ("standards", "circular", "CIRCULAR", "CAUSE"),
+    "graph check": ("graph", "check", "CHECK", "STEP"),
+    "graph simulate": ("graph", "simulate", "SIMULATION", "COORDINATE_ROW"),
+    "graph sweep": ("graph", "sweep", "SWEEP", "GRID_ROW"),
 }  # fmt: skip
-"""By command: its module, and in it the fields of `results` and those of a row of --csv. Where they
-depend on the input (axes, coefficients, units, what is varied), these are of the usual one."""
+"""By command: its module, and in it what makes the document, the fields of `results` and those of a
+row of --csv. Where they depend on the input (axes, coefficients, units, what is varied), these are
+of the usual one."""
+
+
+def document_of(command: str, result: Any, digits: int) -> Document:
+    """The document of a command's result."""
+    name, make, *_ = REPORTS[command]
+    document: Document = getattr(import_module(f"mtu_cli.reports.{name}"), make)(result, digits)
+    return document
 
 
 def declaration(command: str) -> tuple[Fields, Fields]:
     """The fields of `results` and of a row of --csv."""
-    name, results, row = REPORTS[command]
+    name, _, results, row = REPORTS[command]
     module = import_module(f"mtu_cli.reports.{name}")
     return getattr(module, results), getattr(module, row)
 
