@@ -31,8 +31,6 @@ from mtu_cli.cli.values import check_values
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points, Readings
-from mtu_cli.files.readings import read_points as points_of
-from mtu_cli.files.readings import read_readings as readings_of
 from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.files.study import LoadedStudy, load_study
 from mtu_cli.findings import Finding
@@ -71,27 +69,24 @@ def read_readings(
     `machine` names the components; without it any name is accepted. A file may be an instrument's
     own, ``NAME=FILE`` where it reads one component.
     """
-    components = None if machine is None else machine.machine.components
-    inputs = _reading(paths, role)
-    if machine is not None:
-        inputs.options.values["machine"], inputs.__dict__["machine"] = machine.source.path, machine
-    files = [(path, role) for path in inputs.files(role)]
-    for_fit = role != DRIFT and components is not None
-    return readings_of(files, components, for_fit=for_fit, convert=inputs.converter())
+    readings: Readings = _read(DRIFT if role == DRIFT else "readings", role, paths, machine=machine)
+    return readings
 
 
 def read_points(paths: Iterable[FilePath], part: LoadedPart | None = None) -> Points:
     """Measured points with the nominal places of `part`, or their own; raises InputError."""
-    places = None if part is None else part.part.places()
-    inputs = _reading(paths, "cmm")
-    return points_of([(path, "cmm") for path in inputs.files("cmm")], places, inputs.converter())
+    points: Points = _read("points", "cmm", paths, part=part)
+    return points
 
 
-def _reading(paths: Iterable[FilePath], role: str) -> Inputs:
-    """Inputs of these files alone: no study is looked for."""
-    inputs = Inputs(Options("fit-components", {role: [Path(path) for path in paths]}))
-    inputs.__dict__["study"] = None
-    return inputs
+def _read(kind: str, role: str, paths: Iterable[FilePath], **objects: Any) -> Any:
+    """One kind of input from these files and objects alone: no study is looked for."""
+    given = {name: item for name, item in objects.items() if item is not None}
+    values = {name: item.source.path for name, item in given.items()}
+    values[role] = [Path(path) for path in paths]
+    inputs = Inputs(Options("fit-components" if given else "iso230", values))
+    inputs.__dict__ |= {"study": None, **given}
+    return inputs.read(kind)
 
 
 def check(*given: Any, **options: Any) -> list[Finding]:
@@ -165,7 +160,7 @@ def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> I
     data: dict[str, Any] = {}
     for item in (*items, *(value for value in options.values() if isinstance(value, Result))):
         _place(item, command, values, data)
-    inputs = Inputs(Options(command.replace(" ", "-"), values))
+    inputs = Inputs(Options(command, values))
     for kind in KINDS:
         if kind in data:
             inputs.register(kind, data[kind])

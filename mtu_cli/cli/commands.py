@@ -146,7 +146,7 @@ def _call_of(name: str) -> Callable[..., None]:
     command = COMMANDS[name]
 
     def call(**values: Any) -> None:
-        options = Options(name.replace(" ", "-"), values, command.gates or ())
+        options = Options(name, values, command.gates or ())
         if command.chapter == "help":
             analysis_of(name)(options)
         else:

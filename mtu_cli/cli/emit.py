@@ -83,7 +83,8 @@ class Result:
     ) -> Result:
         """An analysis' result as the document of the command, and its warnings after others."""
         document = document_of(inputs.options.command, result, inputs.settings.digits)
-        return cls(inputs, document, [*warnings, *result.warnings], **more)
+        further = [*warnings, *getattr(result, "warnings", ())]
+        return cls(inputs, document, further, **more)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:

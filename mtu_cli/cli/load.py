@@ -79,35 +79,37 @@ class Inputs:
     if not TYPE_CHECKING:
 
         def __getattr__(self, kind: str) -> Any:
-            """One of KINDS, when it is first asked for; raises InputError for faults of its files,
-            and where one that is NEEDED has none.
-            """
+            """One of KINDS, when it is first asked for, checked."""
             if kind not in KINDS:
                 raise AttributeError(kind)
-            files = [(path, role) for role in KINDS[kind] for path in self.files(role)]
-            if not files and kind in NEEDED:
-                raise self.missing(f"{NEEDED[kind]} FILE", *KINDS[kind])
-            match kind:
-                case "machine":
-                    item = load_machine(files[0][0])
-                case "part":
-                    item = load_part(files[0][0])
-                case "reports":
-                    item = read_reports([path for path, _ in files])
-                case "points":
-                    # Nominals from the part file, without one from the points.
-                    places = self.part_if_any and self.part.part.places()
-                    item = read_points(files, places, self.converter())
-                case _ if files:
-                    of_any = self.options.command in OF_ANY_MACHINE
-                    for_fit = kind == "readings" and not of_any
-                    named = self.options.machine if of_any else self.files("machine")
-                    entries = self.machine.machine.components if for_fit or named else None
-                    convert = self.converter()
-                    item = read_readings(files, entries, for_fit=for_fit, convert=convert)
-                case _:
-                    return None
-            return self.register(kind, item)
+            item = self.read(kind)
+            return item if item is None else self.register(kind, item)
+
+    def read(self, kind: str) -> Any:
+        """One of KINDS from its files; raises InputError for their faults, and where one that is
+        NEEDED has none.
+        """
+        files = [(path, role) for role in KINDS[kind] for path in self.files(role)]
+        if not files and kind in NEEDED:
+            raise self.missing(f"{NEEDED[kind]} FILE", *KINDS[kind])
+        match kind:
+            case "machine":
+                return load_machine(files[0][0])
+            case "part":
+                return load_part(files[0][0])
+            case "reports":
+                return read_reports([path for path, _ in files])
+            case "points":
+                # Nominals from the part file, without one from the points.
+                places = part.part.places() if (part := self.part_if_any) else None
+                return read_points(files, places, self.converter())
+        if not files:
+            return None
+        of_any = self.options.command in OF_ANY_MACHINE
+        for_fit = kind == "readings" and not of_any
+        named = self.options.machine if of_any else self.files("machine")
+        entries = self.machine.machine.components if for_fit or named else None
+        return read_readings(files, entries, for_fit=for_fit, convert=self.converter())
 
     @cached_property
     def study(self) -> LoadedStudy | None:

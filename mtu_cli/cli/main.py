@@ -25,7 +25,7 @@ def main() -> None:
         # Pictures are files, whatever backend a notebook has set.
         os.environ["MPLBACKEND"] = "agg"
         # Imports make much that stays; to look for rubbish among it every 700 objects takes 5 %.
-        gc.set_threshold(20_000)
+        gc.set_threshold(200_000)
         with contextlib.suppress(AttributeError, OSError, TypeError):
             # glibc (M_MMAP_MAX, M_TRIM_THRESHOLD) would give each large array that is freed back to
             # the system, and the next one costs a page fault every 4 KB: a fifth of reading.

@@ -57,9 +57,7 @@ def _graph(inputs: Inputs) -> MeasurementGraph:
 
 def graph_check(inputs: Inputs) -> Result:
     """Whether the graph is sound, and its firing order."""
-    from mtu_cli.reports import graph as report
-
-    return Result(inputs, report.check(_graph(inputs)))
+    return Result.reported(inputs, _graph(inputs))
 
 
 def graph_draw(inputs: Inputs) -> Result:
@@ -86,21 +84,19 @@ def graph_draw(inputs: Inputs) -> Result:
 def graph_simulate(inputs: Inputs) -> Result:
     """The places asked for, by Monte Carlo and to first order."""
     from mtu_cli.analyses.graph import simulate_graph
-    from mtu_cli.reports import graph as report
 
     result = simulate_graph(_graph(inputs), inputs.settings, tuple(inputs.options.of or ()))
-    return Result(inputs, report.simulate(result, inputs.settings.digits), result.warnings)
+    return Result.reported(inputs, result)
 
 
 def graph_sweep(inputs: Inputs) -> Result:
     """One place over the grid of --vary, and as the file has it."""
     from mtu_cli.analyses.graph import PARAMETERS, sweep_graph
-    from mtu_cli.reports import graph as report
 
     vary = inputs.options.vary
     grid = assignments("--vary", vary, "NAME=VALUES", EXAMPLE, variation, PARAMETERS)
     result = sweep_graph(_graph(inputs), inputs.settings, inputs.options.of, grid)
-    return Result(inputs, report.sweep(result, inputs.settings.digits), result.warnings)
+    return Result.reported(inputs, result)
 
 
 def variation(name: str, text: str) -> tuple[float, ...]:

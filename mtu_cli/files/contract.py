@@ -71,7 +71,12 @@ class Contract(BaseModel):
     """Base of all contract models: no unknown keys, no coercion, finite numbers, frozen."""
 
     model_config = ConfigDict(
-        extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        frozen=True,
+        populate_by_name=True,
+        defer_build=True,
     )
 
     def check(self, faults: Faults) -> None:

@@ -207,7 +207,7 @@ def envelope(
     """The whole document of a command, ``mtu/<command>/1``; `at` are the covariates given."""
     distinct = {(item.code, item.message): item for item in warnings}
     return {
-        "schema": f"mtu/{command}/1",
+        "schema": f"mtu/{command.replace(' ', '-')}/1",
         "tool": {"name": "mtu", "version": __version__},
         "inputs": [
             {"role": item.role, "path": item.shown, "sha256": item.sha256, "rows": item.rows}

@@ -90,7 +90,7 @@ CHECK = declare(
 )
 
 
-def check(result: MeasurementGraph) -> Document:
+def check(result: MeasurementGraph, digits: int = 2) -> Document:
     """One row a transition, in the order in which they fire."""
     items = [item for group in _rounds(result) for item in group]
     title, footer = f"Graph: {result.graph.name}", f"reported: {listed(result.reported, MOST)}"
