@@ -16,7 +16,6 @@ from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
     Powers,
-    Shape,
     TableShape,
     between_passes,
     covariance_in_run,
@@ -272,13 +271,8 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
 def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimate:
     lines, plain, profile = fit.fit, fit.fit.plain, fit.profile
     low, high = float(fit.position.min()), float(fit.position.max())
-    shape: Shape = Powers(fit.powers - 1)
-    fields: dict[str, Any] = {
-        "coefficients": plain.coefficients,
-        "covariance": lines.covariance,
-        "independent_covariance": plain.s2 * plain.unscaled_covariance,
-        "independent_s": float(np.sqrt(plain.s2)),
-    }
+    table, b, C, s2 = None, plain.coefficients, lines.covariance, plain.s2
+    C_independent = s2 * plain.unscaled_covariance
     if profile is not None:
         # Line and bend at the positions that were read.
         y, at = fit.error, np.searchsorted(profile.knots, fit.position)
@@ -287,31 +281,30 @@ def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimat
         # The bend holds no line of the readings, however many there are at each position.
         free = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
         s2 = float(((y - (np.bincount(at, y) / counts)[at]) ** 2).sum()) / max(len(y) - len(L), 1)
-        shape = TableShape(
+        table = TableShape(
             at=profile.knots, roughness=profile.roughness, own=profile.own, own_dof=profile.own_dof
         )
-        fields = {
-            "table": shape,
-            "coefficients": L @ plain.coefficients + profile.bend,
-            "covariance": L @ lines.covariance @ L.T + free @ profile.covariance @ free.T,
-            "independent_covariance": np.diag(s2 / counts),
-            "independent_s": float(np.sqrt(s2)),
-        }
-    T = shape.of_line(lines.center, len(lines.D))
+        b, C = L @ b + profile.bend, L @ C @ L.T + free @ profile.covariance @ free.T
+        C_independent = np.diag(s2 / counts)
+    T = (table or Powers(fit.powers - 1)).of_line(lines.center, len(lines.D))
     D = T @ lines.D_moment @ T.T
     halves = None if lines.half_differences is None else T @ lines.half_differences @ T.T
     return ComponentEstimate(
         name=name,
         of=component.of,
         unit=UNITS[component.unit],
+        coefficients=b,
+        covariance=C,
         pass_covariance=(D + D.T) / 2,
         s_repeat=float(np.sqrt(lines.s2)),
         pass_dof=float(lines.pass_dof),
         repeat_dof=float(lines.within_dof) if lines.within_dof else np.inf,
         n_passes=lines.n_passes if lines.separated else None,
+        independent_covariance=C_independent,
+        independent_s=float(np.sqrt(s2)),
         position_range=None if component.of is None else (low, high),
         half_differences=None if halves is None else (halves + halves.T) / 2,
-        **fields,
+        table=table,
     )
 
 

@@ -332,7 +332,7 @@ def cell_model(
     size = (len(places), len(model.axes))
     factors = (np.concatenate(columns, axis=1).reshape(*size, -1) for columns in (shared, drawn))
     there = cells.repeats > 0
-    common, of_part = (compressed(filled(cells.means(F, 0.0), there)) for F in factors)
+    common, of_part = (compressed(filled(cells.means(F), there)) for F in factors)
     return mean.reshape(size), common, of_part
 
 

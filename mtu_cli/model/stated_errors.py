@@ -8,9 +8,8 @@ import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import error, suggestion
-from mtu_cli.language import names
 from mtu_cli.model.estimates import known_component
-from mtu_cli.model.machine_model import AXES, component_alone, design, effect_alone
+from mtu_cli.model.machine_model import AXES, component_alone, coordinates_of, design, effect_alone
 from mtu_cli.model.prediction import component_blocks
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import LENGTH, UNITS
@@ -85,18 +84,16 @@ def stated(machine: LoadedMachine, name: str) -> Stated:
         equations = [key for key, form in machine.forms.items() if name in form.coefficients]
     else:
         i = names_known.index(name) - len(machine.machine.components)
-        form, components = machine.effect_forms[i], machine.machine.effects[i].components.values()
-        levers = [lever for each in form.values() for lever in each.coefficients.values()]
-        used = {x for lever in levers for x in names(lever)} | {x.of for x in components if x.of}
+        model, components = effect_alone(machine, i), machine.machine.effects[i].components
+        used = {*model.covariates(), *(x for k in model.axes for x in coordinates_of(model, k))}
         axes = {x.removeprefix("dir_") for x in used} & {*AXES}
-        rest = used - {*axes, *(f"dir_{x}" for x in axes), *machine.machine.constants}
-        plain = all(x.remainder is None for x in form.values())
-        if len(form) > 1 or len(axes) != 1 or rest or not plain:
+        rest = used - {*axes, *(f"dir_{x}" for x in axes)}
+        if len(model.axes) > 1 or len(axes) != 1 or rest or any(model.remainders.values()):
             depends = ", ".join(sorted(rest | axes)) or "several axes"
             reason = f"the effect {name} depends on {depends}: no table of one axis holds it"
             raise error("not-applicable", reason=reason)
-        axis, equations = axes.pop(), [*form]
-        at = next((x.at_mm for x in components if x.at_mm), None)
+        axis, equations = axes.pop(), [f"E{model.axes[0]}"]
+        at = next((x.at_mm for x in components.values() if x.at_mm), None)
     return Stated(
         name=name,
         axis=axis,

@@ -455,28 +455,18 @@ class Cells:
         """The number of the cell (n,) of each measurement, part by part."""
         return self.part.astype(np.int64) * len(self.features) + self.column
 
-    @cached_property
-    def sorted(self) -> tuple[IntArray, IntArray, IntArray]:
-        """What sorts the measurements by cell (n,), where in that order the m cells start that hold
-        any, and their numbers (m,).
+    def means(self, values: FloatArray) -> FloatArray:
+        """Means (P, H, ...) of values (n, ...), nan where there are none; equal values keep their
+        digits.
         """
-        order = np.argsort(self.cell, kind="stable")
-        there, starts = np.unique(self.cell[order], return_index=True)
-        return order, starts, there
-
-    def means(self, values: FloatArray, fill: float = np.nan) -> FloatArray:
-        """Means (P, H, ...) of values (n, ...), `fill` where there are none; equal values keep
-        their digits.
-        """
-        order, starts, numbers = self.sorted
-        means = origin = values[order[starts]]
-        if len(starts) < len(order):
-            count = np.diff(np.r_[starts, len(order)])
-            away = values[order] - np.repeat(origin, count, axis=0)
-            weight = count.reshape(-1, *(1,) * (values.ndim - 1))
-            means = origin + np.add.reduceat(away, starts, axis=0) / weight
-        result = np.full((math.prod(self.shape), *values.shape[1:]), fill, means.dtype)
-        result[numbers] = means
+        first = np.zeros(math.prod(self.shape), np.int64)
+        first[self.cell[::-1]] = np.arange(len(values))[::-1]
+        result = values[first]
+        away = np.zeros_like(result)
+        np.add.at(away, self.cell, values - result[self.cell])
+        count = self.repeats.ravel()
+        result += away / np.maximum(count, 1).reshape(-1, *(1,) * (values.ndim - 1))
+        result[count == 0] = np.nan
         return result.reshape(*self.shape, *values.shape[1:])
 
     @cached_property
