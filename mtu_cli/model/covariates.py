@@ -57,10 +57,7 @@ def needed_covariates(
     empty or no number, and for points without a coordinate that an equation needs.
     """
     files, names = ", ".join(source.shown for source in points.sources), [*model.covariates()]
-    problems = [
-        problem.at(column=problem.facts["names"][0])
-        for problem in missing_covariates(model, {*columns, *at}, list(columns), file=files)
-    ]
+    problems = missing_covariates(model, {*columns, *at}, list(columns), file=files)
     values: dict[str, FloatArray | float] = {name: at[name] for name in names if name in at}
     times = [TIME] if any(drift.time_constants.any() for drift in model.drifts()) else []
     for name in (*names, *times):

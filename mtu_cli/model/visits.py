@@ -267,13 +267,12 @@ def check_repeats(points: Points) -> None:
 
     Repeats without a number are counted on, and none of them stands twice.
     """
-    _, operation = operations_of(points)
-    rows = np.flatnonzero(points.repeat >= 0)
-    cell = operation.astype(np.int64) * len(points.features) + points.feature
-    place = (cell * len(points.parts) + points.part)[rows]
-    numbers, code = distinct(points.repeat[rows])
-    place = place * len(numbers) + code
-    if len(distinct(place)[0]) == len(rows):
+    import pandas as pd
+
+    columns = points.operation, points.part, points.feature, points.repeat
+    table = pd.DataFrame(dict(enumerate(columns)), copy=False)
+    twice = np.flatnonzero(table.duplicated() & (points.repeat >= 0))
+    if not len(twice):
         return
     what, expected = "the feature in one repeat of one part", "one row a feature and `repeat`"
     raise InputError(
@@ -285,7 +284,7 @@ def check_repeats(points: Points) -> None:
             expected=expected,
             **points.place(i),
         )
-        for i in rows[occurrence(place) > 0][:LISTED_FAULTS]
+        for i in twice[:LISTED_FAULTS]
     )
 
 
