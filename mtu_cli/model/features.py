@@ -18,12 +18,11 @@ from mtu_cli.model.machine_model import (
     Covariates,
     MachineModel,
     coordinates_of,
-    design,
     places,
     row_times,
     without_coordinate,
 )
-from mtu_cli.model.prediction import Outside, Prediction, temperature_gradients
+from mtu_cli.model.prediction import Outside, Prediction
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0
@@ -83,15 +82,11 @@ def outside_warnings(outside: Iterable[Outside]) -> list[Finding]:
     return warnings
 
 
-def temperature_warnings(
-    model: MachineModel, points: FloatArray, covariates: Covariates
-) -> list[Finding]:
+def temperature_warnings(model: MachineModel, covariates: Covariates) -> list[Finding]:
     """Temperatures beyond those of the fit, one warning a sensor and range for all drifts that were
-    read in it, and lags without a history.
-
-    `points` (n, 3) in mm, `covariates` one value for all or one a point.
+    read in it, and lags without a history; `covariates` are one value for all or one a point.
     """
-    beyond: dict[tuple[str, float, float], tuple[float, float, list[str]]] = {}
+    beyond: dict[tuple[str, float, float], tuple[float, list[str]]] = {}
     for drift in model.drifts():
         ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
         for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
@@ -99,18 +94,13 @@ def temperature_warnings(
             away = np.maximum(low - values, values - high)
             i = int(np.argmax(away))
             if away[i] > max(SLACK * (high - low), 1e-9):
-                entry = beyond.setdefault((sensor, low, high), (values[i], away[i], []))
-                entry[2].append(drift.component)
-    warnings, gradients = [], {}
-    if beyond:
-        levers = design(model, points, covariates).levers
-        gradients = temperature_gradients(model, points, levers)
-    for (sensor, low, high), (value, far, names) in beyond.items():
-        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * far
-        what = f"{sensor} at {value:.4g} degC (up to {wrong:.2g} um)"
+                entry = beyond.setdefault((sensor, low, high), (values[i], []))
+                entry[1].append(drift.component)
+    warnings = []
+    for (sensor, low, high), (value, components) in beyond.items():
+        what, names = f"{sensor} at {value:.4g} degC", [f"the drift of {listed(components)}"]
         facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
-        of = [f"the drift of {listed(names)}"]
-        warnings.append(finding("outside-measured-range", what=what, names=of, **facts))
+        warnings.append(finding("outside-measured-range", what=what, names=names, **facts))
     times = row_times(covariates)
     lagged = [drift for drift in model.drifts() if drift.time_constants.any()]
     if lagged and (times is None or np.ptp(times) == 0):
@@ -127,7 +117,7 @@ def guess_warnings(model: MachineModel, points: FloatArray, values: Covariates) 
     whole = {**values, **places(model, points)}
     inputs = {name: value for name, value in whole.items() if name not in model.constants}
     outside = range_warnings(model.effects, inputs, model.file)
-    return [*temperature_warnings(model, points, values), *outside]
+    return [*temperature_warnings(model, values), *outside]
 
 
 def prediction_warnings(

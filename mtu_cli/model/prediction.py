@@ -481,36 +481,28 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
     return blocks
 
 
-def _by_sensor(
-    model: MachineModel, points: FloatArray, levers: FloatArray, *, noise: bool
+def noise_by_sensor(
+    model: MachineModel, points: FloatArray, levers: FloatArray
 ) -> dict[str, dict[float, FloatArray]]:
-    """dE/dT (rows,) by sensor and lag in min, over all drifts; with `noise` times u(T)."""
+    """u(T) dE/dT (rows,), mm, by sensor and lag in min, over all drifts: u(T) times lever times
+    sum_m g[m, s] p^m. `points` (n, 3), `levers` (rows, terms) as `design` gives them.
+    """
     place, n = places(model, points), len(points)
     result: dict[str, dict[float, FloatArray]] = {}
     for lever, drift in zip(levers.T, (term.drift for term in model.terms), strict=True):
         if drift is None:
             continue
         gradients = drift.gradients(np.zeros(n) if drift.of is None else place[drift.of])
-        gradients = gradients * (drift.sensor_u[:, None] if noise else 1.0)
         for sensor, tau, each in zip(
-            drift.sensors, drift.time_constants.tolist(), gradients, strict=True
+            drift.sensors,
+            drift.time_constants.tolist(),
+            gradients * drift.sensor_u[:, None],
+            strict=True,
         ):
             column = lever * np.repeat(each, len(levers) // max(n, 1))
             by_lag = result.setdefault(sensor, {})
             by_lag[tau] = by_lag.get(tau, 0.0) + column
     return result
-
-
-def temperature_gradients(
-    model: MachineModel, points: FloatArray, levers: FloatArray, *, noise: bool = False
-) -> dict[str, FloatArray]:
-    """dE/dT_s (rows,) in mm per degC of every sensor: lever sum_m g[m, s] p^m over all drifts.
-
-    `points` (n, 3), `levers` (rows, terms) as `design` gives them. With `noise` times u(T_s), in
-    mm: what one standard uncertainty of a reading does to the errors once they have settled.
-    """
-    by_sensor = _by_sensor(model, points, levers, noise=noise)
-    return {sensor: np.sum([*by_lag.values()], axis=0) for sensor, by_lag in by_sensor.items()}
 
 
 def temperature_blocks(
@@ -529,7 +521,7 @@ def temperature_blocks(
     which, result = np.zeros(n, np.int64), list[Block]()
     if each:
         which = np.unique(np.column_stack(each), axis=0, return_inverse=True)[1].reshape(-1)
-    for sensor, by_lag in _by_sensor(model, points, levers, noise=True).items():
+    for sensor, by_lag in noise_by_sensor(model, points, levers).items():
         live = {tau: column for tau, column in by_lag.items() if column.any()}
         readings = int(which.max()) + 1 if np.ndim(covariates[sensor]) else 1
         lagged = times is not None and readings > 1 and any(live)
