@@ -63,14 +63,11 @@ def feature_points(
     return ids, points, warnings
 
 
-def outside_warnings(outside: Iterable[Outside]) -> list[Finding]:
+def outside_warnings(outside: Outside) -> list[Finding]:
     """One warning for all components whose measured range the features leave alike."""
-    by_component: dict[tuple[str, float, float], dict[str, float]] = {}
-    for point, component, position, low, high in outside:
-        by_component.setdefault((component, low, high), {})[point] = position
     # Of other axes the same features are at other positions.
     alike: dict[tuple[float, float, tuple[tuple[str, float], ...]], list[str]] = {}
-    for (component, low, high), positions in by_component.items():
+    for (component, low, high), positions in outside.items():
         alike.setdefault((low, high, tuple(positions.items())), []).append(component)
     warnings = []
     for (low, high, points), names in alike.items():

@@ -11,7 +11,7 @@ Coefficients that were estimated jointly are a block.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -301,8 +301,8 @@ def constant_effects(
     return blocks, shift
 
 
-Outside = tuple[str, str, float, float, float]
-"""A point, the component (or its drift) whose measured range it leaves, position, low, high."""
+Outside = dict[tuple[str, float, float], dict[str, float]]
+"""By component (or its drift) with its measured range, the points that leave it and where, mm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -317,15 +317,7 @@ class Prediction:
     mean: FloatArray
     blocks: tuple[Block, ...]
     independent_variance: FloatArray
-    outside: tuple[Outside, ...]
-
-    @cached_property
-    def beyond(self) -> dict[str, list[str]]:
-        """The components beyond their measured range, by the point that is outside it."""
-        result: dict[str, list[str]] = {}
-        for point, component, *_ in self.outside:
-            result.setdefault(point, []).append(component)
-        return result
+    outside: Outside
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -443,15 +435,13 @@ def predict(
         mean=rows.mean + shift,
         blocks=(*blocks, *rest),
         independent_variance=independent,
-        outside=tuple(outside_ranges(model, ids, points)),
+        outside=outside_ranges(model, ids, points),
     )
 
 
-def outside_ranges(
-    model: MachineModel, ids: Sequence[str], points: FloatArray
-) -> Iterator[Outside]:
+def outside_ranges(model: MachineModel, ids: Sequence[str], points: FloatArray) -> Outside:
     """Which of the `points` (n, 3), mm, are beyond the measured range of which component."""
-    place = places(model, points)
+    place, result = places(model, points), Outside()
     for term in model.terms:
         estimate, drift = term.estimate, term.drift
         if estimate.of is None or estimate.position_range is None:
@@ -459,7 +449,8 @@ def outside_ranges(
         (low, high), position = estimate.position_range, place[estimate.of]
         name = estimate.name if drift is None else f"the drift of {drift.component}"
         for i in np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist():
-            yield ids[i], name, float(position[i]), low, high
+            result.setdefault((name, low, high), {}).setdefault(ids[i], float(position[i]))
+    return result
 
 
 def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) -> list[Block]:

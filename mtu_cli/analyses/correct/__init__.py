@@ -130,7 +130,7 @@ def correct(
     sizes = mean_sizes(measurands, visits, scatter, settings.coverage_factor)
     u_corrected = u if scatter is None else np.hypot(u, scatter.s)
     forms = form_tests(rings, scatter, float(roundings(points).max()))
-    warnings += [*outside_warnings(rows.outside.values()), *absent, *partial]
+    warnings += [*outside_warnings(rows.outside), *absent, *partial]
     for order, item in enumerate(measurands):
         temperatures = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
         warnings += item.warnings(temperatures) if temperatures and item.kind != "length" else []

@@ -439,7 +439,7 @@ def test_readings_and_their_report_predict_the_same(tmp_path: Path) -> None:
     left = first.variance().by_block[1] / UM**2
     assert left[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
     assert 0 < left[1] < left[4]
-    assert [each[0] for each in first.outside] == ["420"]
+    assert [[*points] for points in first.outside.values()] == [["420"]]
 
 
 @pytest.mark.parametrize(("amplitude", "degrees"), [(0.0, {0, 1}), (40.0, {None})])
