@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -47,11 +46,8 @@ def feature_points(
     ids = tuple(places) if chosen is None else tuple(dict.fromkeys(chosen))
     # None becomes nan.
     points = np.array([places[i] for i in ids], np.float64).reshape(len(ids), 3)
-
-    def named(i: int) -> tuple[str, dict[str, Any]]:
-        return ids[i], part.place("features", ids[i])
-
-    if (problem := without_coordinate(model, points, named)) is not None:
+    problem = without_coordinate(model, points, lambda i: (ids[i], part.place("features", ids[i])))
+    if problem is not None:
         raise InputError(problem)
     warnings = []
     for axis, value in model.position_constants().items():
