@@ -209,7 +209,7 @@ def residual_table(
     points, removals = _estimable(points, axes, datum)
     warnings += removals
     at, cells, columns = covariates or {}, _cells(model, points), point_columns(points)
-    values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
+    values, idle = needed_covariates(model, points, columns, at, points.nominal)
     tables, more = table_covariates(columns, cells, points, np.arange(len(points)))
     predicted, common, of_part = cell_model(model, cells, values, tables)
     once = points.nominal[np.unique(cells.column, return_index=True)[1]]
