@@ -24,7 +24,7 @@ from mtu_cli.model.visits import Passes, PassKey, passes_read
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.kernels import FEWEST_RUNS, FEWEST_TARGETS, SmoothProfile, smooth_profile
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, least_squares, polynomial
+from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import FTest, Shift, lack_of_fit, pass_scatter, pass_trend, reversal
 from mtu_cli.stats.resolution import rounding_variance
@@ -224,28 +224,23 @@ def chosen_degree(series: InstrumentReadings) -> int | None:
         return min(1, places - 1)
     position, error = series.position, series.error
     middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
-
-    def residuals(train: BoolArray, degree: int | None) -> FloatArray | None:
-        """Readings (n,) less the shape fitted to those of `train`, but for each pass's level."""
-        bend = np.zeros(len(error))
-        if degree is None:
-            profile = smooth_profile(position[train], error[train], group[train], run[train])
-            if profile is None:
-                return None
-            bend, degree = profile.bend_at(position), 1
-        powers = polynomial((position - middle) / half, degree)[:, 1:]
-        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
-        fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
-        return error - (bend + powers @ fit.coefficients[levels.shape[1] :])
-
     shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
     losses = np.full((len(shapes), len(runs)), np.nan)
     for fold, test_run in enumerate(runs):
         train = run != test_run
         test = [np.flatnonzero(group == g) for g in np.unique(group[~train])]
+        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
         for i, degree in enumerate(shapes):
-            if (rest := residuals(train, degree)) is not None:
-                losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
+            bend = np.zeros(len(error))
+            if degree is None:
+                profile = smooth_profile(position[train], error[train], group[train], run[train])
+                if profile is None:
+                    continue
+                bend, degree = profile.bend_at(position), 1
+            powers = polynomial((position - middle) / half, degree)[:, 1:]
+            fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
+            rest = error - (bend + powers @ fit.coefficients[levels.shape[1] :])
+            losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
     candidates = np.flatnonzero(np.isfinite(losses).all(axis=1))
     best = candidates[np.argmin(losses[candidates].mean(axis=1))]
     worse = losses[candidates] - losses[best]
