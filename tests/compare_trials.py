@@ -95,5 +95,5 @@ def predicted(
         mean=mean,
         blocks=(block,),
         independent_variance=independent,
-        outside=(),
+        outside={},
     )

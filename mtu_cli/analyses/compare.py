@@ -317,7 +317,7 @@ def predict_operations(
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
     stated = {name: x for name, x in point_columns(points).items() if name not in covariates}
-    values, _ = needed_covariates(model, points, stated, covariates)
+    values, _ = needed_covariates(model, points, stated, covariates, points.nominal)
     warnings = guess_warnings(model, points.nominal, values)
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
     vary, a = any(np.ndim(values[name]) for name in model.covariates()), len(along)

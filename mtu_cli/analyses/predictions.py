@@ -232,6 +232,7 @@ def predict_lengths(
         conformance_of(x.tolerance, UM, *row) for x, row in zip(entries, rows, strict=True)
     ]
     validation = tuple(settings.validate(*row, run, i) for i, row in enumerate(rows))
+    beyond = {name for points in prediction.outside.values() for name in points}
     missing = []
     for axis, mask in zip(AXES, np.abs(delta).T > 1e-9, strict=True):
         if axis not in model.axes and mask.any():
@@ -254,7 +255,7 @@ def predict_lengths(
         shares=tuple(None if alone else split.shares(i) for i in range(len(names))),
         conformance=tuple(conformance),
         validation=validation,
-        outside=tuple(not prediction.beyond.keys().isdisjoint(pair) for pair in ends),
+        outside=tuple(not beyond.isdisjoint(pair) for pair in ends),
         coverage_factor=settings.coverage_factor,
         joint_conformance=joint_conformance(trials, conformance, settings),
         run=run,

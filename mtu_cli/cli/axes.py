@@ -24,7 +24,7 @@ from mtu_cli.findings import InputError, error, listed
 from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.errors import Controller, Parameters
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
-from mtu_cli.model.stated_errors import Stated, known_names, stated
+from mtu_cli.model.fit import Stated, known_names, stated
 from mtu_cli.model.visits import passes_read
 from mtu_cli.reports.document import envelope
 from mtu_cli.stats.least_squares import FloatArray, IntArray

@@ -96,8 +96,8 @@ class ReportedComponent(_Reported):
     covariance_independent: Matrix | None
     s: NonNegative | None
     s_repeat: Deviation
-    pass_covariance: Matrix
-    pass_covariance_moment: Matrix
+    pass_covariance: Known
+    pass_covariance_moment: Known
     half_difference_mean_square: Known | None = None
     run_covariance: Known | None = None
     pass_center_mm: Number
@@ -122,8 +122,8 @@ class ReportedGroup(_Reported):
 
     components: list[str]
     widths: list[int]
-    coefficient_covariance: Matrix
-    pass_covariance: Matrix
+    coefficient_covariance: Known
+    pass_covariance: Known
     half_difference_mean_square: Known | None = None
     pass_dof: NonNegative
     n_passes: int | None

@@ -44,31 +44,21 @@ def needed_covariates(
     points: Points,
     columns: Columns,
     at: Mapping[str, float],
-    *,
-    at_nominal: bool = False,
+    places: FloatArray,
 ) -> tuple[dict[str, FloatArray | float], list[Finding]]:
     """The model's covariates, one value a point (n,) or one for all; the points' `columns` come
-    before `at`, with a warning. A model evaluated `at_nominal` places does not use measured
-    coordinates in their place.
-
-    Times are added where a drift lags behind its temperatures.
+    before `at`, with a warning. Times are added where a drift lags behind its temperatures.
 
     Raises InputError for a covariate that is neither a column nor given, for its cells that are
-    empty or no number, and for points without a coordinate that an equation needs.
+    empty or no number, and for `places` (n, 3) without a coordinate that an equation needs.
     """
     files, names = ", ".join(source.shown for source in points.sources), [*model.covariates()]
-    problems = [
-        problem.at(column=problem.facts["names"][0])
-        for problem in missing_covariates(model, {*columns, *at}, list(columns), file=files)
-    ]
+    problems = missing_covariates(model, {*columns, *at}, list(columns), file=files)
     values: dict[str, FloatArray | float] = {name: at[name] for name in names if name in at}
     times = [TIME] if any(drift.time_constants.any() for drift in model.drifts()) else []
     for name in (*names, *times):
         if name in columns:
             values[name] = numbers_of(points, name, columns[name], problems)
-    places = points.nominal
-    if not at_nominal:
-        places = np.where(np.isnan(places), points.measured, places)
 
     def named(i: int) -> tuple[str, dict[str, Any]]:
         return points.features[points.feature[i]], points.place(i)

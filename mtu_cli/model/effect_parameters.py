@@ -62,7 +62,6 @@ def effects_of(
                 coefficients=np.array([parameter.value * f[i]]),
                 covariance=C[i : i + 1, i : i + 1],
                 pass_covariance=np.zeros((1, 1)),
-                pass_dof=0.0,
             )
         for name, entry in effect.components.items():
             tables[rename[name]] = known_component(rename[name], entry)
@@ -83,8 +82,6 @@ def effects_of(
             widths=(1,) * len(names),
             covariance=C,
             pass_covariance=np.zeros_like(C),
-            pass_dof=np.inf,
-            n_passes=None,
         )
         for names, C in covariances.items()
     )

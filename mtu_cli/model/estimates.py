@@ -107,9 +107,9 @@ class ThermalEstimate:
     reference: float
     coefficients: FloatArray
     covariance: FloatArray
-    coefficient_dof: float
+    coefficient_dof: float = np.inf
     leftover: FloatArray
-    leftover_dof: float
+    leftover_dof: float = np.inf
     time_constants: FloatArray
     sensor_u: FloatArray
     temperature_range: FloatArray | None = None
@@ -159,7 +159,7 @@ class ComponentEstimate:
     covariance: FloatArray
     pass_covariance: FloatArray
     s_repeat: float = 0.0
-    pass_dof: float
+    pass_dof: float = 0.0
     repeat_dof: float = np.inf
     n_passes: int | None = None
     independent_covariance: FloatArray | None = None
@@ -191,8 +191,8 @@ class JointPasses:
     widths: tuple[int, ...]
     covariance: FloatArray
     pass_covariance: FloatArray
-    pass_dof: float
-    n_passes: int | None
+    pass_dof: float = np.inf
+    n_passes: int | None = None
     half_differences: FloatArray | None = None
 
 

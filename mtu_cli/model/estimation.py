@@ -16,7 +16,6 @@ from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
     Powers,
-    Shape,
     TableShape,
     between_passes,
     covariance_in_run,
@@ -25,7 +24,7 @@ from mtu_cli.model.visits import Passes, PassKey, passes_read
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.kernels import FEWEST_RUNS, FEWEST_TARGETS, SmoothProfile, smooth_profile
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, least_squares, polynomial
+from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import FTest, Shift, lack_of_fit, pass_scatter, pass_trend, reversal
 from mtu_cli.stats.resolution import rounding_variance
@@ -225,28 +224,23 @@ def chosen_degree(series: InstrumentReadings) -> int | None:
         return min(1, places - 1)
     position, error = series.position, series.error
     middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
-
-    def residuals(train: BoolArray, degree: int | None) -> FloatArray | None:
-        """Readings (n,) less the shape fitted to those of `train`, but for each pass's level."""
-        bend = np.zeros(len(error))
-        if degree is None:
-            profile = smooth_profile(position[train], error[train], group[train], run[train])
-            if profile is None:
-                return None
-            bend, degree = profile.bend_at(position), 1
-        powers = polynomial((position - middle) / half, degree)[:, 1:]
-        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
-        fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
-        return error - (bend + powers @ fit.coefficients[levels.shape[1] :])
-
     shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
     losses = np.full((len(shapes), len(runs)), np.nan)
     for fold, test_run in enumerate(runs):
         train = run != test_run
         test = [np.flatnonzero(group == g) for g in np.unique(group[~train])]
+        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
         for i, degree in enumerate(shapes):
-            if (rest := residuals(train, degree)) is not None:
-                losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
+            bend = np.zeros(len(error))
+            if degree is None:
+                profile = smooth_profile(position[train], error[train], group[train], run[train])
+                if profile is None:
+                    continue
+                bend, degree = profile.bend_at(position), 1
+            powers = polynomial((position - middle) / half, degree)[:, 1:]
+            fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
+            rest = error - (bend + powers @ fit.coefficients[levels.shape[1] :])
+            losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
     candidates = np.flatnonzero(np.isfinite(losses).all(axis=1))
     best = candidates[np.argmin(losses[candidates].mean(axis=1))]
     worse = losses[candidates] - losses[best]
@@ -272,13 +266,8 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
 def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimate:
     lines, plain, profile = fit.fit, fit.fit.plain, fit.profile
     low, high = float(fit.position.min()), float(fit.position.max())
-    shape: Shape = Powers(fit.powers - 1)
-    fields: dict[str, Any] = {
-        "coefficients": plain.coefficients,
-        "covariance": lines.covariance,
-        "independent_covariance": plain.s2 * plain.unscaled_covariance,
-        "independent_s": float(np.sqrt(plain.s2)),
-    }
+    table, b, C, s2 = None, plain.coefficients, lines.covariance, plain.s2
+    C_independent = s2 * plain.unscaled_covariance
     if profile is not None:
         # Line and bend at the positions that were read.
         y, at = fit.error, np.searchsorted(profile.knots, fit.position)
@@ -287,31 +276,30 @@ def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimat
         # The bend holds no line of the readings, however many there are at each position.
         free = np.eye(len(L)) - L @ np.linalg.solve((L.T * counts) @ L, L.T * counts)
         s2 = float(((y - (np.bincount(at, y) / counts)[at]) ** 2).sum()) / max(len(y) - len(L), 1)
-        shape = TableShape(
+        table = TableShape(
             at=profile.knots, roughness=profile.roughness, own=profile.own, own_dof=profile.own_dof
         )
-        fields = {
-            "table": shape,
-            "coefficients": L @ plain.coefficients + profile.bend,
-            "covariance": L @ lines.covariance @ L.T + free @ profile.covariance @ free.T,
-            "independent_covariance": np.diag(s2 / counts),
-            "independent_s": float(np.sqrt(s2)),
-        }
-    T = shape.of_line(lines.center, len(lines.D))
+        b, C = L @ b + profile.bend, L @ C @ L.T + free @ profile.covariance @ free.T
+        C_independent = np.diag(s2 / counts)
+    T = (table or Powers(fit.powers - 1)).of_line(lines.center, len(lines.D))
     D = T @ lines.D_moment @ T.T
     halves = None if lines.half_differences is None else T @ lines.half_differences @ T.T
     return ComponentEstimate(
         name=name,
         of=component.of,
         unit=UNITS[component.unit],
+        coefficients=b,
+        covariance=C,
         pass_covariance=(D + D.T) / 2,
         s_repeat=float(np.sqrt(lines.s2)),
         pass_dof=float(lines.pass_dof),
         repeat_dof=float(lines.within_dof) if lines.within_dof else np.inf,
         n_passes=lines.n_passes if lines.separated else None,
+        independent_covariance=C_independent,
+        independent_s=float(np.sqrt(s2)),
         position_range=None if component.of is None else (low, high),
         half_differences=None if halves is None else (halves + halves.T) / 2,
-        **fields,
+        table=table,
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -18,12 +17,11 @@ from mtu_cli.model.machine_model import (
     Covariates,
     MachineModel,
     coordinates_of,
-    design,
     places,
     row_times,
     without_coordinate,
 )
-from mtu_cli.model.prediction import Outside, Prediction, temperature_gradients
+from mtu_cli.model.prediction import Outside, Prediction
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0
@@ -48,11 +46,8 @@ def feature_points(
     ids = tuple(places) if chosen is None else tuple(dict.fromkeys(chosen))
     # None becomes nan.
     points = np.array([places[i] for i in ids], np.float64).reshape(len(ids), 3)
-
-    def named(i: int) -> tuple[str, dict[str, Any]]:
-        return ids[i], part.place("features", ids[i])
-
-    if (problem := without_coordinate(model, points, named)) is not None:
+    problem = without_coordinate(model, points, lambda i: (ids[i], part.place("features", ids[i])))
+    if problem is not None:
         raise InputError(problem)
     warnings = []
     for axis, value in model.position_constants().items():
@@ -64,14 +59,11 @@ def feature_points(
     return ids, points, warnings
 
 
-def outside_warnings(outside: Iterable[Outside]) -> list[Finding]:
+def outside_warnings(outside: Outside) -> list[Finding]:
     """One warning for all components whose measured range the features leave alike."""
-    by_component: dict[tuple[str, float, float], dict[str, float]] = {}
-    for point, component, position, low, high in outside:
-        by_component.setdefault((component, low, high), {})[point] = position
     # Of other axes the same features are at other positions.
     alike: dict[tuple[float, float, tuple[tuple[str, float], ...]], list[str]] = {}
-    for (component, low, high), positions in by_component.items():
+    for (component, low, high), positions in outside.items():
         alike.setdefault((low, high, tuple(positions.items())), []).append(component)
     warnings = []
     for (low, high, points), names in alike.items():
@@ -83,15 +75,11 @@ def outside_warnings(outside: Iterable[Outside]) -> list[Finding]:
     return warnings
 
 
-def temperature_warnings(
-    model: MachineModel, points: FloatArray, covariates: Covariates
-) -> list[Finding]:
+def temperature_warnings(model: MachineModel, covariates: Covariates) -> list[Finding]:
     """Temperatures beyond those of the fit, one warning a sensor and range for all drifts that were
-    read in it, and lags without a history.
-
-    `points` (n, 3) in mm, `covariates` one value for all or one a point.
+    read in it, and lags without a history; `covariates` are one value for all or one a point.
     """
-    beyond: dict[tuple[str, float, float], tuple[float, float, list[str]]] = {}
+    beyond: dict[tuple[str, float, float], tuple[float, list[str]]] = {}
     for drift in model.drifts():
         ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
         for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
@@ -99,18 +87,13 @@ def temperature_warnings(
             away = np.maximum(low - values, values - high)
             i = int(np.argmax(away))
             if away[i] > max(SLACK * (high - low), 1e-9):
-                entry = beyond.setdefault((sensor, low, high), (values[i], away[i], []))
-                entry[2].append(drift.component)
-    warnings, gradients = [], {}
-    if beyond:
-        levers = design(model, points, covariates).levers
-        gradients = temperature_gradients(model, points, levers)
-    for (sensor, low, high), (value, far, names) in beyond.items():
-        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * far
-        what = f"{sensor} at {value:.4g} degC (up to {wrong:.2g} um)"
+                entry = beyond.setdefault((sensor, low, high), (values[i], []))
+                entry[1].append(drift.component)
+    warnings = []
+    for (sensor, low, high), (value, components) in beyond.items():
+        what, names = f"{sensor} at {value:.4g} degC", [f"the drift of {listed(components)}"]
         facts = {"sensor": sensor, "low": low, "high": high, "unit": "degC"}
-        of = [f"the drift of {listed(names)}"]
-        warnings.append(finding("outside-measured-range", what=what, names=of, **facts))
+        warnings.append(finding("outside-measured-range", what=what, names=names, **facts))
     times = row_times(covariates)
     lagged = [drift for drift in model.drifts() if drift.time_constants.any()]
     if lagged and (times is None or np.ptp(times) == 0):
@@ -127,7 +110,7 @@ def guess_warnings(model: MachineModel, points: FloatArray, values: Covariates) 
     whole = {**values, **places(model, points)}
     inputs = {name: value for name, value in whole.items() if name not in model.constants}
     outside = range_warnings(model.effects, inputs, model.file)
-    return [*temperature_warnings(model, points, values), *outside]
+    return [*temperature_warnings(model, values), *outside]
 
 
 def prediction_warnings(

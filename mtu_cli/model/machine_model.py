@@ -44,9 +44,10 @@ class Term:
     ) -> FloatArray:
         """What the coefficients multiply (n, k) at n places."""
         drift, axis = self.drift, self.estimate.of
+        position = np.zeros(n) if axis is None else place[axis]
         if drift is None:
-            return np.ones((n, 1)) if axis is None else self.estimate.shape.columns(place[axis])
-        powers = np.ones((n, 1)) if axis is None else polynomial(place[axis], drift.degree)
+            return self.estimate.shape.columns(position)
+        powers = polynomial(position, drift.degree)
         rise = temperatures(drift, covariates, n) - drift.reference
         return (powers[:, :, None] * rise[:, None, :]).reshape(n, -1)
 
@@ -263,7 +264,7 @@ def missing_covariates(
     **place: Any,
 ) -> list[Finding]:
     """A finding of each covariate that the equations need and that has none of the `values`;
-    `place` is of the file whose `columns` it might be one of. `ask` is the option that gives it,
+    `place` is of the file whose `columns` it should be one of. `ask` is the option that gives it,
     `of_sensor` what else gives a temperature of a drift.
     """
     drifts, problems = sensors_of(model), []
@@ -273,7 +274,7 @@ def missing_covariates(
         expected = ask.format(name) + of_sensor * (name in drifts)
         if columns is not None:
             there = "".join(f" (there is {near!r})" for near in nearest(name, columns))
-            expected = f"a column of this name{there}, or {expected}"
+            place["column"], expected = name, f"a column of this name{there}, or {expected}"
         drift = f"the drift of {listed(drifts.get(name, ()))}"
         owner = drift if name in drifts else f"the machine {model.name!r}"
         facts = {"what": f"a value of {name} for {owner}", "names": [name], "expected": expected}

@@ -23,7 +23,7 @@ from mtu_cli.model.visits import (
 )
 from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
-from mtu_cli.stats.resolution import SEEN, rounding_variance
+from mtu_cli.stats.resolution import rounding_variance
 
 Label = tuple[str, str, str]
 """Operation, name, axis; "" where there is none."""
@@ -47,14 +47,9 @@ def roundings(points: Points) -> FloatArray:
     """The variance r (3,) mm^2 of a coordinate by its last digit, of the coarsest file along each
     axis. A coordinate that is the nominal one has the digits of the drawing.
     """
-    result = np.zeros((len(points.sources), 3))
-    for code in range(len(points.sources)):
-        rows = np.flatnonzero(points.file_index == code)
-        rows = rows[:: len(rows) // SEEN + 1]
-        measured, nominal = points.measured[rows], points.nominal[rows]
-        for axis, values in enumerate(np.where(measured == nominal, np.nan, measured).T):
-            result[code, axis] = rounding_variance(values)
-    return result.max(axis=0)
+    read = np.where(points.measured == points.nominal, np.nan, points.measured)
+    files = [read[points.file_index == code] for code in range(len(points.sources))]
+    return np.max([[*map(rounding_variance, values.T)] for values in files], axis=0)
 
 
 def feature_tables(

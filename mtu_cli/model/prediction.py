@@ -11,7 +11,7 @@ Coefficients that were estimated jointly are a block.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -51,13 +51,13 @@ class Block:
     """
 
     names: tuple[str, ...]
-    columns: tuple[slice, ...]
+    columns: tuple[slice, ...] = (slice(None),)
     G: FloatArray
     C: FloatArray
     D: FloatArray
     noise: FloatArray
-    pass_dof: float
-    repeat_dof: tuple[float, ...]
+    pass_dof: float = 0.0
+    repeat_dof: tuple[float, ...] = (np.inf,)
     between: FloatArray | None = None
     n_passes: int = 0
     half_differences: FloatArray | None = None
@@ -126,36 +126,7 @@ def block_variance(
     """(3, m) variance by nature of the measurands A E, and the mean squares behind it.
 
     Without A the measurands are the errors themselves, row by row: A = I, which for many rows is
-    not to be multiplied out.
-    """
-    # A zero of G has no sign in a product with I.
-    g = block.G + 0.0 if A is None else A @ block.G
-    # Of visits of one component, which the axes of a point share.
-    visits = [
-        column**2
-        if A is None
-        else ((A * column).reshape(len(A), -1, axes).sum(axis=2) ** 2).sum(axis=1)
-        for column in block.noise.T
-    ]
-    if block.between is not None:
-        return _of_mean_squares(block, block.between, g, visits)
-    of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
-    noise: FloatArray = np.sum(visits, axis=0)
-    # A pooled moment estimate of D may be negative where passes hardly differ; the sum of passes
-    # and visits is not.
-    of_D = np.maximum(of_D, -noise)
-    split = np.array([of_C, of_D, noise])
-    if block.pass_dof == 0:
-        return split, [(of_C, of_D + noise, block.repeat_dof[0], None)]
-    squares: list[Square] = [(of_C, of_D, block.pass_dof, PassSquare(g, block.D))]
-    pairs = zip(visits, block.repeat_dof, strict=True)
-    return split, squares + [(np.zeros_like(x), x, dof, None) for x, dof in pairs]
-
-
-def _of_mean_squares(
-    block: Block, between: FloatArray, g: FloatArray, visits: list[FloatArray]
-) -> tuple[FloatArray, list[Square]]:
-    """With the mean square S of n passes, E S = D + s^2 M, the variance is
+    not to be multiplied out. With the mean square S of n passes, E S = D + s^2 M, it is
 
         g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g) + s^2 q,
 
@@ -168,28 +139,48 @@ def _of_mean_squares(
     mean over n passes has the variance 2 S_m/n. S of uneven passes is composed of separate
     estimates: where S_h is more than S, C is all of the passes.
     """
-    n, halves = block.n_passes, block.half_differences
-    of_C, of_D, S = (_quadratic(g, matrix) for matrix in (block.C, block.D, between))
-    noise: FloatArray = np.sum(visits, axis=0)
+    # A zero of G has no sign in a product with I.
+    g = block.G + 0.0 if A is None else A @ block.G
+    # Of visits of one component, which the axes of a point share.
+    visits = [
+        column**2
+        if A is None
+        else ((A * column).reshape(len(A), -1, axes).sum(axis=2) ** 2).sum(axis=1)
+        for column in block.noise.T
+    ]
+    of_C, of_D, noise = _quadratic(g, block.C), _quadratic(g, block.D), np.sum(visits, axis=0)
+    n, halves, dof, of_visits = (
+        block.n_passes, block.half_differences, block.pass_dof, block.repeat_dof
+    )  # fmt: skip
+    if (between := block.between) is None:
+        # A pooled moment estimate of D may be negative where passes hardly differ; the sum of
+        # passes and visits is not.
+        of_D = np.maximum(of_D, -noise)
+        split = np.array([of_C, of_D, noise])
+        if dof == 0:
+            return split, [(of_C, of_D + noise, of_visits[0], None)]
+        squares: list[Square] = [(of_C, of_D, dof, PassSquare(g, block.D))]
+        pairs = zip(visits, of_visits, strict=True)
+        return split, squares + [(np.zeros_like(x), x, each, None) for x, each in pairs]
+    S = _quadratic(g, between)
     capped = (of_D < 0) & (noise < S - of_D)
     room = np.divide(S, S - of_D, out=np.ones_like(S), where=capped)
     split = np.array([of_C, np.where(capped, 0.0, of_D), room * noise])
     passes = np.where(capped, room * noise, S)
     of_all, beyond_S = between, np.zeros(S.shape, bool)
-    squares: list[Square] = [(S / n, passes, block.pass_dof, PassSquare(g, between))]
+    squares = [(S / n, passes, dof, PassSquare(g, between))]
     if halves is not None:
         of_all, of_halves = 2 * (between - halves), _quadratic(g, halves)
         share = np.divide(of_halves, S, out=np.ones_like(S), where=S > 0).clip(0.0, 1.0)
         beyond_S = of_halves > S
         of_mean = np.where(beyond_S, of_C, 2 * (1 - share) * S / n)
-        of_middle, of_half = PassSquare(g, between - halves), PassSquare(g, halves)
-        squares = [(of_mean, (1 - share) * passes, block.pass_dof, of_middle)]
-        squares.append((np.zeros_like(S), share * passes, block.pass_dof, of_half))
-    for columns, visit, dof in zip(block.columns, visits, block.repeat_dof, strict=True):
+        squares = [(of_mean, (1 - share) * passes, dof, PassSquare(g, between - halves))]
+        squares.append((np.zeros_like(S), share * passes, dof, PassSquare(g, halves)))
+    for columns, visit, each in zip(block.columns, visits, of_visits, strict=True):
         inside = (columns, columns)
         common = _quadratic(g[:, columns], block.C[inside] - of_all[inside] / n)
         beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + visit
-        squares.append((np.where(beyond_S, 0.0, common), np.where(capped, 0.0, beyond), dof, None))
+        squares.append((np.where(beyond_S, 0.0, common), np.where(capped, 0.0, beyond), each, None))
     return split, squares
 
 
@@ -220,13 +211,11 @@ def normal_block(name: str, F: FloatArray, *, of_part: bool = False, dof: float 
     identity = np.eye(G.shape[1])
     return Block(
         names=(name,),
-        columns=(slice(0, len(identity)),),
         G=G,
         C=0 * identity if of_part else identity,
         D=identity if of_part else 0 * identity,
         noise=F[:, None] if each else np.zeros((len(F), 1)),
         pass_dof=dof if of_part else 0.0,
-        repeat_dof=(np.inf,),
     )
 
 
@@ -236,12 +225,11 @@ def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> 
     `J` (rows, K) and `levers` (rows, c) as `design` gives them.
     """
     at, columns = {term.estimate.name: t for t, term in enumerate(model.terms)}, model.columns
-    groups: list[tuple[list[str], JointPasses | None]] = []
-    for group in model.joint:
-        members = [name for name in group.components if name in at]
-        if len(members) >= 2:
-            groups.append((members, group))
-    joint = {name for members, _ in groups for name in members}
+    present = [[name for name in group.components if name in at] for group in model.joint]
+    groups: list[tuple[list[str], JointPasses | None]] = [
+        pair for pair in zip(present, model.joint, strict=True) if len(pair[0]) >= 2
+    ]
+    joint = {name for names, _ in groups for name in names}
     groups += [([name], None) for name in at if name not in joint]
     blocks = []
     for names, shared in groups:
@@ -313,8 +301,8 @@ def constant_effects(
     return blocks, shift
 
 
-Outside = tuple[str, str, float, float, float]
-"""A point, the component (or its drift) whose measured range it leaves, position, low, high."""
+Outside = dict[tuple[str, float, float], dict[str, float]]
+"""By component (or its drift) with its measured range, the points that leave it and where, mm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -329,15 +317,7 @@ class Prediction:
     mean: FloatArray
     blocks: tuple[Block, ...]
     independent_variance: FloatArray
-    outside: tuple[Outside, ...]
-
-    @cached_property
-    def beyond(self) -> dict[str, list[str]]:
-        """The components beyond their measured range, by the point that is outside it."""
-        result: dict[str, list[str]] = {}
-        for point, component, *_ in self.outside:
-            result.setdefault(point, []).append(component)
-        return result
+    outside: Outside
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -455,15 +435,13 @@ def predict(
         mean=rows.mean + shift,
         blocks=(*blocks, *rest),
         independent_variance=independent,
-        outside=tuple(outside_ranges(model, ids, points)),
+        outside=outside_ranges(model, ids, points),
     )
 
 
-def outside_ranges(
-    model: MachineModel, ids: Sequence[str], points: FloatArray
-) -> Iterator[Outside]:
+def outside_ranges(model: MachineModel, ids: Sequence[str], points: FloatArray) -> Outside:
     """Which of the `points` (n, 3), mm, are beyond the measured range of which component."""
-    place = places(model, points)
+    place, result = places(model, points), Outside()
     for term in model.terms:
         estimate, drift = term.estimate, term.drift
         if estimate.of is None or estimate.position_range is None:
@@ -471,7 +449,8 @@ def outside_ranges(
         (low, high), position = estimate.position_range, place[estimate.of]
         name = estimate.name if drift is None else f"the drift of {drift.component}"
         for i in np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist():
-            yield ids[i], name, float(position[i]), low, high
+            result.setdefault((name, low, high), {}).setdefault(ids[i], float(position[i]))
+    return result
 
 
 def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) -> list[Block]:
@@ -493,36 +472,28 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
     return blocks
 
 
-def _by_sensor(
-    model: MachineModel, points: FloatArray, levers: FloatArray, *, noise: bool
+def noise_by_sensor(
+    model: MachineModel, points: FloatArray, levers: FloatArray
 ) -> dict[str, dict[float, FloatArray]]:
-    """dE/dT (rows,) by sensor and lag in min, over all drifts; with `noise` times u(T)."""
+    """u(T) dE/dT (rows,), mm, by sensor and lag in min, over all drifts: u(T) times lever times
+    sum_m g[m, s] p^m. `points` (n, 3), `levers` (rows, terms) as `design` gives them.
+    """
     place, n = places(model, points), len(points)
     result: dict[str, dict[float, FloatArray]] = {}
     for lever, drift in zip(levers.T, (term.drift for term in model.terms), strict=True):
         if drift is None:
             continue
         gradients = drift.gradients(np.zeros(n) if drift.of is None else place[drift.of])
-        gradients = gradients * (drift.sensor_u[:, None] if noise else 1.0)
         for sensor, tau, each in zip(
-            drift.sensors, drift.time_constants.tolist(), gradients, strict=True
+            drift.sensors,
+            drift.time_constants.tolist(),
+            gradients * drift.sensor_u[:, None],
+            strict=True,
         ):
             column = lever * np.repeat(each, len(levers) // max(n, 1))
             by_lag = result.setdefault(sensor, {})
             by_lag[tau] = by_lag.get(tau, 0.0) + column
     return result
-
-
-def temperature_gradients(
-    model: MachineModel, points: FloatArray, levers: FloatArray, *, noise: bool = False
-) -> dict[str, FloatArray]:
-    """dE/dT_s (rows,) in mm per degC of every sensor: lever sum_m g[m, s] p^m over all drifts.
-
-    `points` (n, 3), `levers` (rows, terms) as `design` gives them. With `noise` times u(T_s), in
-    mm: what one standard uncertainty of a reading does to the errors once they have settled.
-    """
-    by_sensor = _by_sensor(model, points, levers, noise=noise)
-    return {sensor: np.sum([*by_lag.values()], axis=0) for sensor, by_lag in by_sensor.items()}
 
 
 def temperature_blocks(
@@ -541,7 +512,7 @@ def temperature_blocks(
     which, result = np.zeros(n, np.int64), list[Block]()
     if each:
         which = np.unique(np.column_stack(each), axis=0, return_inverse=True)[1].reshape(-1)
-    for sensor, by_lag in _by_sensor(model, points, levers, noise=True).items():
+    for sensor, by_lag in noise_by_sensor(model, points, levers).items():
         live = {tau: column for tau, column in by_lag.items() if column.any()}
         readings = int(which.max()) + 1 if np.ndim(covariates[sensor]) else 1
         lagged = times is not None and readings > 1 and any(live)

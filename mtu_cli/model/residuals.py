@@ -46,8 +46,8 @@ from mtu_cli.model.prediction import (
     component_blocks,
     constant_effects,
     drawable_passes,
+    noise_by_sensor,
     outside_ranges,
-    temperature_gradients,
 )
 from mtu_cli.model.visits import (
     Cells,
@@ -209,7 +209,7 @@ def residual_table(
     points, removals = _estimable(points, axes, datum)
     warnings += removals
     at, cells, columns = covariates or {}, _cells(model, points), point_columns(points)
-    values, idle = needed_covariates(model, points, columns, at, at_nominal=True)
+    values, idle = needed_covariates(model, points, columns, at, points.nominal)
     tables, more = table_covariates(columns, cells, points, np.arange(len(points)))
     predicted, common, of_part = cell_model(model, cells, values, tables)
     once = points.nominal[np.unique(cells.column, return_index=True)[1]]
@@ -324,15 +324,15 @@ def cell_model(
         shared.append(block.G @ factor_of(block.C))
         drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: by_name[name].shape if name in by_name else (1, 1) for name in sensors_of(model)}
-    gradients = temperature_gradients(model, places, centre.levers, noise=True)
-    for sensor, column in gradients.items():
+    for sensor, by_lag in noise_by_sensor(model, places, centre.levers).items():
         # The noise of one reading a cell is in neither.
         if read[sensor][1] == 1:
+            column = np.sum([*by_lag.values()], axis=0)
             (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
     size = (len(places), len(model.axes))
     factors = (np.concatenate(columns, axis=1).reshape(*size, -1) for columns in (shared, drawn))
     there = cells.repeats > 0
-    common, of_part = (compressed(filled(cells.means(F, 0.0), there)) for F in factors)
+    common, of_part = (compressed(filled(cells.means(F), there)) for F in factors)
     return mean.reshape(size), common, of_part
 
 
@@ -411,7 +411,7 @@ def _table(
         model = component_alone(name, of or AXES[0], of_pass, drift)
         names = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in names if key in columns}
-        warnings += temperature_warnings(model, cells.nominal, values)
+        warnings += temperature_warnings(model, values)
         mean, common, drawn = cell_model(model, cells, values, covariates)
         errors = errors - mean[:, 0]
         if estimate is not None and np.any(estimate.pass_covariance):

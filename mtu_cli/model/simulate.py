@@ -47,21 +47,12 @@ Columns = dict[str, np.ndarray]
 def pass_root(model: MachineModel) -> FloatArray:
     """F (K, K), F F' the pass-to-pass covariance of all coefficients, in the order of theta,
     without the negative part that an estimate of D may have (`prediction.drawable_passes`).
-
-    Raises InputError for passes whose covariance is unknown.
     """
     columns = model.columns
     K = columns[-1].stop
     result, every = np.zeros((K, K)), np.arange(K)
     place = {term.estimate.name: every[at] for term, at in zip(model.terms, columns, strict=True)}
     for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns)))):
-        if not np.isfinite(block.D).all():
-            raise error(
-                "too-little-data",
-                what="the readings do not determine it",
-                path=f"the pass-to-pass covariance of {block.names[0]}",
-                expected="a report of readings in several passes",
-            )
         index = np.concatenate([place[name] for name in block.names])
         result[np.ix_(index, index)] = covariance_root(drawable_passes(block.D, block.C))
     return result

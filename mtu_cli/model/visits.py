@@ -267,13 +267,12 @@ def check_repeats(points: Points) -> None:
 
     Repeats without a number are counted on, and none of them stands twice.
     """
-    _, operation = operations_of(points)
-    rows = np.flatnonzero(points.repeat >= 0)
-    cell = operation.astype(np.int64) * len(points.features) + points.feature
-    place = (cell * len(points.parts) + points.part)[rows]
-    numbers, code = distinct(points.repeat[rows])
-    place = place * len(numbers) + code
-    if len(distinct(place)[0]) == len(rows):
+    import pandas as pd
+
+    columns = points.operation, points.part, points.feature, points.repeat
+    table = pd.DataFrame(dict(enumerate(columns)), copy=False)
+    twice = np.flatnonzero(table.duplicated() & (points.repeat >= 0))
+    if not len(twice):
         return
     what, expected = "the feature in one repeat of one part", "one row a feature and `repeat`"
     raise InputError(
@@ -285,7 +284,7 @@ def check_repeats(points: Points) -> None:
             expected=expected,
             **points.place(i),
         )
-        for i in rows[occurrence(place) > 0][:LISTED_FAULTS]
+        for i in twice[:LISTED_FAULTS]
     )
 
 
@@ -455,28 +454,18 @@ class Cells:
         """The number of the cell (n,) of each measurement, part by part."""
         return self.part.astype(np.int64) * len(self.features) + self.column
 
-    @cached_property
-    def sorted(self) -> tuple[IntArray, IntArray, IntArray]:
-        """What sorts the measurements by cell (n,), where in that order the m cells start that hold
-        any, and their numbers (m,).
+    def means(self, values: FloatArray) -> FloatArray:
+        """Means (P, H, ...) of values (n, ...), nan where there are none; equal values keep their
+        digits.
         """
-        order = np.argsort(self.cell, kind="stable")
-        there, starts = np.unique(self.cell[order], return_index=True)
-        return order, starts, there
-
-    def means(self, values: FloatArray, fill: float = np.nan) -> FloatArray:
-        """Means (P, H, ...) of values (n, ...), `fill` where there are none; equal values keep
-        their digits.
-        """
-        order, starts, numbers = self.sorted
-        means = origin = values[order[starts]]
-        if len(starts) < len(order):
-            count = np.diff(np.r_[starts, len(order)])
-            away = values[order] - np.repeat(origin, count, axis=0)
-            weight = count.reshape(-1, *(1,) * (values.ndim - 1))
-            means = origin + np.add.reduceat(away, starts, axis=0) / weight
-        result = np.full((math.prod(self.shape), *values.shape[1:]), fill, means.dtype)
-        result[numbers] = means
+        first = np.zeros(math.prod(self.shape), np.int64)
+        first[self.cell[::-1]] = np.arange(len(values))[::-1]
+        result = values[first]
+        away = np.zeros_like(result)
+        np.add.at(away, self.cell, values - result[self.cell])
+        count = self.repeats.ravel()
+        result += away / np.maximum(count, 1).reshape(-1, *(1,) * (values.ndim - 1))
+        result[count == 0] = np.nan
         return result.reshape(*self.shape, *values.shape[1:])
 
     @cached_property

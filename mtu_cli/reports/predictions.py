@@ -110,7 +110,8 @@ def _features(result: PointsResult) -> list[dict[str, Any]]:
     return [
         {
             "id": name, "place": place, "conformance": conformance,
-            "outside": of.beyond.get(name, []), **{axis: next(rows) for axis in of.axes},
+            "outside": [x for (x, *_), at in of.outside.items() if name in at],
+            **{axis: next(rows) for axis in of.axes},
         }
         for name, place, conformance in zip(of.ids, of.points, result.conformance, strict=True)
     ]  # fmt: skip

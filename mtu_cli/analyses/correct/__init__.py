@@ -111,26 +111,26 @@ def correct(
     measured = [k for k in range(3) if np.isfinite(points.measured[:, k]).any()]
     if {AXES[k] for k in measured}.isdisjoint(model.axes):
         raise no_shared_axis(model, points, measured)
-    columns, places = point_columns(points), points.measured
-    values, idle = needed_covariates(model, points, columns, at)
+    places = np.where(np.isnan(points.measured), points.nominal, points.measured)
+    values, idle = needed_covariates(model, points, point_columns(points), at, places)
     rows = RowErrors(
         model=model,
         points=points,
-        places=np.where(np.isnan(places), points.nominal, places),
+        places=places,
         covariates=values,
         independent=settings.independent,
     )
     warnings = [*idle, *guess_warnings(model, rows.places, values)]
     warnings += _axis_warnings(model, points)
     error, u = rows.errors()
-    corrected = places - np.nan_to_num(error)
+    corrected = points.measured - np.nan_to_num(error)
     measurands, absent = ([], []) if part is None else measurands_of(part, points, at)
     visits, rings, partial = measured_sizes(measurands, rows, corrected)
     scatter = point_scatter(points, corrected, rings)
     sizes = mean_sizes(measurands, visits, scatter, settings.coverage_factor)
     u_corrected = u if scatter is None else np.hypot(u, scatter.s)
     forms = form_tests(rings, scatter, float(roundings(points).max()))
-    warnings += [*outside_warnings(rows.outside.values()), *absent, *partial]
+    warnings += [*outside_warnings(rows.outside), *absent, *partial]
     for order, item in enumerate(measurands):
         temperatures = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
         warnings += item.warnings(temperatures) if temperatures and item.kind != "length" else []

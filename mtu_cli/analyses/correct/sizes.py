@@ -68,7 +68,7 @@ class RowErrors:
     places: FloatArray
     covariates: Mapping[str, FloatArray | float]
     independent: bool
-    outside: dict[tuple[str, str], Outside] = field(default_factory=dict)
+    outside: Outside = field(default_factory=dict)
 
     @property
     def columns(self) -> list[int]:
@@ -84,10 +84,11 @@ class RowErrors:
         places[len(rows) :] = places[0]
         prediction = predict(self.model, names, places, rows_of(self.covariates, every))
         prediction = prediction.first(len(rows))
-        for entry in prediction.outside:
-            _, _, position, low, high = entry
-            if max(low - position, position - high) > SLACK * (high - low):
-                self.outside.setdefault(entry[:2], entry)
+        for key, points in prediction.outside.items():
+            _, low, high = key
+            for name, position in points.items():
+                if max(low - position, position - high) > SLACK * (high - low):
+                    self.outside.setdefault(key, {}).setdefault(name, position)
         return prediction
 
     def _history(self, rows: IntArray) -> IntArray:

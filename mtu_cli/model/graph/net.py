@@ -43,10 +43,6 @@ KEYS = {
     "u": ("constant",), "unit": ("constant",), "known": ("point",),
 }  # fmt: skip
 """Keys of places, and the kinds that have them."""
-STARTS = ("value", "known", "nominal_mm")
-"""Keys that a place has which no transition makes."""
-MEASURED = ("nominal_mm", "meas")
-"""What a transition makes and the file states all the same: where it is measured."""
 NOMINAL = {"coordinate": (1, "one number"), "point": (3, "[x, y, z]")}
 
 
@@ -275,13 +271,15 @@ class _Net:
             faults.add("wrong-type", value=name, **facts)
         makers = self.makers.get(name, [])
         maker = self.transitions[makers[0]].do if makers else ""
+        # Keys of places that no transition makes; a measured one states where it is all the same.
+        starts = ("value", "known") if maker == "meas" else ("value", "known", "nominal_mm")
         for key, kinds in KEYS.items():
             if key not in place.stated:
                 continue
             if place.kind not in kinds:
                 where = "a " + " or a ".join(kinds)
                 faults.at(key).add("misplaced", key=key, where=where)
-            elif makers and key in STARTS and (key, maker) != MEASURED:
+            elif makers and key in starts:
                 other = self.made_by(makers[0])
                 faults.at(key).add("contradicts", other=other, expected="one of the two")
         if place.kind == "coordinate" and place.axis is None:

@@ -309,8 +309,6 @@ ONE_POINT = (
     lambda p, q: norm(q - p) <= SAME * max(1.0, np.abs([p, q]).max()),
     "the two points coincide",
 )
-PARALLEL_PLANES = (parallel, "the planes are parallel")
-PARALLEL_LINES = (parallel, "the lines are parallel")
 UPRIGHT = (parallel, "the line is perpendicular to the plane")
 NO_PIERCING = (lambda g, e: glancing(g[0], g[1], e), "the line is parallel to the plane")
 GLANCING = (glancing, "the vector is parallel to the plane")
@@ -355,7 +353,7 @@ TRANSITIONS: dict[str, tuple[Use, ...]] = {
     ),
     "line": (
         Use("point, point", "line", lambda p, q: along(p, q - p), guard=ONE_POINT),
-        Use("plane, plane", "line", meet, guard=PARALLEL_PLANES),
+        Use("plane, plane", "line", meet, guard=(parallel, "the planes are parallel")),
     ),
     "aline": (Use("point, vector", "line", along, guard=AIMLESS),),
     "plane": (
@@ -378,7 +376,7 @@ TRANSITIONS: dict[str, tuple[Use, ...]] = {
         Use("point, point", "constant", lambda p, q: norm(q - p)),
         Use("point, line", "constant", lambda p, g: norm(across(p - g[0], g[1]))),
         Use("point, plane", "constant", lambda p, e: np.abs(dot(e[1], p - e[0]))),
-        Use("line, line", "constant", between_lines, guard=PARALLEL_LINES),
+        Use("line, line", "constant", between_lines, guard=(parallel, "the lines are parallel")),
     ),
     "angle": (Use("vector, vector", "constant", angle, unit="rad", guard=SHORT),),
     "frame": (Use("plane, line, point", "frame", frame, guard=UPRIGHT),),

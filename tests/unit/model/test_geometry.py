@@ -17,12 +17,11 @@ from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points, grid_of, outside_warnings
-from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine, stated
 from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_round
 from mtu_cli.model.graph import transitions
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.stated_errors import stated
 from mtu_cli.reports.fit_components import document
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
@@ -440,7 +439,7 @@ def test_readings_and_their_report_predict_the_same(tmp_path: Path) -> None:
     left = first.variance().by_block[1] / UM**2
     assert left[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
     assert 0 < left[1] < left[4]
-    assert [each[0] for each in first.outside] == ["420"]
+    assert [[*points] for points in first.outside.values()] == [["420"]]
 
 
 @pytest.mark.parametrize(("amplitude", "degrees"), [(0.0, {0, 1}), (40.0, {None})])

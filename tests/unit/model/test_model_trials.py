@@ -534,7 +534,7 @@ def _prediction(C: FloatArray, dof: float, visits: tuple[float, float], nu: floa
         mean=np.array([0.0, 0.0, 0.004, -0.003]),
         blocks=blocks,
         independent_variance=np.full(4, 1e-6),
-        outside=(),
+        outside={},
     )
 
 
