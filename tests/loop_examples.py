@@ -22,7 +22,7 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.model.effect_library import Candidate, effect_library
 from mtu_cli.units import PARAMETER_UNITS
 
-FAMILIES = {own.family.family: own.family for own in effect_library().families}
+FAMILIES = {own.family: own for own in effect_library().families}
 
 
 def parameter(name: str, unit: str, value: float, u: float, role: str = "own") -> Parameter:
