@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri, ndtri
@@ -23,7 +24,7 @@ from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 MORE = 6
 """Further parts that a follow-up is judged by."""
@@ -123,27 +124,45 @@ def with_more_parts(
     as the first parts were) and a `shift` (3,) mm of places; those that count parts or time go on.
     """
     P = len(table.parts)
-    source = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
-    covariates = dict(table.covariates)
-    for name, values in table.covariates.items():
-        if name in changes or len(values) == P > 1:
-            rows = np.broadcast_to(values, (P, values.shape[1]))
-            extension = rows[source]
-            if name in COUNTING:
-                step = np.diff(rows, axis=0)
-                rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-                extension = rows[-1:] + rise * np.arange(1, MORE + 1)[:, None]
-            change = changes.get(name, np.asarray)
-            extension = np.resize(values, extension.shape) if change is None else change(extension)
-            covariates[name] = np.concatenate([rows, extension])
+    last = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
+    result = taken(table, np.r_[:P, last], 0)
+    result.places[P:] += shift
+    covariates = dict(result.covariates)
+    for name in covariates.keys() & {*changes, *COUNTING}:
+        rows = np.broadcast_to(table.covariates[name], (P, table.covariates[name].shape[1]))
+        extension = rows[last]
+        if name in COUNTING:
+            step = np.diff(rows, axis=0)
+            rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
+            extension = rows[-1:] + rise * np.arange(1, MORE + 1)[:, None]
+        change = changes.get(name, np.asarray)
+        extension = np.resize(rows, extension.shape) if change is None else change(extension)
+        covariates[name] = np.concatenate([rows, extension])
     return replace(
-        table,
+        result,
         parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
-        errors=np.zeros((P + MORE, *table.errors.shape[1:])),
-        repeats=np.ones((P + MORE, len(table.features)), np.int64),
-        places=np.concatenate([table.places, table.places[source] + shift]),
+        errors=np.zeros(result.errors.shape),
+        repeats=np.ones(result.repeats.shape, np.int64),
         covariates=covariates,
     )
+
+
+def taken(table: ResidualTable, index: IntArray, axis: int) -> ResidualTable:
+    """The table of some of its parts (axis 0), or of its columns (1)."""
+    names = ("parts", "features")[axis]
+    count = len(getattr(table, names))
+
+    def take(values: FloatArray) -> FloatArray:
+        # What is alike in all parts, or columns, may have one row.
+        return values.take(index, axis) if values.shape[axis] == count else values
+
+    of_cells = ("errors", "repeats", "places", "common", "of_part")
+    fields: dict[str, Any] = {name: take(getattr(table, name)) for name in of_cells}
+    fields[names] = tuple(getattr(table, names)[i] for i in index)
+    fields["covariates"] = {name: take(values) for name, values in table.covariates.items()}
+    if axis == 1:
+        fields["operation"] = table.operation[index]
+    return replace(table, **fields)
 
 
 def minimum_detectable(diagnosis: Diagnosis) -> dict[str, float]:
