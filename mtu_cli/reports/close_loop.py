@@ -125,11 +125,6 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
             f"Nothing undeclared was found (at {100 * alpha:.2g} % false alarms in all): the rms "
             f"error of {with_unit(item.before.rms)} is no more than scatter{floor}."
         )
-        tested = [x for x in item.candidates if x.minimum_detectable]
-        sizes = {x.minimum_detectable: x.candidate.name for x in tested}
-        if sizes:
-            low, high = (f"{with_unit(end)} rms ({sizes[end]})" for end in (min(sizes), max(sizes)))
-            yield f"Four times in five an effect of {low} to {high} would have been found."
         return
     tentative = ""
     if item.verdict == "unexplained":
@@ -199,9 +194,9 @@ SCORED = """
     held_out.by | held_out | what was left out in turn
     unexplained.found | rest() | whether something is left that no effect of the library explains
     unexplained.checks[]. | checks()
-        name | one.0 | check of what the effects leave
-        p | one.1 | family-wise p of the check
-        fired | fired() | whether it is significant
+        name | | check of what the effects leave
+        p | | family-wise p of the check
+        fired | | whether it is significant
     unexplained.rms_UNIT | in_sample_after.rms | root mean square of what the effects leave
 """
 TABLE = """
@@ -329,7 +324,7 @@ DEFINITIONS: dict[str, Any] = {
     "effects": partial(_items, "effects"),
     "effect": lambda x: _fields(EFFECT, x and x.item),
     "candidates": partial(_items, "candidates"),
-    "candidate": lambda x: _candidate(x.item.table.unit if x else "um"),
+    "candidate": lambda x: _fields(CANDIDATE, x and x.item),
     "outliers": partial(_items, "excluded"),
     "outlier": lambda x: _fields(OUTLIER, x and x.item),
     "table": lambda item: _fields(TABLE, item),
@@ -339,9 +334,10 @@ DEFINITIONS: dict[str, Any] = {
     "scores": SCORES,
     "improvement": lambda x: 100 * (1 - x.after.rms / x.before.rms) if x.before.rms > 0 else None,
     "rest": lambda item: bool(item.fired) or item.nameless,
-    "checks": lambda item: [Of(check, item) for check in item.checks],
+    "checks": lambda item: [
+        {"name": name, "p": p, "fired": name in item.fired} for name, p in item.checks
+    ],
     "checks_text": lambda item: ", ".join(f"{name} p {p:.2g}" for name, p in item.checks),
-    "fired": lambda x: x.one[0] in x.item.fired,
     # Of an effect.
     "sentence": lambda x: effect_text(x.one, x.item),
     "equations": lambda x: x.one.equations if x.one.candidate.over is None else {},
@@ -358,22 +354,19 @@ DEFINITIONS: dict[str, Any] = {
 }
 
 
-def _fields(text: str, item: TableResult | None) -> Fields:
-    """The fields of a text in the unit and axes of the table; of points of a plane in um."""
+def _fields(text: str, item: TableResult | None, *units: str) -> Fields:
+    """The fields of a text in the unit and axes of the table, of points of a plane in um; with the
+    smallest size of a candidate in each of `units`.
+    """
     unit, names = ("um", ("x", "y")) if item is None else (item.table.unit, item.table.axes)
     axes = [x for name in names for x in declare(AXIS, UNIT=unit, AXIS=name, **DEFINITIONS)]
-    return declare(text, UNIT=unit, axes=axes, **DEFINITIONS)
-
-
-def _candidate(*units: str) -> Fields:
-    """With the smallest size in each of `units`."""
-    smallest = "\n".join(SMALLEST.replace("UNIT", unit) for unit in units)
-    return declare(CANDIDATE, smallest=smallest, **DEFINITIONS)
+    smallest = "\n".join(SMALLEST.replace("UNIT", each) for each in units or (unit,))
+    return declare(text, UNIT=unit, axes=axes, smallest=smallest, **DEFINITIONS)
 
 
 RESULTS_FIELDS = _fields(RESULTS_OF, None)
 RESULTS = [*RESULTS_FIELDS, *_fields(SCORED, None)]
-ROW = _candidate("um")
+ROW = _fields(CANDIDATE, None)
 
 
 def document(result: CloseLoopResult, digits: int = 2) -> Document:
@@ -383,7 +376,7 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     rows = [row for item in result.tables for effect in item.effects for row in _rows(effect, item)]
     held_out = listed(dict.fromkeys(item.held_out for item in result.tables))
     tables = [
-        Table("", _candidate(*units), _items("candidates", result), selection=()),
+        Table("", _fields(CANDIDATE, None, *units), _items("candidates", result), selection=()),
         Table("Effects", _fields(SHOWN, None), rows),
         Table(f"Errors of held-out {held_out}", _fields(SCORED_TABLE, None), result.tables),
         _candidates(first),
@@ -431,5 +424,4 @@ def _candidates(item: TableResult) -> Table:
     missing = f", {sum(map(len, reasons.values()))} could not be (--detail: why)" if reasons else ""
     footer = f"{len(tested)} tested, each alone{missing}; *: found, or in the class of an effect"
     rows = [Of(x, item) for x in tested[:BEST]]
-    fields = _candidate(item.table.unit)
-    return Table(f"Likeliest candidates{of}", fields, rows, footer, notes)
+    return Table(f"Likeliest candidates{of}", _fields(CANDIDATE, item), rows, footer, notes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,10 +44,8 @@ def figure(item: TableResult) -> Figure:
     for panel, effect in zip(panels, effects, strict=True):
         _errors(panel, item, errors, effect)
     figures.legend(lower)
-    names = "; ".join(" or ".join(e.class_names) for e in item.effects)
     of = "" if item.table.component is None else f" of {item.table.component}"
-    text = f"Undeclared effects{of}: {item.verdict}{f' ({names})' if names else ''}"
-    figures.title(page, shorten(text, TITLE, placeholder=" ..."))
+    figures.title(page, cut(f"Undeclared effects{of}: {item.verdict}", TITLE))
     return page
 
 

@@ -178,22 +178,16 @@ def _explained(diagnosis: Diagnosis, member: Member) -> float:
 
 def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
     """Other candidates with a member whose columns span the same, whatever the errors."""
-    design, weights = diagnosis.design, diagnosis.sizes.fit.weights
-    cross, terms = design.columns.cross, np.array(member.terms)
+    design, k = diagnosis.design, len(member.terms)
     members = design.members[: design.tested]
-    rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == len(terms)]
+    rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == k]
     if not rivals:
         return ()
-    rival_terms = np.array([m.terms for m in rivals])
-    pairs = (
-        (terms[:, None], terms),
-        (terms[:, None], rival_terms[:, None]),
-        (rival_terms[..., None], rival_terms[:, None]),
-    )
-    gram, across, inner = (np.tensordot(weights, cross(*pair), 1) for pair in pairs)
-    inner = across @ np.linalg.solve(inner, np.swapaxes(across, 1, 2))
-    share = np.trace(np.linalg.solve(gram, inner), axis1=1, axis2=2)
-    same = np.array(rivals, object)[share > ALIAS * len(terms)]
+    _, products = design.columns.crossed(np.array([m.terms for m in rivals]), member.terms)
+    G = np.tensordot(diagnosis.sizes.fit.weights, products, 1)
+    both = G[:, :k, k:] @ np.linalg.solve(G[:, k:, k:], G[:, k:, :k])
+    share = np.trace(np.linalg.solve(G[:, :k, :k], both), axis1=1, axis2=2)
+    same = np.array(rivals, object)[share > ALIAS * k]
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in same))
 
 
