@@ -98,9 +98,8 @@ class TableData:
     def __init__(self, table: ResidualTable) -> None:
         values = {axis: _compact(table.places[..., i]) for i, axis in enumerate(AXES)}
         language = {"pi", CHOSEN, *AXES, *MACHINE_FUNCTIONS}
-        for name, value in table.covariates.items():
-            if is_identifier(name) and name not in language:
-                values[name] = np.atleast_2d(np.asarray(value, float))
+        named = {n for n in table.covariates if is_identifier(n)} - language
+        values |= {name: v for name, v in table.covariates.items() if name in named}
         values = {name: v for name, v in values.items() if v.size and np.isfinite(v).all()}
         columns = [name for name in values if name not in AXES]
         sensors = tuple(name for name in columns if is_temperature(name))

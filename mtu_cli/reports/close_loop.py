@@ -201,7 +201,6 @@ SCORED = """
 """
 TABLE = """
     verdict | | none, named, class or unexplained
-    effects | names() | names of its effects
     *scored
 """
 EFFECT = """
@@ -329,7 +328,6 @@ DEFINITIONS: dict[str, Any] = {
     "outlier": lambda x: _fields(OUTLIER, x and x.item),
     "table": lambda item: _fields(TABLE, item),
     # Of one.
-    "names": lambda item: [effect.name for effect in item.effects],
     "scored": SCORED,
     "scores": SCORES,
     "improvement": lambda x: 100 * (1 - x.after.rms / x.before.rms) if x.before.rms > 0 else None,

@@ -7,9 +7,8 @@ could (T-optimality, Atkinson & Fedorov 1975).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,8 +34,6 @@ ENOUGH = 1.25
 """Times the separation that more of the same gives, from which another experiment is worth it."""
 COUNTING = ("sequence", "tool_parts", "time_min")
 """Columns that go on from part to part."""
-
-Change = Callable[[FloatArray], FloatArray]
 
 
 def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
@@ -89,23 +86,43 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
 def follow_ups(
     table: ResidualTable, rivals: Sequence[Member]
 ) -> Iterator[tuple[str, ResidualTable]]:
-    """Further parts as before, then made otherwise in what the rivals depend on."""
-    readings, noun = table.component is not None, table.plurals[0]
+    """Further parts, which repeat the last ones but that what counts parts or time goes on; then
+    made otherwise in what the rivals depend on.
+    """
+    P, readings, noun = len(table.parts), table.component is not None, table.plurals[0]
     make = "run" if readings else "make and measure"
     used = {name for rival in rivals for name in rival.form.used}
-    yield f"{make} {MORE} more {noun} as before", with_more_parts(table, {})
     names = [name for name in table.covariates if name in used]
-    reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
+    counting = [name for name in COUNTING if name in table.covariates]
+    rows = {n: np.broadcast_to(v, (P, v.shape[1])) for n, v in table.covariates.items()}
+    last = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
+    more = taken(table, np.r_[:P, last], 0)
+    more = replace(
+        more,
+        parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
+        errors=np.zeros(more.errors.shape),
+        repeats=np.ones(more.repeats.shape, np.int64),
+    )
+
+    def made(changes: Mapping[str, FloatArray]) -> ResidualTable:
+        covariates = {n: np.concatenate([rows[n], further]) for n, further in changes.items()}
+        return replace(more, covariates=more.covariates | covariates)
+
+    steps = {name: np.diff(rows[name], axis=0) for name in counting}
+    rises = {n: np.median(step[step > 0]) if (step > 0).any() else 1.0 for n, step in steps.items()}
+    on = np.arange(1, MORE + 1)[:, None]
+    more = made({name: rows[name][-1:] + rises[name] * on for name in counting})
+    yield f"{make} {MORE} more {noun} as before", more
+    reverse = {name: -rows[name][last] for name in names if name.startswith("dir_")}
     if reverse and not readings:
-        yield "run the program in the reverse direction", with_more_parts(table, reverse)
-    counters = [name for name in COUNTING if name in table.covariates and name != "sequence"]
-    if counters and used & {*COUNTING}:
+        yield "run the program in the reverse direction", made(reverse)
+    again = {n: rows[n][np.arange(MORE) % P] for n in counting if n != "sequence"}
+    if again and used & {*COUNTING}:
         rest = "after a cold start" if "time_min" in used else "with a new tool"
-        yield f"{make} {MORE} more {noun} {rest}", with_more_parts(table, dict.fromkeys(counters))
-    hot = [name for name in names if is_temperature(name)]
-    warmer: dict[str, Change] = dict.fromkeys(hot, partial(np.add, OTHER_DAY_K))
+        yield f"{make} {MORE} more {noun} {rest}", made(again)
+    warmer = {name: rows[name][last] + OTHER_DAY_K for name in names if is_temperature(name)}
     if warmer:
-        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", with_more_parts(table, warmer)
+        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", made(warmer)
     pitch = next((rival.value for rival in rivals if rival.form.scale == "frequency"), None)
     for i, axis in enumerate(AXES):
         places = table.places[..., i][np.isfinite(table.places[..., i])]
@@ -113,38 +130,10 @@ def follow_ups(
         if axis in used and span > 0:
             shift = SHIFT * (pitch or span)
             what = "the positions" if readings else "the fixture"
-            shifted = with_more_parts(table, {}, shift * np.eye(len(AXES))[i])
-            yield f"shift {what} by {shift:.3g} mm along {axis}", shifted
-
-
-def with_more_parts(
-    table: ResidualTable, changes: Mapping[str, Change | None], shift: FloatArray | float = 0.0
-) -> ResidualTable:
-    """The table with further parts, which repeat the last ones but for `changes` of columns (None:
-    as the first parts were) and a `shift` (3,) mm of places; those that count parts or time go on.
-    """
-    P = len(table.parts)
-    last = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
-    result = taken(table, np.r_[:P, last], 0)
-    result.places[P:] += shift
-    covariates = dict(result.covariates)
-    for name in covariates.keys() & {*changes, *COUNTING}:
-        rows = np.broadcast_to(table.covariates[name], (P, table.covariates[name].shape[1]))
-        extension = rows[last]
-        if name in COUNTING:
-            step = np.diff(rows, axis=0)
-            rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-            extension = rows[-1:] + rise * np.arange(1, MORE + 1)[:, None]
-        change = changes.get(name, np.asarray)
-        extension = np.resize(rows, extension.shape) if change is None else change(extension)
-        covariates[name] = np.concatenate([rows, extension])
-    return replace(
-        result,
-        parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
-        errors=np.zeros(result.errors.shape),
-        repeats=np.ones(result.repeats.shape, np.int64),
-        covariates=covariates,
-    )
+            shifted = more.places.copy()
+            shifted[P:, :, i] += shift
+            text = f"shift {what} by {shift:.3g} mm along {axis}"
+            yield text, replace(more, places=shifted)
 
 
 def taken(table: ResidualTable, index: IntArray, axis: int) -> ResidualTable:
