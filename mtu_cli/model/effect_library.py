@@ -231,11 +231,11 @@ class BoundTemplate:
     """A form of a family whose names are bound to a table's axes, columns and numbers.
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
-    of each parameter; `used` are the columns and positions that these and `needs` name, `covariate`
-    the column that the effect depends on, `grid` (G,) the values of what is `searched`, nan where
-    nothing is, its `scale` that of the library, and `ends` (D,) the data's values that it lies
-    between. With it its `margins`; of a family `over` features, parts or operations one member each
-    is `chosen`.
+    of each parameter; `used` are the columns and positions that these, `needs` and a search name,
+    `covariate` the column that the effect depends on, `grid` (G,) the values of what is `searched`,
+    nan where nothing is, its `scale` that of the library, and `ends` (D,) the data's values that it
+    lies between. With it its `margins`; of a family `over` features, parts or operations one member
+    each is `chosen`.
     """
 
     family: Family
@@ -316,8 +316,10 @@ def bound(
             entries.append((axes.index(axis), key, {**binding, "each": axis}))
     symbols = [x for x in form.symbols if x not in {*form.parameters, searched, CHOSEN}]
     columns = {_column(raw, scope, data)[0] for _, _, scope in entries for raw in symbols}
-    inputs = columns | {_column(raw, binding, data)[0] for raw in family.needs}
-    for name in sorted(inputs):
+    along = "" if search is None or search.of is None else _column(search.of, binding, data)[0]
+    needed = {_column(raw, binding, data)[0] for raw in family.needs} | ({along} - {""})
+    used = sorted(columns | needed)
+    for name in used:
         check_column(name, data)
 
     def fill(raw: str, scope: Binding) -> str | float:
@@ -351,16 +353,12 @@ def bound(
             units[name] = per[0]
     grid, ends = np.array([np.nan]), None
     if search is not None:
-        along = search.of and _column(search.of, binding, data)[0]
-        if along:
-            check_column(along, data)
         size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
-        grid = grid_of(search, data.values[along] if along else None, size)
+        grid = grid_of(search, data.values.get(along), size)
         if not len(grid):
             raise NoMember(f"too few values of {along} to search {searched}")
-        if along and search.grid == "between":
+        if search.grid == "between":
             ends = np.unique(data.values[along])
-    used = sorted(inputs)
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
     goes_with += [name for name in used if name not in AXES]
     whole = BoundTemplate(
