@@ -307,10 +307,9 @@ def _corrected(
     powers = fitted_powers(table)
     for rest in result if powers.shape[1] else ():
         valid = cells & table.there & np.isfinite(rest).all(axis=2)
-        count = valid.sum(axis=0)
-        mean = np.where(valid[..., None], rest, 0.0).sum(axis=0)[count > 0]
-        sizes = np.linalg.lstsq(powers[count > 0], mean / count[count > 0, None], rcond=None)[0]
-        rest -= powers @ sizes
+        known = valid.any(axis=0)
+        mean = rest[:, known].mean(axis=0, where=valid[:, known, None])
+        rest -= powers @ np.linalg.lstsq(powers[known], mean, rcond=None)[0]
     return result
 
 
