@@ -58,8 +58,7 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
     means = []
     for values in errors:
         mean = np.full((len(table.features), len(AXES)), np.nan)
-        missing = np.broadcast_to(~table.there[..., None], values.shape)
-        mean[:, at] = np.ma.masked_array(values, missing).mean(axis=0).filled(np.nan)
+        mean[:, at] = values.mean(axis=0, where=table.there[..., None])
         means.append(mean)
     groups = []
     for code, operation in enumerate(table.operations):
