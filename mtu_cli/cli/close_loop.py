@@ -108,14 +108,15 @@ def _written_files(
     if path := paths.get("write_machine"):
         files[path] = extended.content
     if path := paths.get("write_components"):
-        earlier, of_fit, known = None, (), inputs.reports.components
+        earlier, known, of_fit = None, inputs.reports.components, list[Finding]()
         if known is not None:
             results = dict(known.document["results"])
             earlier = estimates_from_report(inputs.machine, known).effects
         else:
             # The components are fitted to readings less the effects of the machine.
             fit = fitted(inputs, extended.machine)
-            results, of_fit = fit_components.document(fit).record(), fit.warnings
+            results = fit_components.document(fit).record()
+            of_fit += fit.warnings
         effects = joint_effects(extended.machine, earlier, extended.parameters, joint(additions))
         results.pop("effects", None)
         if effects is not None:
