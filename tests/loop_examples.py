@@ -22,7 +22,7 @@ from mtu_cli.analyses.close_loop.result import (
 from mtu_cli.model.effect_library import Candidate, effect_library
 from mtu_cli.units import PARAMETER_UNITS
 
-FAMILIES = {own.family.family: own.family for own in effect_library().families}
+FAMILIES = {own.family: own for own in effect_library().families}
 
 
 def parameter(name: str, unit: str, value: float, u: float, role: str = "own") -> Parameter:
@@ -117,8 +117,7 @@ def scores(rms_um: float, axes: tuple[str, ...], scale: float = 1e-3) -> Scores:
 def judged(name: str, factor: float | None, why: str | None = None) -> Judged:
     """A candidate, one that cannot be tested without a Bayes factor."""
     return Judged(
-        name=name,
-        family=name.rpartition("-")[0],
+        candidate=Candidate(name=name, family=name.rpartition("-")[0]),
         p_familywise=None if factor is None else 0.5,
         log_bayes_factor=factor,
         posterior=None if factor is None else 0.1,

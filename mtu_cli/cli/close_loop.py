@@ -17,7 +17,6 @@ from mtu_cli.cli.analyse import drift_estimates, fitted, modelled
 from mtu_cli.cli.emit import Result, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.files.extend_machine import extended_machine
-from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import Finding, finding, listed, plain
 from mtu_cli.language import to_text
@@ -109,9 +108,15 @@ def _written_files(
     if path := paths.get("write_machine"):
         files[path] = extended.content
     if path := paths.get("write_components"):
-        results, of_fit = _components(inputs, extended.machine)
-        known = inputs.reports.components
-        earlier = estimates_from_report(inputs.machine, known).effects if known else None
+        earlier, known, of_fit = None, inputs.reports.components, list[Finding]()
+        if known is not None:
+            results = dict(known.document["results"])
+            earlier = estimates_from_report(inputs.machine, known).effects
+        else:
+            # The components are fitted to readings less the effects of the machine.
+            fit = fitted(inputs, extended.machine)
+            results = fit_components.document(fit).record()
+            of_fit += fit.warnings
         effects = joint_effects(extended.machine, earlier, extended.parameters, joint(additions))
         results.pop("effects", None)
         if effects is not None:
@@ -219,13 +224,3 @@ def joint(additions: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
         elif item is peer and one.table is None and other.table is None:
             whole[places[i], places[j]] = item.covariance[np.ix_(one.rows, other.rows)]
     return np.asarray((whole + whole.T) / 2)
-
-
-def _components(inputs: Inputs, machine: LoadedMachine) -> tuple[dict[str, Any], Sequence[Finding]]:
-    """Results and warnings of the fit-components report of the call's components: these are fitted
-    to readings less the effects of the machine.
-    """
-    if (given := inputs.reports.components) is not None:
-        return dict(given.document["results"]), ()
-    result = fitted(inputs, machine)
-    return fit_components.document(result).record(), result.warnings

@@ -10,8 +10,9 @@ followed by ``0``, ``_low`` or ``3`` in the braces is a number of the data: ``{a
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -92,6 +93,27 @@ class MemberTemplate(Contract):
     search: Searched = optional("A parameter that is searched", {})
     readings: bool = optional("Whether it is tested on readings of a component alone", False)
 
+    @property
+    def placeholders(self) -> set[str]:
+        """Those of its equations."""
+        return marks(*self.equations, *self.equations.values())
+
+    @cached_property
+    def trees(self) -> dict[str, Node]:
+        """The equations by key, keys and names as in the file: ``E{a}``, ``dir_{a}``."""
+        return {key: parse(text, name=BRACED) for key, text in self.equations.items()}
+
+    @cached_property
+    def levers(self) -> dict[str, dict[str, Node]]:
+        """By key of the equation those of the parameters."""
+        forms = {key: linear_form(tree, self.parameters) for key, tree in self.trees.items()}
+        return {key: form.coefficients for key, form in forms.items()}
+
+    @cached_property
+    def symbols(self) -> tuple[str, ...]:
+        """The names in its equations, each once."""
+        return (*dict.fromkeys(name for tree in self.trees.values() for name in names(tree)),)
+
 
 class Family(Contract):
     """A family of candidate effects; either one form, or several as `members`."""
@@ -128,6 +150,46 @@ class Family(Contract):
         "Terms of lower order that are estimated with a product wherever it is", []
     )
 
+    @cached_property
+    def forms(self) -> list[MemberTemplate]:
+        """Its one form, and its members."""
+        if self.parameters is None or self.equations is None:
+            return self.members or []
+        of_family = {key: getattr(self, key) for key in ("parameters", "equations", "search")}
+        return [MemberTemplate.model_construct(**of_family), *(self.members or [])]
+
+    @property
+    def label(self) -> str:
+        """The name of its candidates, axes in braces."""
+        of_axes = any("a" in form.placeholders for form in self.forms)
+        return self.name or self.family + "-{a}" * of_axes
+
+    def check(self, faults: Faults) -> None:
+        """Its keys and names in braces agree, its equations are linear in the parameters."""
+        of_members = [faults.at("members", index) for index, _ in enumerate(self.members or ())]
+        places = [faults] * (len(self.forms) - len(of_members)) + of_members
+        if self.kind == "scatter":
+            if self.family not in SCATTERS:
+                expected = f"a family that is one of: {', '.join(SCATTERS)}"
+                faults.at("kind").add("wrong-value", expected=expected)
+        elif not self.forms:
+            for key in ("parameters", "equations"):
+                if getattr(self, key) is None:
+                    faults.add("missing-key", key=key)
+        if self.kind == "outlier" and self.over is None:
+            faults.add("missing-key", key="over", expected="over: feature, part or operation")
+        of_forms = (form.placeholders for form in (*self.forms, *self.margins))
+        placeholders = marks(self.label).union(*of_forms)
+        for mark, other in (("b", "{a}"), ("n", "{b}")):
+            if mark in placeholders and other[1] not in placeholders:
+                faults.add("incomplete", what=f"`{{{mark}}}`", other=other)
+        if "each" in placeholders and placeholders & {*AXIS_MARKS} != {"each"}:
+            faults.add("misplaced", key="{each}", where="a family without {a} and {b}")
+        for form, here in zip(self.forms, places, strict=True):
+            _check_form(form, form.search, self, here)
+        for index, margin in enumerate(self.margins):
+            _check_form(margin, self.search, self, faults.at("margins", index))
+
 
 class Effects(Contract):
     """A library of candidate effects."""
@@ -136,40 +198,11 @@ class Effects(Contract):
     effects: Annotated[list[Family], Field(min_length=1)]
 
 
-# What is checked beyond the contract.
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Template:
-    """One form of a family: `trees` by key and names as in the file (``E{a}``, ``dir_{a}``), linear
-    in the parameters, whose `units` are given, with the `levers` of these; `columns` are what the
-    equations name besides: columns, positions, numbers of them; `readings`: not for points.
-    """
-
-    units: dict[str, str]
-    trees: dict[str, Node]
-    levers: dict[str, dict[str, Node]]
-    columns: tuple[str, ...]
-    searched: str
-    search: Search | None
-    readings: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoadedFamily:
-    """A checked family: `name` of its candidates with axes in braces, its forms, its margins."""
-
-    family: Family
-    name: str
-    templates: tuple[Template, ...]
-    margins: tuple[Template, ...]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectLibrary:
     """Families of candidates, and the files that they are of."""
 
-    families: tuple[LoadedFamily, ...]
+    families: tuple[Family, ...]
     sources: tuple[Source, ...]
 
 
@@ -178,20 +211,18 @@ def load_effects(path: Path, owners: Mapping[str, str] | None = None) -> EffectL
 
     Raises InputError with all faults of the file, each with its line.
     """
-    families: list[LoadedFamily] = []
 
     def check(effects: Effects, faults: Faults) -> None:
-        family_names = []
-        for index, family in present(effects.effects):
+        families = present(effects.effects)
+        for index, family in families:
             if owner := (owners or {}).get(family.family):
                 faults.at("effects", index, "family").add("name-taken", taken=owner)
-            families.append(_loaded(family, faults.at("effects", index)))
-            family_names.append((index, families[-1].name))
+        family_names = ((index, family.label) for index, family in families)
         faults.at("effects").once(family_names, "the name of a family's candidates")
 
     document = read_yaml(path, "effects")
-    check_contract(document, Effects, "effects", check)
-    return EffectLibrary(families=tuple(families), sources=(document.source,))
+    effects = check_contract(document, Effects, "effects", check)
+    return EffectLibrary(families=tuple(effects.effects), sources=(document.source,))
 
 
 def marks(*texts: str) -> set[str]:
@@ -221,63 +252,23 @@ def number_of(raw: str) -> tuple[str, str] | None:
     return ("{" + match[1] + "}" if marks(raw) else match[1]), match[2]
 
 
-def _loaded(family: Family, faults: Faults) -> LoadedFamily:
-    """A family whose keys and names in braces agree; else their faults are added."""
-    at_members, at_margins = faults.at("members"), faults.at("margins")
-    forms = [(member, at_members.at(index)) for index, member in present(family.members)]
-    if family.parameters is not None and family.equations is not None:
-        of_family = {key: getattr(family, key) for key in ("parameters", "equations", "search")}
-        forms.insert(0, (MemberTemplate.model_construct(**of_family), faults))
-    if family.kind == "scatter":
-        if family.family not in SCATTERS:
-            expected = f"a family that is one of: {', '.join(SCATTERS)}"
-            faults.at("kind").add("wrong-value", expected=expected)
-    elif not forms and "members" not in (keys := faults.valued_keys()):
-        for key in ("parameters", "equations"):
-            if key not in keys:
-                faults.add("missing-key", key=key)
-    if family.kind == "outlier" and family.over is None:
-        faults.add("missing-key", key="over", expected="over: feature, part or operation")
-    placeholders = _marks_of(form for form, _ in forms)
-    name, margins = family.name or family.family + ("-{a}" if "a" in placeholders else ""), []
-    for index, margin in present(family.margins):
-        # A margin has what is searched where its equations name it.
-        words = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
-        search = {name: item for name, item in family.search.items() if name in words}
-        margins.append((margin.model_copy(update={"search": search}), at_margins.at(index)))
-    placeholders |= marks(name) | _marks_of(margin for margin, _ in margins)
-    for mark, other in (("b", "{a}"), ("n", "{b}")):
-        if mark in placeholders and other[1] not in placeholders:
-            faults.add("incomplete", what=f"`{{{mark}}}`", other=other)
-    if "each" in placeholders and placeholders & {*AXIS_MARKS} != {"each"}:
-        faults.add("misplaced", key="{each}", where="a family without {a} and {b}")
-    return LoadedFamily(
-        family=family,
-        name=name,
-        templates=tuple(_template(form, family, here) for form, here in forms),
-        margins=tuple(_template(form, family, here) for form, here in margins),
-    )
+# What is checked beyond the contract.
 
 
-def _marks_of(forms: Iterable[MemberTemplate]) -> set[str]:
-    return marks(*(text for form in forms for pair in form.equations.items() for text in pair))
-
-
-def _template(form: MemberTemplate, family: Family, faults: Faults) -> Template:
-    """The template, whose faults are added: of names, of the search, of equations."""
+def _check_form(
+    form: MemberTemplate, searched: Collection[str], family: Family, faults: Faults
+) -> None:
+    """Names, the search, and equations in these, the parameters and what is `searched`."""
     before, base = len(faults.findings), dict.fromkeys(LANGUAGE, "part of the equation language")
-    places = [("parameters", name) for name in form.parameters]
-    places += [("search", name) for name in form.search]
-    for key, name in places:
-        uses = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | base
-        faults.at(key, name).symbol(filled(name, {"each": "each"}), uses, NAMED)
-    searched, search = next(iter(form.search.items()), ("", None))
-    if search is not None:
-        _check_search(search, family, faults.at("search", searched))
+    for name in form.parameters:
+        uses = dict.fromkeys(searched, "what is searched") | base
+        faults.at("parameters", name).symbol(filled(name, {"each": "each"}), uses, NAMED)
+    for name, search in form.search.items():
+        faults.at("search", name).symbol(name, base)
+        _check_search(search, family, faults.at("search", name))
         if family.over is not None:
             owner = "a family without `over`"
             faults.at("search").add("misplaced", key="search", where=owner)
-    trees, levers = dict[str, Node](), dict[str, dict[str, Node]]()
     for key, text in form.equations.items():
         here = faults.at("equations", key)
         if not _EQUATION.fullmatch(key):
@@ -286,24 +277,13 @@ def _template(form: MemberTemplate, family: Family, faults: Faults) -> Template:
         elif key == "E{each}" and len(form.equations) > 1:
             here.add("misplaced", key=key, where="an effect with no other equation")
         with here.collected():
-            trees[key] = parse(text, name=BRACED)
-            levers[key] = _levers(trees[key], key, form.parameters, searched, family)
-    symbols = dict.fromkeys(name for tree in trees.values() for name in names(tree))
+            _check_equation(parse(text, name=BRACED), key, form.parameters, searched, family)
+    required = {name: faults.at("parameters", name) for name in form.parameters}
+    required |= {name: faults.at("search", name) for name in form.search}
+    required |= {CHOSEN: faults.at("equations")} if family.over is not None else {}
     if len(faults.findings) == before:
-        unused = [(faults.at(*place), place[1]) for place in places if place[1] not in symbols]
-        if family.over is not None and CHOSEN not in symbols:
-            unused.append((faults.at("equations"), CHOSEN))
-        for here, name in unused:
-            here.add("not-applicable", reason="it is in no equation", value=name)
-    return Template(
-        units=dict(form.parameters),
-        trees=trees,
-        levers=levers,
-        columns=tuple(x for x in symbols if x not in {*form.parameters, searched, CHOSEN}),
-        searched=searched,
-        search=search,
-        readings=form.readings,
-    )
+        for name in (name for name in required if name not in form.symbols):
+            required[name].add("not-applicable", reason="it is in no equation", value=name)
 
 
 def _is_column(raw: str, family: Family) -> bool:
@@ -313,13 +293,17 @@ def _is_column(raw: str, family: Family) -> bool:
     return plain in (*POSITIONS, *family.needs, STAND_INS["v"]) or is_covariate(plain)
 
 
-def _levers(
-    tree: Node, key: str, parameters: Mapping[str, str], searched: str, family: Family
-) -> dict[str, Node]:
-    """The levers of the parameters of an equation that is linear in these, which all its terms
-    have, and its terms are lengths. Raises InputError with its faults.
+def _check_equation(
+    tree: Node,
+    key: str,
+    parameters: Mapping[str, str],
+    searched: Collection[str],
+    family: Family,
+) -> None:
+    """It is linear in the parameters, which all its terms have, and its terms are lengths. Raises
+    InputError with its faults.
     """
-    symbols = {*parameters, searched} | ({CHOSEN} if family.over is not None else set())
+    symbols = {*parameters, *searched} | ({CHOSEN} if family.over is not None else set())
     faults = []
     for name, column in names(tree).items():
         if name not in symbols and not _is_column(name, family):
@@ -329,9 +313,8 @@ def _levers(
             faults.append(finding("misplaced", key=name, where="E{each}", column=column))
     if faults:
         raise InputError(faults)
-    form = linear_form(tree, parameters)
     # Numbers of the data are written as literals, which have no unit.
-    number = {name: 1.0 for name in names(tree) if name == searched or number_of(name)}
+    number = {name: 1.0 for name in names(tree) if name in searched or number_of(name)}
     columns = {CHOSEN: NUMBER}
     for name in names(tree).keys() - {*parameters, *number}:
         if (powers := column_dimensions(filled(name, STAND_INS))) is not None:
@@ -339,10 +322,9 @@ def _levers(
     units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
     equation = filled_tree(tree, number)
     check_dimension(equation, internal(LENGTH), {}, units, columns)
-    if form.remainder is not None:
+    if linear_form(tree, parameters).remainder is not None:
         reason, expected = "a term without a parameter", "parameters in every term"
         raise error("not-applicable", reason=reason, column=1, expected=expected)
-    return form.coefficients
 
 
 def _check_search(search: Search, family: Family, faults: Faults) -> None:

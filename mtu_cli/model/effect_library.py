@@ -25,8 +25,8 @@ from mtu_cli.files.effects import (
     COLUMN_MARKS,
     EffectLibrary,
     Family,
-    LoadedFamily,
-    Template,
+    MemberTemplate,
+    Search,
     filled,
     load_effects,
     marks,
@@ -61,11 +61,11 @@ def effect_library(paths: Sequence[Path] = ()) -> EffectLibrary:
     Raises InputError with all problems of a file; the name of a family may be used once.
     """
     families, sources = _built_in().families, list[Source]()
-    owners = dict.fromkeys((x.family.family for x in families), "a built-in family")
+    owners = dict.fromkeys((x.family for x in families), "a built-in family")
     for path in paths:
         file = load_effects(path, owners)
         owner = f"a family of {file.sources[0].shown}"
-        owners |= dict.fromkeys((x.family.family for x in file.families), owner)
+        owners |= dict.fromkeys((x.family for x in file.families), owner)
         families += file.families
         sources += file.sources
     return EffectLibrary(families=families, sources=tuple(sources))
@@ -98,9 +98,8 @@ class TableData:
     def __init__(self, table: ResidualTable) -> None:
         values = {axis: _compact(table.places[..., i]) for i, axis in enumerate(AXES)}
         language = {"pi", CHOSEN, *AXES, *MACHINE_FUNCTIONS}
-        for name, value in table.covariates.items():
-            if is_identifier(name) and name not in language:
-                values[name] = np.atleast_2d(np.asarray(value, float))
+        named = {n for n in table.covariates if is_identifier(n)} - language
+        values |= {name: v for name, v in table.covariates.items() if name in named}
         values = {name: v for name, v in values.items() if v.size and np.isfinite(v).all()}
         columns = [name for name in values if name not in AXES]
         sensors = tuple(name for name in columns if is_temperature(name))
@@ -199,9 +198,9 @@ CYCLIC = (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y"))
 """(a, b, n) such that a turn about n takes a to b."""
 
 
-def of_candidates(family: LoadedFamily, data: TableData) -> Iterator[Binding]:
+def of_candidates(family: Family, data: TableData) -> Iterator[Binding]:
     """A binding of the axes in its name for each candidate of a family."""
-    named, allowed, axes = marks(family.name), family.family.axes, data.axes
+    named, allowed, axes = marks(family.label), family.axes, data.axes
     if named & {"n", "b"}:
         # An angle to an axis that was not measured is a tilt, as of `abbe` and `straightness`.
         axes = tuple(axis for axis in axes if axis in data.table.axes)
@@ -213,16 +212,15 @@ def of_candidates(family: LoadedFamily, data: TableData) -> Iterator[Binding]:
             yield dict(zip("abn", group, strict=False))
 
 
-def of_members(template: Template, binding: Binding, data: TableData) -> Iterator[Binding | str]:
+def of_members(form: MemberTemplate, binding: Binding, data: TableData) -> Iterator[Binding | str]:
     """Bindings of the marks that the candidate's name leaves open, or why there are none."""
-    if template.readings and data.table.component is None:
+    if form.readings and data.table.component is None:
         return
-    used = marks(*template.columns, *template.trees)
-    kinds = [mark for mark in COLUMN_MARKS if mark in used]
+    kinds = [mark for mark in COLUMN_MARKS if mark in form.placeholders]
     if lacking := [MISSING[mark] for mark in kinds if not data.columns[mark]]:
         yield lacking[0]
         return
-    unbound = [mark for mark in "ab" if mark in used and mark not in binding]
+    unbound = [mark for mark in "ab" if mark in form.placeholders and mark not in binding]
     axes = (ab for ab in combinations(data.axes, len(unbound)) if not {*ab} & {*binding.values()})
     for ab, chosen in product(axes, product(*(data.columns[mark] for mark in kinds))):
         yield {**binding, **dict(zip((*unbound, *kinds), (*ab, *chosen), strict=True))}
@@ -230,37 +228,29 @@ def of_members(template: Template, binding: Binding, data: TableData) -> Iterato
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BoundTemplate:
-    """A template of a family whose names are bound to a table's axes, columns and numbers.
+    """A form of a family whose names are bound to a table's axes, columns and numbers.
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
-    of each parameter; `used` are the columns and positions that these and `needs` name, `covariate`
-    the column that the effect depends on, `grid` (G,) the values of what is `searched`, nan where
-    nothing is, and `ends` (D,) the data's values that it lies between. With it its `margins`; of a
-    family `over` features, parts or operations one member each is `chosen`.
+    of each parameter; `used` are the columns and positions that these, `needs` and a search name,
+    `covariate` the column that the effect depends on, `grid` (G,) the values of what is `searched`,
+    nan where nothing is, its `scale` that of the library, and `ends` (D,) the data's values that it
+    lies between. With it its `margins`; of a family `over` features, parts or operations one member
+    each is `chosen`.
     """
 
     family: Family
-    template: Template
     data: TableData
     parameters: dict[str, str]
     equations: dict[int, Node]
     levers: dict[int, dict[str, Node]]
     used: tuple[str, ...]
     covariate: str | None
+    searched: str
+    scale: str
     grid: FloatArray
     ends: FloatArray | None
     margins: tuple[BoundTemplate, ...] = ()
     chosen: tuple[str, ...] | None = None
-
-    @property
-    def searched(self) -> str:
-        """The name of the searched parameter."""
-        return self.template.searched
-
-    @property
-    def scale(self) -> str:
-        """Of the grid of the searched parameter; empty without one."""
-        return "" if self.template.search is None else self.template.search.grid
 
     def columns(self, searched: FloatArray) -> tuple[Levers, ...]:
         """The levers of each parameter at values (G,) of the searched one.
@@ -305,39 +295,52 @@ class BoundTemplate:
         return {f"E{axes[a]}": filled_text(tree, filling) for a, tree in self.equations.items()}
 
 
-def bound(family: Family, template: Template, binding: Binding, data: TableData) -> BoundTemplate:
-    """Raises NoMember where the data has none: no such axis or column, or no finite values."""
+def bound(
+    family: Family,
+    form: MemberTemplate,
+    searching: Mapping[str, Search],
+    binding: Binding,
+    data: TableData,
+) -> BoundTemplate:
+    """A form of a family, or a margin of one, with what is searched.
+
+    Raises NoMember where the data has none: no such axis or column, or no finite values.
+    """
     axes = data.table.axes
+    searched, search = next(iter(searching.items()), ("", None))
     entries: list[tuple[int, str, Binding]] = []
-    for key in template.trees:
+    for key in form.trees:
         for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
             if axis not in axes:
                 raise NoMember
             entries.append((axes.index(axis), key, {**binding, "each": axis}))
-    columns = {_column(raw, scope, data)[0] for _, _, scope in entries for raw in template.columns}
-    inputs = columns | {_column(raw, binding, data)[0] for raw in family.needs}
-    for name in sorted(inputs):
+    symbols = [x for x in form.symbols if x not in {*form.parameters, searched, CHOSEN}]
+    columns = {_column(raw, scope, data)[0] for _, _, scope in entries for raw in symbols}
+    along = "" if search is None or search.of is None else _column(search.of, binding, data)[0]
+    needed = {_column(raw, binding, data)[0] for raw in family.needs} | ({along} - {""})
+    used = sorted(columns | needed)
+    for name in used:
         check_column(name, data)
 
     def fill(raw: str, scope: Binding) -> str | float:
         name, number = _column(raw, scope, data)
         # No column of the equations has the name of a parameter.
-        while raw in template.units and name in columns:
+        while raw in form.parameters and name in columns:
             name = f"own_{name}"
         return name if number is None else data.number(name, number)
 
     equations, levers, fillings = dict[int, Node](), dict[int, dict[str, Node]](), []
     for a, key, scope in entries:
-        filling = {raw: fill(raw, scope) for raw in (*template.columns, *template.units)}
+        filling = {raw: fill(raw, scope) for raw in (*symbols, *form.parameters)}
         fillings.append(filling)
-        equations[a] = filled_tree(template.trees[key], filling)
+        equations[a] = filled_tree(form.trees[key], filling)
         levers[a] = {
             str(filling[raw]): filled_tree(lever, filling)
-            for raw, lever in template.levers[key].items()
+            for raw, lever in form.levers[key].items()
         }
     units = {
         str(filling[raw]): re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
-        for raw, unit in template.units.items()
+        for raw, unit in form.parameters.items()
         for filling in fillings
     }
     if binding.get("c") == TIME:
@@ -349,34 +352,29 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
                 raise NoMember(f"{units[name]} of {name} has no unit per minute")
             units[name] = per[0]
     grid, ends = np.array([np.nan]), None
-    if (search := template.search) is not None:
-        along = search.of and _column(search.of, binding, data)[0]
-        if along:
-            check_column(along, data)
+    if search is not None:
         size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
-        grid = grid_of(search, data.values[along] if along else None, size)
+        grid = grid_of(search, data.values.get(along), size)
         if not len(grid):
-            raise NoMember(f"too few values of {along} to search {template.searched}")
-        if along and search.grid == "between":
+            raise NoMember(f"too few values of {along} to search {searched}")
+        if search.grid == "between":
             ends = np.unique(data.values[along])
-    used = sorted(inputs)
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
     goes_with += [name for name in used if name not in AXES]
     whole = BoundTemplate(
         family=family,
-        template=template,
         data=data,
         parameters=units,
         equations=equations,
         levers=levers,
         used=tuple(used),
         covariate=next(iter(goes_with), None),
+        searched=searched,
+        scale="" if search is None else search.grid,
         grid=grid,
         ends=ends,
     )
     whole.columns(grid)
-    if search is not None:
-        whole.change_unit()
     return whole
 
 
@@ -424,7 +422,7 @@ def candidates_of(
 
     Raises InputError for a name in `exclude` that the library does not have.
     """
-    families = list(dict.fromkeys(family.family.family for family in library.families))
+    families = list(dict.fromkeys(family.family for family in library.families))
     expected = f"a family ({', '.join(families)}) or one of its effects, such as backlash-x"
     # backlash-z is no mistake where the data has no z.
     if faults := [
@@ -438,37 +436,40 @@ def candidates_of(
     candidates = (
         _candidate(family, binding, data)
         for family in library.families
-        if family.family.family not in exclude and len(table.axes) >= family.family.least_axes
+        if family.family not in exclude and len(table.axes) >= family.least_axes
         for binding in of_candidates(family, data)
     )
     return tuple(c for c in candidates if c is not None and c.name not in exclude)
 
 
-def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candidate | None:
+def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate | None:
     """None where the table could not have such an effect."""
-    entry, forms = family.family, list[BoundTemplate]()
-    reasons: dict[str, None] = {}
+    forms, reasons = list[BoundTemplate](), dict[str, None]()
     # Of two neither is the outlier.
-    least = 3 if entry.kind == OUTLIER else 2
-    chosen = None if entry.over is None else tuple(choices(data.table, entry.over))
+    least = 3 if family.kind == OUTLIER else 2
+    chosen = None if family.over is None else tuple(choices(data.table, family.over))
     if chosen is not None and len(chosen) < least:
-        reasons[f"fewer than {least} of {entry.over}"] = None
-    elif entry.kind == SCATTER:
-        for name in entry.needs:
+        reasons[f"fewer than {least} of {family.over}"] = None
+    elif family.kind == SCATTER:
+        for name in family.needs:
             try:
                 check_column(name, data)
             except NoMember as lack:
                 reasons[str(lack)] = None
     else:
         for form, item in (
-            (x, item) for x in family.templates for item in of_members(x, binding, data)
+            (x, item) for x in family.forms for item in of_members(x, binding, data)
         ):
             try:
                 if isinstance(item, str):
                     raise NoMember(item)
-                effect, *margins = (bound(entry, x, item, data) for x in (form, *family.margins))
+                effect, *margins = (
+                    bound(family, x, form.search, item, data) for x in (form, *family.margins)
+                )
+                if form.search:
+                    effect.change_unit()
                 levers = [node for by_name in effect.levers.values() for node in by_name.values()]
-                if entry.kind != OFFSET and not all(any(names(node)) for node in levers):
+                if family.kind != OFFSET and not all(any(names(node)) for node in levers):
                     raise NoMember(CONSTANT)
                 forms.append(replace(effect, margins=tuple(margins), chosen=chosen))
             except NoMember as lack:
@@ -476,17 +477,17 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
         if not forms and not reasons:
             return None
     readings, notes = data.table.component is not None, "; ".join(reasons)
-    separates = (readings and entry.separates_readings) or entry.separates
-    missing = not forms if entry.kind != SCATTER else bool(reasons)
+    separates = (readings and family.separates_readings) or family.separates
+    missing = not forms if family.kind != SCATTER else bool(reasons)
     return Candidate(
-        name=filled(family.name, binding),
-        family=entry.family,
+        name=filled(family.label, binding),
+        family=family.family,
         axis=binding.get("n") or binding.get("a", "") + binding.get("b", "") or None,
-        kind=entry.kind,
-        over=entry.over,
-        says=filled(entry.says, binding),
+        kind=family.kind,
+        over=family.over,
+        says=filled(family.says, binding),
         separates=None if separates is None else filled(separates, binding),
-        sentence=(readings and entry.sentence_readings) or entry.sentence,
+        sentence=(readings and family.sentence_readings) or family.sentence,
         forms=tuple(forms),
         unavailable=notes or NOTHING_LEFT if missing else None,
         notes="" if missing else notes,

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -45,37 +44,37 @@ def effects_of(
     components within effects; and the covariances.
     """
     components, tables = Known(), Known()
-    covariances, matches = dict[tuple[str, ...], FloatArray](), list[str]()
-    recorded = () if reported is None else reported.names
+    covariances, matches = dict[tuple[str, ...], FloatArray](), list[int]()
     for effect in machine.machine.effects:
-        rename = renames(effect)
-        stated = {rename[name]: parameter for name, parameter in effect.parameters.items()}
-        f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in stated.values()])
-        # Where the file states a covariance, it replaces the parameters' u.
-        u2 = np.diag([p.u**2 for p in stated.values()])
-        C = u2 if effect.covariance is None else np.asarray(effect.covariance, float)
-        C = C * np.outer(f, f)
-        for i, (name, parameter) in enumerate(stated.items()):
+        rename, stated = renames(effect), effect.parameters.values()
+        names = [rename[name] for name in effect.parameters]
+        units = [PARAMETER_UNITS[p.unit] for p in stated]
+        if reported is not None and {*names} <= {*reported.names}:
+            rows = [reported.names.index(name) for name in names]
+            values, C = reported.values[rows], reported.covariance[np.ix_(rows, rows)]
+            matches += rows
+        else:
+            f = np.array([unit.to_internal for unit in units])
+            values = np.array([p.value for p in stated]) * f
+            # Where the file states a covariance, it replaces the parameters' u.
+            u2 = np.diag([p.u**2 for p in stated])
+            C = u2 if effect.covariance is None else np.asarray(effect.covariance, float)
+            C = C * np.outer(f, f)
+            if effect.covariance is not None:
+                covariances[tuple(names)] = C
+        for i, (name, unit) in enumerate(zip(names, units, strict=True)):
             components[name] = ComponentEstimate(
                 name=name,
-                unit=PARAMETER_UNITS[parameter.unit],
-                coefficients=np.array([parameter.value * f[i]]),
+                unit=unit,
+                coefficients=values[i : i + 1],
                 covariance=C[i : i + 1, i : i + 1],
                 pass_covariance=np.zeros((1, 1)),
             )
         for name, entry in effect.components.items():
             tables[rename[name]] = known_component(rename[name], entry)
-        if stated.keys() <= {*recorded}:
-            matches += stated
-        elif effect.covariance is not None:
-            covariances[tuple(stated)] = C
     if reported is not None and matches:
-        rows = [recorded.index(name) for name in matches]
-        C = reported.covariance[np.ix_(rows, rows)]
-        for i, (name, row) in enumerate(zip(matches, rows, strict=True)):
-            value, variance = reported.values[row : row + 1], C[i : i + 1, i : i + 1]
-            components[name] = replace(components[name], coefficients=value, covariance=variance)
-        covariances[tuple(matches)] = C
+        known = tuple(reported.names[i] for i in matches)
+        covariances[known] = reported.covariance[np.ix_(matches, matches)]
     joint = (
         JointPasses(
             components=names,

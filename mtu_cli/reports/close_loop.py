@@ -19,7 +19,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.reports.close_loop_figures import figure, ranked
+from mtu_cli.reports.close_loop_figures import figure
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, declare
 from mtu_cli.reports.numbers import p_value, plus_minus, significant
@@ -125,10 +125,6 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
             f"Nothing undeclared was found (at {100 * alpha:.2g} % false alarms in all): the rms "
             f"error of {with_unit(item.before.rms)} is no more than scatter{floor}."
         )
-        sizes = {x.minimum_detectable: x.name for x in item.candidates if x.minimum_detectable}
-        if sizes:
-            low, high = (f"{with_unit(end)} rms ({sizes[end]})" for end in (min(sizes), max(sizes)))
-            yield f"Four times in five an effect of {low} to {high} would have been found."
         return
     tentative = ""
     if item.verdict == "unexplained":
@@ -179,13 +175,13 @@ class Of(NamedTuple):
 
 
 SCORES = """
-    rms_UNIT | rms | root mean square error over all coordinates | rms, sig2()
+    rms_UNIT | rms | root mean square error over all coordinates
     *axes
-    p95_UNIT | p95 | 95 % of the errors' lengths are below it | 95 %, sig2()
-    max_UNIT | largest | length of the largest error | largest, sig2()
-    chi2_per_dof | | mean square over the variance that scatter explains | chi2/dof, sig2()
+    p95_UNIT | p95 | 95 % of the errors' lengths are below it
+    max_UNIT | largest | length of the largest error
+    chi2_per_dof | | mean square over the variance that scatter explains
 """
-AXIS = "rms_AXIS_UNIT | by_axis.AXIS | root mean square error of one axis | rms AXIS, sig2()"
+AXIS = "rms_AXIS_UNIT | by_axis.AXIS | root mean square error of one axis"
 SCORED = """
     component | table.component | whose readings are judged; null: points
     before. | | *scores
@@ -197,16 +193,14 @@ SCORED = """
     improvement_percent | improvement() | fall of the rms error of what was held out | -, unit=-
     held_out.by | held_out | what was left out in turn
     unexplained.found | rest() | whether something is left that no effect of the library explains
-    unexplained.without_name | nameless | whether a drift or field without a name explains more
     unexplained.checks[]. | checks()
-        name | one.0 | check of what the effects leave
-        p | one.1 | family-wise p of the check
-        fired | fired() | whether it is significant
+        name | | check of what the effects leave
+        p | | family-wise p of the check
+        fired | | whether it is significant
     unexplained.rms_UNIT | in_sample_after.rms | root mean square of what the effects leave
 """
 TABLE = """
     verdict | | none, named, class or unexplained
-    effects | names() | names of its effects
     *scored
 """
 EFFECT = """
@@ -245,15 +239,6 @@ EFFECT = """
         do | | follow-up that would separate the class best
         predicted_d | | separation after it, in standard deviations
 """
-CROSSING = """
-    axis | one.axis | axis whose effects cancel
-    covariate | one.covariate | column or coordinate along which they do
-    effect | one.effect | effect that is 0 there
-    whole | one.whole | whether all errors along the axis are 0 there
-    value | one.value | where
-    u | one.u | standard uncertainty
-    interval95 | one.interval95 | 95 % interval (Fieller); null: unbounded
-"""
 OUTLIER = """
     feature | one.0 | feature of an excluded entry
     part | one.1 | its part or pass
@@ -268,15 +253,14 @@ RESULTS_OF = """
     alpha | | family-wise rate of false alarms
     datum | | best-fit alignment removed from each part
     effects[]. | effects() | *effect
-    crossings[]. | crossings() | *crossing
     candidates[]. | candidates() | *candidate
     outliers[]. | outliers() | *outlier
     tables[]. | several() | *table
 """
 CANDIDATE = """
     component | item.table.component | whose readings; null: points
-    name | one.name | name of the effect | candidate, text, mark=star(), csv=candidate
-    family | one.family | family of the library
+    name | one.candidate.name | name of the effect | candidate, text, mark=star(), csv=candidate
+    family | one.candidate.family | family of the library
     p_familywise | one.p_familywise | p among all tests | p family- / wise, p
     log_bayes_factor | one.log_bayes_factor | natural log of the Bayes factor against no effect \
         | ln Bayes / factor, fix1
@@ -285,7 +269,7 @@ CANDIDATE = """
     found | is_effect() | whether it is one of the effects
     in_class | in_class() | whether it is in the class of one
     unavailable | one.unavailable | why it could not be tested
-    notes | one.notes | why some of its forms could not be
+    notes | one.candidate.notes | why some of its forms could not be
 """
 SMALLEST = """
     minimum_detectable_UNIT | smallest_UNIT() | rms over the data of an effect that would be found \
@@ -303,15 +287,14 @@ SHOWN = """
 SCORED_TABLE = """
     - | table.component | | component, text
     - | verdict | | verdict, text
-    before_UNIT | before.rms | | before, sig2()
-    after_UNIT | after.rms | | after, sig2()
-    floor_UNIT | floor | | repeatability, sig2()
-    - | checks_text() | | checks of / what is left, text, unit=, detail
+    - | before.rms | | rms / before, sig2(), size=size(table.unit)
+    - | after.rms | | rms / after, sig2(), size=size(table.unit)
+    - | before.p95 | | 95 % / before, sig2(), size=size(table.unit)
+    - | after.p95 | | 95 % / after, sig2(), size=size(table.unit)
+    - | floor | | repeatability, sig2(), size=size(table.unit), unit=
+    - | table.unit | | unit, text
+    - | checks_text() | | checks of / what is left, text, detail
 """
-
-
-def _checks(item: TableResult) -> str:
-    return ", ".join(f"{name} p {p:.2g}" for name, p in item.checks)
 
 
 def _ends(intervals: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -319,7 +302,7 @@ def _ends(intervals: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _in_class(x: Of) -> bool:
-    return any(x.one.name in effect.class_names for effect in x.item.effects)
+    return any(x.one.candidate.name in effect.class_names for effect in x.item.effects)
 
 
 def _smallest(unit: str, x: Of) -> Any:
@@ -339,22 +322,20 @@ DEFINITIONS: dict[str, Any] = {
     "several": lambda result: result.tables if len(result.tables) > 1 else (),
     "effects": partial(_items, "effects"),
     "effect": lambda x: _fields(EFFECT, x and x.item),
-    "crossings": partial(_items, "crossings"),
-    "crossing": CROSSING,
     "candidates": partial(_items, "candidates"),
-    "candidate": lambda x: _candidate(x.item.table.unit if x else "um"),
+    "candidate": lambda x: _fields(CANDIDATE, x and x.item),
     "outliers": partial(_items, "excluded"),
     "outlier": lambda x: _fields(OUTLIER, x and x.item),
     "table": lambda item: _fields(TABLE, item),
     # Of one.
-    "names": lambda item: [effect.name for effect in item.effects],
     "scored": SCORED,
     "scores": SCORES,
     "improvement": lambda x: 100 * (1 - x.after.rms / x.before.rms) if x.before.rms > 0 else None,
     "rest": lambda item: bool(item.fired) or item.nameless,
-    "checks": lambda item: [Of(check, item) for check in item.checks],
-    "checks_text": _checks,
-    "fired": lambda x: x.one[0] in x.item.fired,
+    "checks": lambda item: [
+        {"name": name, "p": p, "fired": name in item.fired} for name, p in item.checks
+    ],
+    "checks_text": lambda item: ", ".join(f"{name} p {p:.2g}" for name, p in item.checks),
     # Of an effect.
     "sentence": lambda x: effect_text(x.one, x.item),
     "equations": lambda x: x.one.equations if x.one.candidate.over is None else {},
@@ -363,7 +344,7 @@ DEFINITIONS: dict[str, Any] = {
     "ends": _ends,
     "u": lambda table: np.sqrt(np.diag(table.covariance)),
     # Of a candidate.
-    "is_effect": lambda x: any(x.one.name == effect.name for effect in x.item.effects),
+    "is_effect": lambda x: x.one.candidate.name in [effect.name for effect in x.item.effects],
     "in_class": _in_class,
     "star": lambda x: "*" if _in_class(x) else "",
     "smallest_um": partial(_smallest, "um"),
@@ -371,22 +352,19 @@ DEFINITIONS: dict[str, Any] = {
 }
 
 
-def _fields(text: str, item: TableResult | None) -> Fields:
-    """The fields of a text in the unit and axes of the table; of points of a plane in um."""
+def _fields(text: str, item: TableResult | None, *units: str) -> Fields:
+    """The fields of a text in the unit and axes of the table, of points of a plane in um; with the
+    smallest size of a candidate in each of `units`.
+    """
     unit, names = ("um", ("x", "y")) if item is None else (item.table.unit, item.table.axes)
     axes = [x for name in names for x in declare(AXIS, UNIT=unit, AXIS=name, **DEFINITIONS)]
-    return declare(text, UNIT=unit, axes=axes, **DEFINITIONS)
-
-
-def _candidate(*units: str) -> Fields:
-    """With the smallest size in each of `units`."""
-    smallest = "\n".join(SMALLEST.replace("UNIT", unit) for unit in units)
-    return declare(CANDIDATE, smallest=smallest, **DEFINITIONS)
+    smallest = "\n".join(SMALLEST.replace("UNIT", each) for each in units or (unit,))
+    return declare(text, UNIT=unit, axes=axes, smallest=smallest, **DEFINITIONS)
 
 
 RESULTS_FIELDS = _fields(RESULTS_OF, None)
 RESULTS = [*RESULTS_FIELDS, *_fields(SCORED, None)]
-ROW = _candidate("um")
+ROW = _fields(CANDIDATE, None)
 
 
 def document(result: CloseLoopResult, digits: int = 2) -> Document:
@@ -394,16 +372,11 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
     first = next(item for item in result.tables if item.verdict == result.verdict)
     units = dict.fromkeys(item.table.unit for item in result.tables)
     rows = [row for item in result.tables for effect in item.effects for row in _rows(effect, item)]
-    score_tables = [_before_after(first)] if len(result.tables) == 1 else []
-    for unit in units if len(result.tables) > 1 else ():
-        items = [item for item in result.tables if item.table.unit == unit]
-        data = dict.fromkeys(f"held-out {item.held_out}" for item in items)
-        title = f"Rms error of {listed(data)}"
-        score_tables.append(Table(title, _fields(SCORED_TABLE, items[0]), items))
+    held_out = listed(dict.fromkeys(item.held_out for item in result.tables))
     tables = [
-        Table("", _candidate(*units), _items("candidates", result), selection=()),
+        Table("", _fields(CANDIDATE, None, *units), _items("candidates", result), selection=()),
         Table("Effects", _fields(SHOWN, None), rows),
-        *score_tables,
+        Table(f"Errors of held-out {held_out}", _fields(SCORED_TABLE, None), result.tables),
         _candidates(first),
     ]
     sentences = [verdict_text(x, result.alpha) for x in result.tables if x.effects or x is first]
@@ -411,7 +384,7 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         "Undeclared effects",
         (RESULTS_FIELDS, result),
         tables,
-        lambda _: figure(result, first),
+        lambda _: figure(first),
         "\n".join([f"Undeclared effects: {result.verdict}", *sentences]),
         digits,
         extra=[(_fields(SCORED, first), first)],
@@ -437,36 +410,16 @@ def _rows(effect: FoundEffect, item: TableResult) -> Iterator[dict[str, Any]]:
         of_effect = {"effect": ""}
 
 
-def _before_after(item: TableResult) -> Table:
-    rows = [
-        (f"held-out {item.held_out}, before", item.before),
-        (f"held-out {item.held_out}, after", item.after),
-        ("all data, before", item.in_sample_before),
-        ("all data, after", item.in_sample_after),
-    ]
-    if not item.effects:
-        rows = rows[::2]
-    fields = _fields("- | 0 | | errors, text\nscores. | 1 | *scores", item)
-    footer = "95 % and largest: of the error vector's length"
-    return Table(
-        "Before and after", fields, rows, footer, [f"checks of what is left: {_checks(item)}"]
-    )
-
-
 def _candidates(item: TableResult) -> Table:
     reasons: dict[str, list[str]] = {}
     for each in item.candidates:
         if each.unavailable:
-            reasons.setdefault(each.unavailable, []).append(each.name)
+            reasons.setdefault(each.unavailable, []).append(each.candidate.name)
     notes = [f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()]
     of = "" if item.table.component is None else f" of {item.table.component}"
-    fields = _candidate(item.table.unit)
-    candidates = ranked(item)
-    footer = f"{len(candidates)} candidates tested, each alone beside the known model"
-    footer += "; p: of the effect beyond its margins, ln BF: with them"
-    if item.effects:
-        footer += "; *: found, or in the class of an effect"
-    if reasons:
-        footer += f"; {sum(map(len, reasons.values()))} could not be (--detail: why)"
-    rows = [Of(x, item) for x in candidates[:BEST]]
-    return Table(f"Likeliest candidates{of}", fields, rows, footer, notes)
+    tested = [x for x in item.candidates if x.log_bayes_factor is not None]
+    tested.sort(key=lambda x: -(x.log_bayes_factor or 0.0))
+    missing = f", {sum(map(len, reasons.values()))} could not be (--detail: why)" if reasons else ""
+    footer = f"{len(tested)} tested, each alone{missing}; *: found, or in the class of an effect"
+    rows = [Of(x, item) for x in tested[:BEST]]
+    return Table(f"Likeliest candidates{of}", _fields(CANDIDATE, item), rows, footer, notes)

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
-from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, steps_of
-from mtu_cli.analyses.close_loop.experiment import minimum_detectable
+from mtu_cli.analyses.close_loop.experiment import minimum_detectable, taken
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -207,8 +206,7 @@ def _candidate_tests(diagnosis: Diagnosis, tables: int) -> tuple[Judged, ...]:
     models, smallest = diagnosis.models, minimum_detectable(diagnosis)
     p = models.gate(()) | {name: p for name, p, _ in diagnosis.scatter}
     total, _ = models.additions(())
-    with np.errstate(over="ignore"):
-        shares = np.exp(total - total.max(initial=0.0))
+    shares = np.exp(total - total.max(initial=0.0))
     shares = shares / max(float(shares.sum()), 1e-300)
     results = []
     for candidate, gain, share in zip(models.design.candidates, total, shares, strict=False):
@@ -216,13 +214,11 @@ def _candidate_tests(diagnosis: Diagnosis, tables: int) -> tuple[Judged, ...]:
         tested = finite or name in p
         results.append(
             Judged(
-                name=name,
-                family=candidate.family,
+                candidate=candidate,
                 p_familywise=min(1.0, p[name] * tables) if name in p else None,
                 log_bayes_factor=float(gain) if finite else None,
                 posterior=float(share) if finite else None,
                 unavailable=None if tested else candidate.unavailable or NOTHING_LEFT,
-                notes=candidate.notes,
                 minimum_detectable=smallest.get(name) if name in p else None,
             )
         )
@@ -271,7 +267,7 @@ def _held_out(
     def predict(fold: int) -> None:
         test = number == fold
         cells = np.broadcast_to(np.expand_dims(test, 1 - axis), table.there.shape)
-        diagnosis = diagnose(_subset(table, ~test, axis))
+        diagnosis = diagnose(taken(table, np.flatnonzero(~test), axis))
         errors[:, cells] = _corrected(diagnosis, effects_of(diagnosis), table, ~cells)[:, cells]
 
     with workers(min(count + 1, available_threads())) as executor:
@@ -311,10 +307,9 @@ def _corrected(
     powers = fitted_powers(table)
     for rest in result if powers.shape[1] else ():
         valid = cells & table.there & np.isfinite(rest).all(axis=2)
-        count = valid.sum(axis=0)
-        mean = np.where(valid[..., None], rest, 0.0).sum(axis=0)[count > 0]
-        sizes = np.linalg.lstsq(powers[count > 0], mean / count[count > 0, None], rcond=None)[0]
-        rest -= powers @ sizes
+        known = valid.any(axis=0)
+        mean = rest[:, known].mean(axis=0, where=valid[:, known, None])
+        rest -= powers @ np.linalg.lstsq(powers[known], mean, rcond=None)[0]
     return result
 
 
@@ -334,20 +329,3 @@ def _predicted(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArr
         for key, text in effect.equations.items():
             total[..., table.axes.index(key[1:])] += evaluate(parse(text), variables)
     return table.without_datum(total[..., None])[..., 0]
-
-
-def _subset(table: ResidualTable, mask: BoolArray, axis: int) -> ResidualTable:
-    """The table of some of its parts (axis 0), or of its columns (1)."""
-    name = ("parts", "features")[axis]
-
-    def cut(values: FloatArray) -> FloatArray:
-        full = values.shape[axis] == len(mask)  # Or alike in all parts, or columns.
-        return np.compress(mask, values, axis=axis) if full else values
-
-    of_cells = ("errors", "repeats", "places", "common", "of_part")
-    fields: dict[str, Any] = {name: cut(getattr(table, name)) for name in of_cells}
-    fields[name] = tuple(compress(getattr(table, name), mask))
-    fields["covariates"] = {name: cut(values) for name, values in table.covariates.items()}
-    if axis == 1:
-        fields["operation"] = table.operation[mask]
-    return replace(table, **fields)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import fdtri
@@ -178,22 +177,16 @@ def _explained(diagnosis: Diagnosis, member: Member) -> float:
 
 def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
     """Other candidates with a member whose columns span the same, whatever the errors."""
-    design, weights = diagnosis.design, diagnosis.sizes.fit.weights
-    cross, terms = design.columns.cross, np.array(member.terms)
+    design, k = diagnosis.design, len(member.terms)
     members = design.members[: design.tested]
-    rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == len(terms)]
+    rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == k]
     if not rivals:
         return ()
-    rival_terms = np.array([m.terms for m in rivals])
-    pairs = (
-        (terms[:, None], terms),
-        (terms[:, None], rival_terms[:, None]),
-        (rival_terms[..., None], rival_terms[:, None]),
-    )
-    gram, across, inner = (np.tensordot(weights, cross(*pair), 1) for pair in pairs)
-    inner = across @ np.linalg.solve(inner, np.swapaxes(across, 1, 2))
-    share = np.trace(np.linalg.solve(gram, inner), axis1=1, axis2=2)
-    same = np.array(rivals, object)[share > ALIAS * len(terms)]
+    _, products = design.columns.crossed(np.array([m.terms for m in rivals]), member.terms)
+    G = np.tensordot(diagnosis.sizes.fit.weights, products, 1)
+    both = G[:, :k, k:] @ np.linalg.solve(G[:, k:, k:], G[:, k:, :k])
+    share = np.trace(np.linalg.solve(G[:, :k, :k], both), axis1=1, axis2=2)
+    same = np.array(rivals, object)[share > ALIAS * k]
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in same))
 
 
@@ -232,13 +225,8 @@ REFERENCE_DEGC = 20.0
 """Temperature from which on lengths are counted (ISO 1)."""
 
 
-class Term(NamedTuple):
-    """A size along one axis: its effect, row in the covariance and lever."""
-
-    effect: FoundEffect
-    size: Parameter
-    row: int
-    lever: Node
+Term = tuple[Parameter, int, Node]
+"""A size along one axis, its row in the covariance and its lever."""
 
 
 def without_references(diagnosis: Diagnosis) -> Diagnosis:
@@ -277,20 +265,18 @@ def crossings(
     no_level = table.fitted_degree >= 0 or table.datum != "none"
     for axis in table.axes:
         key = f"E{axis}"
-        groups = [_terms(effect, key) for effect in effects if key in effect.equations]
-        if len(groups) > 1:
-            groups.insert(0, [x for terms in groups for x in terms] if all(groups) else [])
+        along = [(x, _terms(x, key)) for x in effects if key in x.equations]
+        groups = [along] * (len(along) > 1) + [[pair] for pair in along]
         for name in (name for name in columns if not name.startswith("dir_")):
-            for i, group in enumerate(groups):
-                levels = [
-                    x.size.role == "level" or x.effect.candidate.kind == "offset" for x in group
-                ]
-                classes = [x for term in group for x in term.effect.class_names[1:]]
-                if not group or classes or not (no_level or any(levels)):
-                    continue
-                zero = _zero(group, covariance, columns, name)
+            for group in groups:
+                terms = [term for _, of_effect in group for term in of_effect]
+                level = any(size.role == "level" for size, _, _ in terms)
+                level |= no_level or any(x.candidate.kind == "offset" for x, _ in group)
+                certain = all(len(x.class_names) < 2 and of_effect for x, of_effect in group)
+                zero = _zero(terms, covariance, columns, name) if level and certain else None
                 if zero is not None:
-                    result.append(Crossing(axis, name, *zero, group[0].effect.name, whole=i == 0))
+                    whole, (first, _) = group is groups[0], group[0]
+                    result.append(Crossing(axis, name, *zero, first.name, whole=whole))
                     break
     return tuple(result)
 
@@ -302,11 +288,11 @@ def _terms(effect: FoundEffect, key: str) -> list[Term]:
     pairs = zip(effect.parameters, effect.rows, strict=True)
     sizes = {p.name: (p, row) for p, row in pairs if p.u > 0}
     form = linear_form(parse(effect.equations[key]), [p.name for p in effect.parameters])
-    return [Term(effect, *sizes[x], k) for x, k in form.coefficients.items() if x in sizes]
+    return [(*sizes[x], lever) for x, lever in form.coefficients.items() if x in sizes]
 
 
 def _zero(
-    group: Sequence[Term], covariance: FloatArray, columns: dict[str, FloatArray], name: str
+    terms: Sequence[Term], covariance: FloatArray, columns: dict[str, FloatArray], name: str
 ) -> tuple[float, float, tuple[float, float]] | None:
     """Where the sum of sizes is zero, with u and the 95 % interval: the values t
     at which v(t) = 0 is not rejected (of one number that of Fieller, 1954). None where there is no
@@ -316,11 +302,12 @@ def _zero(
     centre, half = (low + high) / 2, (high - low) / 2
     if not half > SAME * max(abs(low), abs(high)):
         return None
-    u = np.array([x.size.u for x in group])
+    sizes, rows, arms = (list(items) for items in zip(*terms, strict=True))
+    u = np.array([size.u for size in sizes])
 
     def levers(t: float) -> FloatArray:
         values = columns | {name: centre + t * half}
-        return np.array([evaluate(x.lever, values) + np.zeros(CELLS) for x in group])
+        return np.array([evaluate(arm, values) + np.zeros(CELLS) for arm in arms])
 
     before, middle, after = map(levers, (-1, 0, 1))
     M, R = middle.T * u, (after - before).T / 2 * u
@@ -332,8 +319,7 @@ def _zero(
     # A sum that is zero there whatever the sizes has no zero to estimate.
     if np.linalg.matrix_rank(np.array([M.ravel(), R.ravel()]), tol=1e-6 * s[0]) < 2:
         return None
-    rows = [x.row for x in group]
-    b, C = np.array([x.size.value for x in group]) / u, covariance[np.ix_(rows, rows)]
+    b, C = np.array([size.value for size in sizes]) / u, covariance[np.ix_(rows, rows)]
     C = C / u / u[:, None]
 
     def tests(t: FloatArray) -> FloatArray:
@@ -349,7 +335,7 @@ def _zero(
         t = t[np.argmin(tests(t)[0])] + np.linspace(-step, step, 201)
         step /= 50
     t = t[[np.argmin(tests(t)[0])]]
-    dof = min(min(x.size.dof for x in group), 1e9)
+    dof = min(min(size.dof for size in sizes), 1e9)
     limit = len(M) * fdtri(len(M), max(dof, 1.0), COVERED)
     (least,), (information,) = tests(t)
     bracket = np.array([-1e3, t[0] - 2, t[0] + 2, 1e3])

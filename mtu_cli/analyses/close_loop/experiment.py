@@ -7,9 +7,9 @@ could (T-optimality, Atkinson & Fedorov 1975).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtri, ndtri
@@ -23,7 +23,7 @@ from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 MORE = 6
 """Further parts that a follow-up is judged by."""
@@ -34,8 +34,6 @@ ENOUGH = 1.25
 """Times the separation that more of the same gives, from which another experiment is worth it."""
 COUNTING = ("sequence", "tool_parts", "time_min")
 """Columns that go on from part to part."""
-
-Change = Callable[[FloatArray], FloatArray]
 
 
 def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
@@ -88,23 +86,43 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
 def follow_ups(
     table: ResidualTable, rivals: Sequence[Member]
 ) -> Iterator[tuple[str, ResidualTable]]:
-    """Further parts as before, then made otherwise in what the rivals depend on."""
-    readings, noun = table.component is not None, table.plurals[0]
+    """Further parts, which repeat the last ones but that what counts parts or time goes on; then
+    made otherwise in what the rivals depend on.
+    """
+    P, readings, noun = len(table.parts), table.component is not None, table.plurals[0]
     make = "run" if readings else "make and measure"
     used = {name for rival in rivals for name in rival.form.used}
-    yield f"{make} {MORE} more {noun} as before", with_more_parts(table, {})
     names = [name for name in table.covariates if name in used]
-    reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
+    counting = [name for name in COUNTING if name in table.covariates]
+    rows = {n: np.broadcast_to(v, (P, v.shape[1])) for n, v in table.covariates.items()}
+    last = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
+    more = taken(table, np.r_[:P, last], 0)
+    more = replace(
+        more,
+        parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
+        errors=np.zeros(more.errors.shape),
+        repeats=np.ones(more.repeats.shape, np.int64),
+    )
+
+    def made(changes: Mapping[str, FloatArray]) -> ResidualTable:
+        covariates = {n: np.concatenate([rows[n], further]) for n, further in changes.items()}
+        return replace(more, covariates=more.covariates | covariates)
+
+    steps = {name: np.diff(rows[name], axis=0) for name in counting}
+    rises = {n: np.median(step[step > 0]) if (step > 0).any() else 1.0 for n, step in steps.items()}
+    on = np.arange(1, MORE + 1)[:, None]
+    more = made({name: rows[name][-1:] + rises[name] * on for name in counting})
+    yield f"{make} {MORE} more {noun} as before", more
+    reverse = {name: -rows[name][last] for name in names if name.startswith("dir_")}
     if reverse and not readings:
-        yield "run the program in the reverse direction", with_more_parts(table, reverse)
-    counters = [name for name in COUNTING if name in table.covariates and name != "sequence"]
-    if counters and used & {*COUNTING}:
+        yield "run the program in the reverse direction", made(reverse)
+    again = {n: rows[n][np.arange(MORE) % P] for n in counting if n != "sequence"}
+    if again and used & {*COUNTING}:
         rest = "after a cold start" if "time_min" in used else "with a new tool"
-        yield f"{make} {MORE} more {noun} {rest}", with_more_parts(table, dict.fromkeys(counters))
-    hot = [name for name in names if is_temperature(name)]
-    warmer: dict[str, Change] = dict.fromkeys(hot, partial(np.add, OTHER_DAY_K))
+        yield f"{make} {MORE} more {noun} {rest}", made(again)
+    warmer = {name: rows[name][last] + OTHER_DAY_K for name in names if is_temperature(name)}
     if warmer:
-        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", with_more_parts(table, warmer)
+        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", made(warmer)
     pitch = next((rival.value for rival in rivals if rival.form.scale == "frequency"), None)
     for i, axis in enumerate(AXES):
         places = table.places[..., i][np.isfinite(table.places[..., i])]
@@ -112,38 +130,28 @@ def follow_ups(
         if axis in used and span > 0:
             shift = SHIFT * (pitch or span)
             what = "the positions" if readings else "the fixture"
-            shifted = with_more_parts(table, {}, shift * np.eye(len(AXES))[i])
-            yield f"shift {what} by {shift:.3g} mm along {axis}", shifted
+            shifted = more.places.copy()
+            shifted[P:, :, i] += shift
+            text = f"shift {what} by {shift:.3g} mm along {axis}"
+            yield text, replace(more, places=shifted)
 
 
-def with_more_parts(
-    table: ResidualTable, changes: Mapping[str, Change | None], shift: FloatArray | float = 0.0
-) -> ResidualTable:
-    """The table with further parts, which repeat the last ones but for `changes` of columns (None:
-    as the first parts were) and a `shift` (3,) mm of places; those that count parts or time go on.
-    """
-    P = len(table.parts)
-    source = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
-    covariates = dict(table.covariates)
-    for name, values in table.covariates.items():
-        if name in changes or len(values) == P > 1:
-            rows = np.broadcast_to(values, (P, values.shape[1]))
-            extension = rows[source]
-            if name in COUNTING:
-                step = np.diff(rows, axis=0)
-                rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-                extension = rows[-1:] + rise * np.arange(1, MORE + 1)[:, None]
-            change = changes.get(name, np.asarray)
-            extension = np.resize(values, extension.shape) if change is None else change(extension)
-            covariates[name] = np.concatenate([rows, extension])
-    return replace(
-        table,
-        parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
-        errors=np.zeros((P + MORE, *table.errors.shape[1:])),
-        repeats=np.ones((P + MORE, len(table.features)), np.int64),
-        places=np.concatenate([table.places, table.places[source] + shift]),
-        covariates=covariates,
-    )
+def taken(table: ResidualTable, index: IntArray, axis: int) -> ResidualTable:
+    """The table of some of its parts (axis 0), or of its columns (1)."""
+    names = ("parts", "features")[axis]
+    count = len(getattr(table, names))
+
+    def take(values: FloatArray) -> FloatArray:
+        # What is alike in all parts, or columns, may have one row.
+        return values.take(index, axis) if values.shape[axis] == count else values
+
+    of_cells = ("errors", "repeats", "places", "common", "of_part")
+    fields: dict[str, Any] = {name: take(getattr(table, name)) for name in of_cells}
+    fields[names] = tuple(getattr(table, names)[i] for i in index)
+    fields["covariates"] = {name: take(values) for name, values in table.covariates.items()}
+    if axis == 1:
+        fields["operation"] = table.operation[index]
+    return replace(table, **fields)
 
 
 def minimum_detectable(diagnosis: Diagnosis) -> dict[str, float]:

@@ -150,20 +150,17 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """A candidate added to the known model alone; `unavailable` says why it could not be tested,
-    `notes` why some of its forms could not.
+    """A candidate added to the known model alone; `unavailable` says why it could not be tested.
 
     `minimum_detectable` is the root mean square, over the cells, of an effect that would be found
     four times in five.
     """
 
-    name: str
-    family: str
+    candidate: Candidate
     p_familywise: float | None
     log_bayes_factor: float | None
     posterior: float | None
     unavailable: str | None
-    notes: str = ""
     minimum_detectable: float | None = None
 
 

@@ -303,10 +303,10 @@ def test_a_family_is_named_by_the_axes_of_its_equations(tmp_path: Path) -> None:
     (found,) = effects_of(
         tmp_path, family('{"E{a}": "k*dir_{a}"}', "{k: um}", name="play")
     ).families
-    assert found.name == "play-{a}"
-    (template,) = found.templates
-    assert template.columns == ("dir_{a}",)
-    assert template.units == {"k": "um"}
+    assert found.label == "play-{a}"
+    (form,) = found.forms
+    assert form.symbols == ("k", "dir_{a}")
+    assert form.parameters == {"k": "um"}
 
 
 def test_the_built_in_file_is_sound_and_fits_its_schema() -> None:
