@@ -19,7 +19,7 @@ import numpy as np
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.reports.close_loop_figures import figure
+from mtu_cli.reports.close_loop_figures import figure, ranked
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, declare
 from mtu_cli.reports.numbers import p_value, plus_minus, significant
@@ -125,6 +125,12 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
             f"Nothing undeclared was found (at {100 * alpha:.2g} % false alarms in all): the rms "
             f"error of {with_unit(item.before.rms)} is no more than scatter{floor}."
         )
+        sizes = {
+            x.minimum_detectable: x.candidate.name for x in item.candidates if x.minimum_detectable
+        }
+        if sizes:
+            low, high = (f"{with_unit(end)} rms ({sizes[end]})" for end in (min(sizes), max(sizes)))
+            yield f"Four times in five an effect of {low} to {high} would have been found."
         return
     tentative = ""
     if item.verdict == "unexplained":
@@ -384,7 +390,7 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         "Undeclared effects",
         (RESULTS_FIELDS, result),
         tables,
-        lambda _: figure(first),
+        lambda _: figure(result, first),
         "\n".join([f"Undeclared effects: {result.verdict}", *sentences]),
         digits,
         extra=[(_fields(SCORED, first), first)],
@@ -417,8 +423,7 @@ def _candidates(item: TableResult) -> Table:
             reasons.setdefault(each.unavailable, []).append(each.candidate.name)
     notes = [f"not tested: {listed(names)}: {reason}" for reason, names in reasons.items()]
     of = "" if item.table.component is None else f" of {item.table.component}"
-    tested = [x for x in item.candidates if x.log_bayes_factor is not None]
-    tested.sort(key=lambda x: -(x.log_bayes_factor or 0.0))
+    tested = ranked(item)
     missing = f", {sum(map(len, reasons.values()))} could not be (--detail: why)" if reasons else ""
     footer = f"{len(tested)} tested, each alone{missing}; *: found, or in the class of an effect"
     rows = [Of(x, item) for x in tested[:BEST]]

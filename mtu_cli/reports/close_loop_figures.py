@@ -1,16 +1,19 @@
-"""The picture of close-loop: errors before and after, over what each effect depends on."""
+"""The picture of close-loop: errors before and after, over what each effect depends on, and the
+evidence for the candidates.
+"""
 
 from __future__ import annotations
 
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Judged, TableResult
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.figures import Maps, Side
-from mtu_cli.reports.numbers import cut
+from mtu_cli.reports.numbers import cut, p_value
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
 
@@ -20,14 +23,16 @@ if TYPE_CHECKING:
 
 WIDTH, ALONE, HIGH = 12.0, 5.4, 4.1
 """Inches of the page, of one map that is alone, and of the row of panels."""
-EFFECTS, NAME, TITLE = 2, 24, 110
-"""Effects that are drawn; letters of a name and of the title."""
+CANDIDATES, EFFECTS, NAME, TITLE = 12, 2, 24, 110
+"""Candidates and effects that are drawn; letters of a name and of the title."""
+LEAST = -6.0
+"""The bars of the evidence end here: anything less likely looks the same."""
 SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 
-def figure(item: TableResult) -> Figure:
+def figure(result: CloseLoopResult, item: TableResult) -> Figure:
     """Mean errors before and after as arrows where points lie in a plane; errors over what each
-    effect depends on (of none: part by part).
+    effect depends on (of none: part by part); and the ranking.
     """
     scale = UNITS[item.table.unit].to_internal
     stages = [item.table.errors / scale, (item.table.errors - item.explained) / scale]
@@ -40,12 +45,22 @@ def figure(item: TableResult) -> Figure:
     if maps is not None:
         maps.draw(upper[0], f"Mean errors of the {item.table.plurals[1]}")
     effects = item.effects[:EFFECTS] or (None,)
-    panels = lower.subplots(1, len(effects), squeeze=False)[0]
-    for panel, effect in zip(panels, effects, strict=True):
+    panels = lower.subplots(1, len(effects) + 1, squeeze=False)[0]
+    for panel, effect in zip(panels, effects, strict=False):
         _errors(panel, item, errors, effect)
     figures.legend(lower)
+    best, panel = ranked(item)[:CANDIDATES], panels[-1]
+    in_class = {name for effect in item.effects for name in effect.class_names}
+    labels = [cut(x.candidate.name, NAME) + "*" * (x.candidate.name in in_class) for x in best]
+    values = [max(x.log_bayes_factor or 0.0, LEAST) for x in best]
+    figures.bars(panel, labels, values, [f"p {p_value(x.p_familywise)}" for x in best])
+    alpha = result.alpha / len(result.tables)
+    panel.set_xlabel(f"natural log of the Bayes factor (gate: p {alpha:.2g})")
+    panel.set_title("candidates" + ("; *: found, or in its class" if in_class else ""))
+    names = "; ".join(" or ".join(e.class_names) for e in item.effects)
     of = "" if item.table.component is None else f" of {item.table.component}"
-    figures.title(page, cut(f"Undeclared effects{of}: {item.verdict}", TITLE))
+    text = f"Undeclared effects{of}: {item.verdict}{f' ({names})' if names else ''}"
+    figures.title(page, shorten(text, TITLE, placeholder=" ..."))
     return page
 
 
@@ -103,3 +118,9 @@ def _errors(
     axis = "" if table.component is not None else f" of {table.axes[a]}"
     panel.set_ylabel(f"measured minus predicted{axis}, {table.unit}")
     panel.set_title("residuals" if effect is None else cut(effect.name, NAME))
+
+
+def ranked(item: TableResult) -> list[Judged]:
+    """The candidates that could be tested, the likeliest first."""
+    candidates = [x for x in item.candidates if x.log_bayes_factor is not None]
+    return sorted(candidates, key=lambda x: -(x.log_bayes_factor or 0.0))
