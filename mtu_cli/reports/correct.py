@@ -24,35 +24,27 @@ SHOWN = 40
 ROUNDING_UM = 1e-4
 """A form error below a tenth of a nanometre is rounding."""
 KINDS: dict[Kind, str] = {"circle": "circles", "sphere": "spheres", "length": "lengths"}
-OF_AXES = (
-    "    measured.AXIS_mm | points.measured.NUMBER | measured",
-    """
-    correction_um.AXIS | correction.NUMBER | minus the modelled error \
-        | correction AXIS, plus-minus, u=u.NUMBER, unit=um, csv=correction_AXIS_um
-    u_correction_um.AXIS | u.NUMBER | its standard uncertainty \
-        | -, unit=um, csv=u_correction_AXIS_um
-    """,
-    "    corrected.AXIS_mm | corrected.NUMBER | measured plus correction "
-    "| corrected AXIS, u=u_corrected.NUMBER",
-    """
-    u_corrected_um.AXIS | u_corrected.NUMBER | standard uncertainty of corrected \
-        | -, unit=um, csv=u_corrected_AXIS_um
-    """,
-)
-"""Each text for every axis before the next text."""
 ROW = declare(
     """
     part | | name of the part | part, text
     feature | | name of the feature | feature, text
     repeat | | its repeat | repeat, count, names
     operation | | its operation | operation, text
-    *of_axes
+    for AXIS NUMBER in axes
+        measured.AXIS_mm | points.measured.NUMBER | measured
+    for AXIS NUMBER in axes
+        correction_um.AXIS | correction.NUMBER | minus the modelled error \
+            | correction AXIS, plus-minus, u=u.NUMBER, unit=um, csv=correction_AXIS_um
+        u_correction_um.AXIS | u.NUMBER | its standard uncertainty \
+            | -, unit=um, csv=u_correction_AXIS_um
+    for AXIS NUMBER in axes
+        corrected.AXIS_mm | corrected.NUMBER | measured plus correction \
+            | corrected AXIS, u=u_corrected.NUMBER
+    for AXIS NUMBER in axes
+        u_corrected_um.AXIS | u_corrected.NUMBER | standard uncertainty of corrected \
+            | -, unit=um, csv=u_corrected_AXIS_um
     """,
-    of_axes="\n".join(
-        text.replace("AXIS", axis).replace("NUMBER", str(k))
-        for text in OF_AXES
-        for k, axis in enumerate(AXES)
-    ),
+    axes=list(zip(AXES, "012", strict=True)),
 )
 SIZE = """
     id | | its name | id, text

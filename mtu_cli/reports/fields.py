@@ -24,8 +24,10 @@ A line of the table is a `Field`, its four columns being JSON path, value, meani
 
 A path that ends in ``.`` is a `Group`, a document within one of the figures in the lines indented
 below it; ``[]`` of each of a list, ``{}`` of a mapping by name. CSV names begin with its path.
-``*name`` stands for fields, or a text, of those given or of `COMMON`: as a line, or as the meaning
-of a group.
+With the path ``-.`` the figures below are read from a part that has no key of its own. ``*name``
+stands for fields, or a text, of those given or of `COMMON`: as a line, or as the meaning of a
+group. The lines below ``for NAME UNIT in names`` are repeated with the words, or pairs of words,
+that are given by that name.
 
 Results that are arrays: ``rows_of(result, count)`` gives items whose attributes are the elements
 ``i`` of its arrays. None, nan and infinity are null in JSON, empty in CSV, ``-`` in a table.
@@ -241,6 +243,12 @@ def _level(text: str, definitions: Mapping[str, Any]) -> Iterator[Field | Group]
         if first.strip().startswith("*"):
             yield from _fields(first.strip()[1:], definitions)
             continue
+        if first.split()[0] == "for":
+            _, *names, _, given = first.split()
+            for each in definitions[given]:
+                words = dict(zip(names, [each] if isinstance(each, str) else each, strict=True))
+                yield from _level(inner, {**definitions, **words})
+            continue
         cells = [" ".join(each.split()) for each in COLUMN.split(first)]
         path, value, meaning, cell = [*cells, "", "", ""][:4]
         name = path.rstrip(".[]{}")
@@ -251,7 +259,8 @@ def _level(text: str, definitions: Mapping[str, Any]) -> Iterator[Field | Group]
         braces = path.count("{}")
         fields = _fields(meaning[1:], definitions) if meaning else list(_level(inner, definitions))
         many = path.count("[]") + braces
-        yield Group(name, fields, of, many=many, named=bool(braces))
+        group = Group(name.removeprefix("-"), fields, of, many=many, named=bool(braces))
+        yield from [group] if group.path else leaves([group])
 
 
 def _fields(name: str, definitions: Mapping[str, Any]) -> Any:
@@ -305,7 +314,7 @@ def leaves(fields: Fields) -> Iterator[Field]:
         elif not each.many:
             part = partial(read, value=each.value)
             for field in leaves(fields_of(each.fields)):
-                path = f"{each.path}.{field.path}" if field.path else ""
+                path = field.path and f"{each.path}.{field.path}".removeprefix(".")
                 yield replace(field, path=path, within=(part, *field.within))
 
 

@@ -7,7 +7,6 @@ Per component everything is in its own `unit` and mm; of several instruments the
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,7 +18,7 @@ from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import TESTS, InstrumentFit
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, declare
+from mtu_cli.reports.fields import Fields, declare
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.units import SMALL
@@ -75,7 +74,10 @@ COMPONENT = """
     unit | unit.name | of its figures | unit, text
     says | | its meaning in words, of the machine file | -, json
     source | | readings or machine file | from, text, detail
-    *in_tables
+    -. | polynomial()
+        for POWER HEAD in powers
+            - | coefficients.POWER | | HEAD, plus-minus, u=root(covariance.POWER.POWER), \
+                size=per_mPOWER()
     degree | estimate.degree | degree of the polynomial; null of a table
     shape | shape() | polynomial or table
     at_mm | estimate.table.at | positions of the values of a table | -, json
@@ -86,16 +88,9 @@ COMPONENT = """
     own_um2_per_mm3 | estimate.table.own | of a table: the same of the bend of a run, of future \
         readings | -, json, size=square()
     own_dof | estimate.table.own_dof | degrees of freedom of it; null: infinite | -, json
-    n | | number of readings
-    n_passes | estimate.n_passes | passes in the mean square between passes
-    passes_read | | passes of the readings | passes / read, count, detail
-    coefficients | | ascending powers of mm; of a table its values at at_mm | -, json, size=size()
-    covariance | | of the coefficients | -, json, size=size2()
+    *line
     covariance_independent | estimate.independent_covariance | s^2 (X'X)^-1, all readings as \
         repeats (Gilsinn & Ling 2004) | -, json, size=size2()
-    s | estimate.independent_s | residual standard deviation of that | -, size=size()
-    dof | | its degrees of freedom
-    s_repeat | | repeatability of one visit | -, size=size()
     - | scatter.0 | | s_repeat / unit, size=size()
     pass_covariance | | of intercept at pass_center_mm and slope, between passes \
         | -, json, size=size2()
@@ -114,44 +109,39 @@ COMPONENT = """
     *tested
     instruments[]
         role | | lbb or laser
-        n | | number of readings
-        n_passes | | passes in the mean square between passes
-        passes_read | | passes of the readings
-        coefficients | | as of the component | -, size=size()
-        covariance | | their covariance | -, size=size2()
-        s | | residual standard deviation, all readings as repeats | -, size=size()
-        dof | | its degrees of freedom
-        s_repeat | | repeatability of one visit | -, size=size()
+        *line
         *tested
     agreement_p | | p that the instruments agree; null: one instrument | agree / p, p, json
-    *in_csv
+    -. | polynomial()
+        for POWER HEAD in powers
+            - | coefficients.POWER | coefficient of mm^POWER | -, csv=coefficient_POWER, size=size()
+            - | root(covariance.POWER.POWER) | standard uncertainty of the coefficient of mm^POWER \
+                | -, csv=u_coefficient_POWER, size=size()
 """
-TERM = """
-    - | coefficients.POWER | | HEAD, plus-minus, u=root(covariance.POWER.POWER), size=per_m()
+LINE = """
+    n | | number of readings
+    n_passes | | passes in the mean square between passes
+    passes_read | | passes of the readings | passes / read, count, detail
+    coefficients | | ascending powers of mm; of a table its values at at_mm | -, json, size=size()
+    covariance | | of the coefficients | -, json, size=size2()
+    s | | residual standard deviation, all readings as repeats | -, size=size()
+    dof | | its degrees of freedom
+    s_repeat | | repeatability of one visit | -, size=size()
 """
-"""As people read it, per m^N."""
-TERM_IN_CSV = """
-    - | coefficients.POWER | coefficient of mm^POWER | -, csv=coefficient_POWER, size=size()
-    - | root(covariance.POWER.POWER) | standard uncertainty of the coefficient of mm^POWER \
-        | -, csv=u_coefficient_POWER, size=size()
-"""
+"""Of a component, and of each of its instruments."""
 
 
 def component(powers: int) -> Fields:
     """The figures of a component; in tables and CSV those of `powers` coefficients."""
     heads = ["at 0 / unit", "slope / unit/m", *(f"x^{n} / unit/m^{n}" for n in range(2, powers))]
-    terms: tuple[list[Field], list[Field]] = [], []
-    for n, head in enumerate(heads[:powers]):
-        for fields, text in zip(terms, (TERM, TERM_IN_CSV), strict=True):
-            per_m = partial(_size, power=n)
-            columns = declare(text, POWER=str(n), HEAD=head, per_m=per_m, **SIZES)
-            fields += [replace(x, within=(_polynomial,)) for x in columns if isinstance(x, Field)]
     return declare(
         COMPONENT,
         **SIZES,
-        in_tables=terms[0],
-        in_csv=terms[1],
+        line=LINE,
         tested=TESTED,
+        polynomial=_polynomial,
+        powers=[(str(n), head) for n, head in enumerate(heads[:powers])],
+        **{f"per_m{n}": partial(_size, power=n) for n in range(powers)},
         shape=lambda x: "polynomial" if x.estimate.table is None else "table",
         # To the last bit the root of pass_covariance as the report states it.
         s_pass=lambda x: math.sqrt(x.pass_covariance[0, 0] / _size(x) ** 2),

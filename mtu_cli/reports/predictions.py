@@ -63,24 +63,6 @@ def _least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
     return f"The least probability of conformance is {text} %, of {least}"
 
 
-OF_AXIS = """
-    EAXIS_um | AXIS.prediction.mean | error along AXIS: actual minus nominal \
-        | EAXIS, u=root(AXIS.variance)
-    u_AXIS_um | root(AXIS.variance) | standard uncertainty of one future part \
-        | u, u=root(AXIS.variance)
-    U_AXIS_um | U(AXIS) | expanded uncertainty k u | U, u=root(AXIS.variance)
-    var_AXIS_um2 | AXIS.variance | variance, u squared
-    dof_effective_AXIS | AXIS.dof | effective degrees of freedom (Welch-Satterthwaite); null: \
-        infinite
-    interval95_AXIS_um | AXIS.interval95 | interval that holds the error of 95 of 100 future parts \
-        (Student's t) | 95 %, interval, u=root(AXIS.variance)
-    independent.u_AXIS_um | root(AXIS.prediction.independent_variance) | standard uncertainty with \
-        components and points independent (Gilsinn & Ling 2004) | u indep., detail
-    independent.var_AXIS_um2 | AXIS.prediction.independent_variance | its square | -, json
-    shares.AXIS. | split(AXIS) | *shares
-"""
-
-
 def point(axes: Sequence[str]) -> Fields:
     """The figures of one feature, of every axis its error with uncertainty."""
     return declare(
@@ -89,7 +71,23 @@ def point(axes: Sequence[str]) -> Fields:
         x_mm | place.0 | nominal place; null: not given | x, mm
         y_mm | place.1 | nominal place; null: not given | y, mm
         z_mm | place.2 | nominal place; null: not given | z, mm
-        *of_axes
+        for AXIS in axes
+            -. | AXIS
+                EAXIS_um | prediction.mean | error along AXIS: actual minus nominal \
+                    | EAXIS, u=root(variance)
+                u_AXIS_um | root(variance) | standard uncertainty of one future part \
+                    | u, u=root(variance)
+                U_AXIS_um | U() | expanded uncertainty k u | U, u=root(variance)
+                var_AXIS_um2 | variance | variance, u squared
+                dof_effective_AXIS | dof | effective degrees of freedom (Welch-Satterthwaite); \
+                    null: infinite
+                interval95_AXIS_um | interval95 | interval that holds the error of 95 of 100 \
+                    future parts (Student's t) | 95 %, interval, u=root(variance)
+                independent.u_AXIS_um | root(prediction.independent_variance) | standard \
+                    uncertainty with components and points independent (Gilsinn & Ling 2004) \
+                    | u indep., detail
+                independent.var_AXIS_um2 | prediction.independent_variance | its square | -, json
+            shares.AXIS. | split(AXIS) | *shares
         conformance.
             position_um | | diameter of the zone of true position; conformance is null without \
                 | position, diameter(), csv=position_um, size=as_stated()
@@ -98,7 +96,7 @@ def point(axes: Sequence[str]) -> Fields:
         outside_measured_range | outside | components whose measured range the feature leaves \
             | -, json
         """,
-        of_axes="".join(OF_AXIS.replace("AXIS", axis) for axis in axes),
+        axes=axes,
         split=lambda x: None if x.independent else x.table.split.shares(x.index),
         **COMMON,
     )
