@@ -153,34 +153,29 @@ def _polynomial(item: Line) -> Line | None:
     return None if isinstance(item, Component) and item.estimate.table else item
 
 
-def results(fields: Fields) -> Fields:
-    """The figures of the report, of components with these."""
-    text = """
-        machine | | name of the machine
-        components{} | | *component
-        joint_pass_covariance[] | joint
-            components | group.components | components read in the same passes
-            widths | group.widths | number of coefficients of each
-            coefficient_covariance | group.covariance | of all coefficients | -, size=units
-            pass_covariance | group.pass_covariance | of all between passes | -, size=units
-            half_difference_mean_square | group.half_differences | part of it of runs there and \
-                back | -, size=units
-            pass_dof | group.pass_dof | degrees of freedom between passes
-            n_passes | group.n_passes | number of passes
-        observability[]
-            component | | component, or those of a group
-            not_determined | | what the readings leave open
-            because | | why
-            reading_that_would | | readings that would determine it
-    """
-    return declare(text, component=fields)
-
-
 ROW = component(2)
-RESULTS = results(ROW)
 """Of components of degree 1."""
-
-
+RESULTS = declare(
+    """
+    machine | | name of the machine
+    components{} | | *component
+    joint_pass_covariance[] | joint
+        components | group.components | components read in the same passes
+        widths | group.widths | number of coefficients of each
+        coefficient_covariance | group.covariance | of all coefficients | -, size=units
+        pass_covariance | group.pass_covariance | of all between passes | -, size=units
+        half_difference_mean_square | group.half_differences | part of it of runs there and \
+            back | -, size=units
+        pass_dof | group.pass_dof | degrees of freedom between passes
+        n_passes | group.n_passes | number of passes
+    observability[]
+        component | | component, or those of a group
+        not_determined | | what the readings leave open
+        because | | why
+        reading_that_would | | readings that would determine it
+    """,
+    component=ROW,
+)
 KNOT = declare("""
     - | of.label | | component, text, names
     - | of.unit.name | | unit, text
@@ -217,8 +212,7 @@ def document(result: FitResult, digits: int = 2) -> Document:
         if labels:
             findings.append(f"{words} of {listed(labels)}")
     verdict = f"Significant: {'; '.join(findings)}." if findings else "No test is significant."
-    source = results(fields), result
-    return Document("Components", source, tables, figure, verdict, digits)
+    return Document("Components", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def figure(result: FitResult) -> figures.Figure:
