@@ -286,15 +286,12 @@ class Side:
 
 
 class Panel(NamedTuple):
-    """The `sides` at the features `rows` of one level, along as many `axes`; of each the arrows
-    (rows, 2) um and the ellipses, half axes (rows, 2) um and their directions (rows, 2, 2).
-    """
+    """The `sides` at the features `rows` of one level, `along` the axes of the plane or across."""
 
     title: str
     rows: IntArray
-    axes: int
+    along: list[int]
     sides: Sequence[Side]
-    drawn: list[tuple[FloatArray, FloatArray, FloatArray]]
 
 
 def _drawn(
@@ -341,7 +338,8 @@ class Maps:
         levels = [np.flatnonzero(code == i) for i in spread(len(values), MOST)]
         if len(values) > FEW and 3 * len(values) > len(heights):
             levels = [np.arange(len(heights))]
-        self.panels = []
+        self.k, self.panels = k, list[Panel]()
+        sizes = {2: [1e-12], 1: [1e-12]}
         for name, sides in groups:
             for along in [self.plane, [normal]] if whole else [self.plane]:
                 kind = " and ".join(f"E{AXES[axis]}" for axis in along)
@@ -351,16 +349,12 @@ class Maps:
                     at = f"{AXES[normal]} = {' to '.join(ends)} mm"
                     at = at if np.isfinite(heights[rows]).all() else ""
                     text = ", ".join(filter(None, (cut(name, 20), kind, at)))
-                    drawn = [_drawn(side, rows, along, k) for side in sides]
-                    self.panels.append(Panel(text, rows, len(along), sides, drawn))
+                    self.panels.append(Panel(text, rows, along, sides))
+                    for arrows, half, _ in (_drawn(side, rows, along, k) for side in sides):
+                        longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
+                        sizes[len(along)] += [longest / REACH, half.max(initial=0.0) / RADIUS]
         spacing = min(_spacing(self.places[rows]) for rows in levels)
-        self.scales: dict[int, float] = {}
-        for count in (2, 1):
-            sizes = [1e-12]
-            for arrows, half, _ in (x for p in self.panels if p.axes == count for x in p.drawn):
-                longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
-                sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
-            self.scales[count] = spacing / max(sizes)
+        self.scales = {count: spacing / float(max(each)) for count, each in sizes.items()}
         self.low = self.places.min(axis=0) - 1.3 * spacing
         self.high = self.places.max(axis=0) + 1.3 * spacing
         self.columns = min(len(self.panels), len(levels) if len(levels) > 1 else 2, 3)
@@ -396,9 +390,12 @@ class Maps:
         from matplotlib.collections import EllipseCollection
         from matplotlib.patheffects import withStroke
 
-        places, scale = self.places[content.rows], self.scales[content.axes]
-        both = zip(content.sides, content.drawn, strict=True)
-        for i, (side, (errors, half, directions)) in enumerate(both):
+        _, rows, along, sides = content
+        places, scale = self.places[rows], self.scales[len(along)]
+        total = np.zeros((len(rows), 2))
+        for i, side in enumerate(sides):
+            errors, half, directions = _drawn(side, rows, along, self.k)
+            total += np.nan_to_num(errors)
             if side.covariance is not None:
                 angles = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
                 ellipses = EllipseCollection(
@@ -409,7 +406,7 @@ class Maps:
                 )  # fmt: skip
                 panel.add_collection(ellipses, autolim=False)
             # The first is wider, to be seen where both are the same.
-            width = 0.04 if len(content.sides) > 1 and i == 0 else 0.02
+            width = 0.04 if len(sides) > 1 and i == 0 else 0.02
             arrows = panel.quiver(
                 *places.T, *errors.T, angles="xy", scale_units="xy", scale=1 / scale,
                 color=side.colour, units="inches", width=width, headwidth=4, zorder=4,
@@ -422,8 +419,7 @@ class Maps:
                     labelpos="E", color=INK,
                 )  # fmt: skip
         panel.plot(*places.T, "o", color=INK, markersize=2.6, zorder=5)
-        total = np.nansum([errors for errors, _, _ in content.drawn], axis=0)
-        for i, row in enumerate(content.rows if self.named else ()):
+        for i, row in enumerate(rows if self.named else ()):
             name, size = self.ids[row], float(np.linalg.norm(total[i]))
             unit = -total[i] / size if size > 0 else np.array([0.0, -1.0])
             panel.annotate(

@@ -16,7 +16,7 @@ from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED
+from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE
 from mtu_cli.reports.numbers import plus_minus, significant, with_u
 from mtu_cli.units import ARCSEC, UM
 
@@ -190,9 +190,7 @@ def _plan_document(result: analysis.Iso230Result, plan: analysis.Plan, digits: i
 
 
 def positioning_figure(result: analysis.Iso230Result) -> figures.Figure:
-    """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
-    limits as long as the range that their figure may have.
-    """
+    """The diagram of ISO 230-2: means of each direction with 2 s, mean of both, and readings."""
     axes = list(result.axes.values())
     columns = 1 if len(axes) == 1 else 2
     lines = math.ceil(len(axes) / columns)
@@ -214,14 +212,6 @@ def positioning_figure(result: analysis.Iso230Result) -> figures.Figure:
         mean = means.mean(axis=0)
         if np.isfinite(mean).any():
             panel.plot(axis.targets, mean, color=INK, ls="--", lw=1.0, label="mean of both")
-        middle = (np.nanmax(means) + np.nanmin(means)) / 2
-        limits = {x.name: x.limit / x.size for x in axis.figures.values() if x.limit is not None}
-        for i, (name, limit) in enumerate(limits.items(), 1):
-            place = axis.targets.max() + 0.05 * i * axis.travel
-            panel.errorbar(
-                place, middle, limit / 2, color=RED, capsize=4, elinewidth=2.0, label="limit"
-            )
-            panel.annotate(name, (place, middle), (4, 0), textcoords="offset points", color=RED)
         title = f"{axis.name}: {_figure_text(axis, 2)} {axis.unit}"
         xlabel = f"target, {'deg' if axis.rotary else 'mm'}"
         panel.set(title=title, xlabel=xlabel, ylabel=f"deviation, {axis.unit}")
