@@ -121,6 +121,7 @@ OUTPUTS = declare(
     by_name=lambda result: {x.name: x for x in result.outputs},
 )
 RESULTS: Fields = (*OUTPUTS, *INPUTS)
+SINGLE: Fields = (*declare("-. | outputs.0 | *output", output=ONE), *INPUTS)
 ESTIMATE = declare("""
     - | output.name | | output, text
     - | method | | method, text
@@ -175,12 +176,11 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     correlation = Table("Correlation of the outputs, first order", fields, items)
     return Document(
         result.name,
-        (ONE, outputs[0]) if single else (OUTPUTS, result),
+        (SINGLE if single else RESULTS, result),
         [contributions, estimates, correlation],
-        lambda _: figure(result),
+        figure,
         _verdict(result, percent, digits),
         digits,
-        [(INPUTS, result)],
     )
 
 

@@ -141,10 +141,10 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A report: `results` are the fields of the JSON document and the item they are read from,
-    `extra` those that are read from other items. The first of `tables` is the main one, of which
-    ``--csv`` has every item; `draw` takes the item of `results`, and is None where there is nothing
-    to draw. `verdict` is what the figures say, in a sentence.
+    """A report: `results` are the fields of the JSON document and the item they are read from. The
+    first of `tables` is the main one, of which ``--csv`` has every item; `draw` takes the item of
+    `results`, and is None where there is nothing to draw. `verdict` is what the figures say, in a
+    sentence.
     """
 
     title: str
@@ -153,7 +153,6 @@ class Document:
     draw: Callable[[Any], figures.Figure] | None
     verdict: str = ""
     digits: int = 2
-    extra: Sequence[tuple[Fields, Any]] = ()
 
     @property
     def figure(self) -> Callable[[], figures.Figure] | None:
@@ -162,10 +161,7 @@ class Document:
 
     def record(self) -> dict[str, Any]:
         """`results` of the JSON report."""
-        result = record(*self.results)
-        for fields, item in self.extra:
-            result |= record(fields, item)
-        return result
+        return record(*self.results)
 
     def rows(self) -> tuple[Sequence[str], Iterable[Sequence[Any]]]:
         """Header and rows of the CSV."""

@@ -259,8 +259,17 @@ def _level(text: str, definitions: Mapping[str, Any]) -> Iterator[Field | Group]
         braces = path.count("{}")
         fields = _fields(meaning[1:], definitions) if meaning else list(_level(inner, definitions))
         many = path.count("[]") + braces
-        group = Group(name.removeprefix("-"), fields, of, many=many, named=bool(braces))
-        yield from [group] if group.path else leaves([group])
+        if name == "-":
+            yield from (_within(partial(read, value=of), each) for each in fields)
+        else:
+            yield Group(name, fields, of, many=many, named=bool(braces))
+
+
+def _within(part: Callable[[Any], Any], each: Field | Group) -> Field | Group:
+    """A figure, read from a part of the item."""
+    if isinstance(each, Field):
+        return replace(each, within=(part, *each.within))
+    return replace(each, value=lambda item: read(part(item), each.value))
 
 
 def _fields(name: str, definitions: Mapping[str, Any]) -> Any:
@@ -314,14 +323,16 @@ def leaves(fields: Fields) -> Iterator[Field]:
         elif not each.many:
             part = partial(read, value=each.value)
             for field in leaves(fields_of(each.fields)):
-                path = field.path and f"{each.path}.{field.path}".removeprefix(".")
+                path = f"{each.path}.{field.path}" if field.path else ""
                 yield replace(field, path=path, within=(part, *field.within))
 
 
 def read(item: Any, value: Value | None) -> Any:
     """A quantity of an item: by a function, or by the path of an attribute."""
+    if item is None or value is None:
+        return None
     if not isinstance(value, str):
-        return None if value is None else value(item)
+        return value(item)
     for name in _names(value):
         if item is None:
             return None

@@ -224,8 +224,9 @@ def grid_point(names: Iterable[str], unit: str = "") -> Fields:
 
 
 def grid(fields: Fields) -> Fields:
-    """The figures of a grid, of points with these."""
+    """The figures of a grid, of points with these, and of the graph as the file has it."""
     text = """
+        -. | base | *simulation
         of | output() | the output
         unit | output.unit | unit of means and u
         grid[] | | *point
@@ -237,11 +238,13 @@ def grid(fields: Fields) -> Fields:
                 a u of the Monte Carlo
         converged | | whether all trials reached the digits asked for
     """
-    return declare(text, output=lambda result: str(result.output), point=fields)
+    # The grid says whether all converged.
+    base = SIMULATION[:-1]
+    return declare(text, simulation=base, output=lambda x: str(x.output), point=fields)
 
 
 GRID_ROW = grid_point(("axis_um", "probe_um", "perpendicular_um", "repeats"))
-SWEEP: Fields = (*SIMULATION[:-1], *grid(GRID_ROW))
+SWEEP = grid(GRID_ROW)
 
 
 def sweep(result: Sweep, digits: int = 2) -> Document:
@@ -257,9 +260,8 @@ def sweep(result: Sweep, digits: int = 2) -> Document:
         verdict = f"Formula and Monte Carlo differ by {most} % at most."
         if len(result.grid) == len(formula.coefficients):
             verdict = "The formula has as many terms as the grid has points: nothing checks it."
-    table = Table(title, fields, result.grid, footer)
-    source, extra = (SIMULATION, result.base), [(grid(fields), result)]
-    return Document(title, source, [table], lambda _: sweep_figure(result), verdict, digits, extra)
+    table, source = Table(title, fields, result.grid, footer), (grid(fields), result)
+    return Document(title, source, [table], sweep_figure, verdict, digits)
 
 
 def simulation_figure(result: GraphSimulation) -> figures.Figure:
