@@ -11,7 +11,6 @@ from mtu_cli.analyses.compare import Compared, CompareResult, Summary, Verdict
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import RowOf, declare, rows_of
-from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import MISSING, p_value, significant, span, words
 from mtu_cli.units import UM
 
@@ -180,8 +179,8 @@ def figure(result: CompareResult) -> figures.Figure:
         values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
     predicted, measured = np.concatenate(values, axis=2) / UM
     intervals = [
-        Intervals("predicted", figures.BLUE, predicted[0], predicted[1], -0.14),
-        Intervals("measured", figures.ORANGE, measured[0], measured[1], 0.14),
+        ("predicted", figures.BLUE, *predicted, -0.14),
+        ("measured", figures.ORANGE, *measured, 0.14),
     ]
     title = f"Mean errors predicted and measured ± {k:g} u of one part"
     title += f" ({len(names)} of {total})" * (len(names) < total)

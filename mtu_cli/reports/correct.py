@@ -15,14 +15,11 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import KIND, Document, Table
 from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
-from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import significant, words
 from mtu_cli.units import UM
 
 SHOWN = 40
 """Points, and sizes of several parts, that are listed without ``--detail``."""
-ROUNDING_UM = 1e-4
-"""A form error below a tenth of a nanometre is rounding."""
 KINDS: dict[Kind, str] = {"circle": "circles", "sphere": "spheres", "length": "lengths"}
 ROW = declare(
     """
@@ -90,7 +87,8 @@ def size(kind: Kind) -> Fields:
         REFERENCE="nominal" if length else "calibrated",
         temperature="" if length else TEMPERATURE,
         ring="" if length else RING,
-        form=lambda value, u, digits: "0" if value < ROUNDING_UM else significant(value),
+        # Below a tenth of a nanometre it is rounding.
+        form=lambda value, u, digits: "0" if value < 1e-4 else significant(value),
     )
 
 
@@ -181,8 +179,8 @@ def figure(result: CorrectResult) -> figures.Figure:
         )
         names = [words(x, axis) for x in result.feature for axis in result.axes]
     intervals = [
-        Intervals("before", figures.ORANGE, before),
-        Intervals("after, with 95 % interval", figures.BLUE, after, half),
+        ("before", figures.ORANGE, before, None, 0.0),
+        ("after, with 95 % interval", figures.BLUE, after, half, 0.0),
     ]
     title += " before and after the correction"
     return figures.listing(title, names, intervals, "measured minus reference, um")

@@ -33,8 +33,6 @@ KIND = {True: "components and points independent", False: "covariance included"}
 """Of correlation, by whether it is independent."""
 WIDTH = 100
 """Columns that a table may take."""
-FOLDED = 12
-"""Of these a column of text can do with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +59,9 @@ class Sheet:
         for i, column in enumerate(self.columns):
             lines = [*titles[i].split("\n"), *(row[i] for row in self.rows)]
             widths.append(max(map(cell_len, lines)))
-            # A heading breaks between its words only.
+            # A heading breaks between its words only; 12 columns do for other text.
             words = max(map(cell_len, titles[i].split()), default=0)
-            least.append(min(widths[-1], max(FOLDED, words)) if column.text else widths[-1])
+            least.append(min(widths[-1], max(12, words)) if column.text else widths[-1])
         for n, group in enumerate(self._groups(least, limit)):
             if n > 0:
                 yield Text("")

@@ -96,8 +96,6 @@ SHOWN: dict[str, Show] = {
     "share": _share,
 }
 """How a value of a table is written; text stands left and may break over lines."""
-COLUMN = re.compile(r"\s\|(?=\s|$)")
-"""Between the columns of a declaration."""
 COMMON: dict[str, Any] = {
     "as_stated": lambda item: 1.0,
     "root": np.sqrt,
@@ -249,7 +247,7 @@ def _level(text: str, definitions: Mapping[str, Any]) -> Iterator[Field | Group]
                 words = dict(zip(names, [each] if isinstance(each, str) else each, strict=True))
                 yield from _level(inner, {**definitions, **words})
             continue
-        cells = [" ".join(each.split()) for each in COLUMN.split(first)]
+        cells = [" ".join(each.split()) for each in re.split(r"\s\|(?=\s|$)", first)]
         path, value, meaning, cell = [*cells, "", "", ""][:4]
         name = path.rstrip(".[]{}")
         of = _value(value or name, definitions)

@@ -23,8 +23,6 @@ from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.units import SMALL
 
-SHOWN, TITLE = 12, 36
-"""Names in a note; characters above a panel."""
 MARKS = {1: (">", "forward"), -1: ("<", "reverse"), 0: ("o", "reading")}
 """Markers and words by direction."""
 
@@ -193,7 +191,7 @@ def document(result: FitResult, digits: int = 2) -> Document:
         "± one standard uncertainty; reversal: forward minus reverse; * significant at "
         f"{100 * FAMILY_RATE:g} % (Bonferroni)"
     )
-    if missing := listed(result.fit.missing, SHOWN):
+    if missing := listed(result.fit.missing, 12):
         footer += f"; not fitted, without readings: {missing}"
     lines = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]
     table = Table(f"Components of {result.machine}", fields, components, footer, selection=lines)
@@ -247,7 +245,7 @@ def figure(result: FitResult) -> figures.Figure:
         )  # fmt: skip
         panel.plot(place, line, color=figures.INK, zorder=4, label="fit")
         says = result.components[name].says or ""
-        panel.set_title(cut(f"{name}  {says}".rstrip(), TITLE))
+        panel.set_title(cut(f"{name}  {says}".rstrip(), 36))
         panel.set_xlabel("pass" if estimate.of is None else f"{estimate.of}, mm")
         panel.set_ylabel(estimate.unit.name)
     figures.legend(page)

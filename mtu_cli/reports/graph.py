@@ -22,18 +22,10 @@ from mtu_cli.units import UM
 
 MOST = 12
 """Places named in one cell."""
-SHOWN_SHARES = 3
-"""Sources of variance that are named."""
 SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendicularity"}
 """Sources for people; others are places."""
-COORDINATES, LINES = 9, 14
-"""Coordinates drawn on one sheet; lines of a sweep that are named."""
-SEEN = 1e-3
-"""Coordinates drawn have at least this part of the largest u of their unit."""
-NAME, TITLE = 24, 50
-"""Characters of a name, and of one line of a title."""
-DIGITS = 6
-"""Of a nominal."""
+NAME = 24
+"""Characters of a name in a picture."""
 
 
 def small_unit(unit: str) -> tuple[float, str]:
@@ -47,7 +39,7 @@ def shares_text(shares: Mapping[str, float]) -> str:
     pairs.sort(key=lambda pair: -abs(pair[1]))
     texts = [
         f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
-        for name, share in pairs[:SHOWN_SHARES]
+        for name, share in pairs[:3]
         if math.isfinite(share)
     ]
     return ", ".join(texts) or "-"
@@ -133,7 +125,7 @@ COORDINATE = """
 
 
 def _nominal(item: SimulatedCoordinate, u: None, digits: int) -> str:
-    text = significant(item.nominal, DIGITS)
+    text = significant(item.nominal, 6)
     return text if item.output.unit == "1" else f"{text} {item.output.unit}"
 
 
@@ -268,7 +260,7 @@ def simulation_figure(result: GraphSimulation) -> figures.Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
     variables = [item for item in result.coordinates if not item.fixed]
     maxima = [max(y.u for y in variables if y.output.unit == x.output.unit) for x in variables]
-    selection = [x for x, u in zip(variables, maxima, strict=True) if x.u >= SEEN * u][:COORDINATES]
+    selection = [x for x, u in zip(variables, maxima, strict=True) if x.u >= 1e-3 * u][:9]
     trials = []
     for item in selection:
         factor, unit = small_unit(item.output.unit)
@@ -277,7 +269,7 @@ def simulation_figure(result: GraphSimulation) -> figures.Figure:
         text = f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}"
         of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
         trials.append((text, of, samples, ends, (0.0, u, math.inf)))
-    title = f"{cut(result.graph.graph.name, TITLE)}: scatter of the results"
+    title = f"{cut(result.graph.graph.name, 50)}: scatter of the results"
     title += f" ({len(selection)} of {len(variables)})" * (len(selection) < len(variables))
     return figures.histograms(title, trials)
 
@@ -294,7 +286,7 @@ def sweep_figure(result: Sweep) -> figures.Figure:
     page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
     panel, short = page.subplots(), cut(str(result.output), NAME)
     factor, unit = small_unit(result.output.unit)
-    indices = spread(len(lines), LINES)
+    indices = spread(len(lines), 14)
     for i, ((label, points), colour) in enumerate(
         zip(lines.items(), figures.shades(len(lines)), strict=True)
     ):

@@ -40,11 +40,8 @@ ROOM, BEND, GAP = 0.23, 0.08, 0.35
 MARGIN, FOOT, KEY, TITLE = 0.8, 0.2, 0.95, 0.105
 """Room about the picture and for its key; widths of an entry of the key and of a letter of the
 title, inches."""
-SWEEPS, PASSES = 9, 80
-LEVEL, FINE = 0.02, 100
-"""Inches that an arc is level at its ends, and points of it that are drawn."""
-NOISE = 1e-9
-"""Percent by which rounding may move a share."""
+LEVEL = 0.02
+"""Inches that an arc is level at its ends."""
 LEAST_SHARE = 0.005
 """Of sources of variance that are named."""
 
@@ -81,7 +78,7 @@ class Net(NamedTuple):
 
 def share_percent(share: float, decimals: int = 1) -> str:
     """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
-    return f"{100 * share + NOISE:z.{decimals}f}"
+    return f"{100 * share + 1e-9:z.{decimals}f}"
 
 
 def net_of(
@@ -117,7 +114,7 @@ def lay_out(net: Net) -> tuple[FloatArray, list[FloatArray]]:
     for node, number in enumerate(rank):
         layers[number].append(node)
     before, after = _adjacent([pair for path in paths for pair in pairwise(path)])
-    for sweep in range(SWEEPS):  # to and fro; at last forward
+    for sweep in range(9):  # to and fro; at last forward
         near, pairs = (after, layers[::-1]) if sweep % 2 else (before, layers)
         for fixed, layer in pairwise(pairs):
             at = {node: i for i, node in enumerate(fixed)}
@@ -167,7 +164,7 @@ def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatAr
         rooms = np.where(np.array(layer) < nodes, ROOM, BEND)
         offsets.append(np.cumsum(rooms) + np.cumsum(np.append(0.0, rooms[:-1])))
         y[layer] = offsets[-1] - offsets[-1].mean()
-    for turn in range(PASSES):
+    for turn in range(80):
         for index in range(len(layers)) if turn % 2 else reversed(range(len(layers))):
             layer, offset = layers[index], offsets[index]
             targets = np.array([y[near[i]].mean() for i in layer])
@@ -200,7 +197,7 @@ def drawing(net: Net) -> figures.Figure:
         (x0, y0), *bends, (x1, y1) = route.tolist()
         x0, x1 = x0 + before, x1 - after
         points = np.array([(x0, y0), (x0 + LEVEL, y0), *bends, (x1 - LEVEL, y1), (x1, y1)])
-        along = np.linspace(x0, x1, FINE)
+        along = np.linspace(x0, x1, 100)
         curve = Path(np.column_stack([along, PchipInterpolator(*points.T)(along)]))
         arrow = FancyArrowPatch(
             path=curve, arrowstyle="-|>,head_length=3.0,head_width=1.5", lw=0.8 + 3.0 * share,
@@ -230,8 +227,6 @@ def drawing(net: Net) -> figures.Figure:
     return page
 
 
-PIXELS = 96
-"""A dot in an inch of the layout, for the paper's coordinates."""
 DOT_BAR = "shape=box, style=filled, fillcolor=black, width=0.08, height=0.5, fixedsize=true"
 
 
@@ -294,10 +289,11 @@ def assertions(net: Net, measurement: MeasurementGraph) -> str:
     """The model data base of Stryczek, Table 1: p(n, x, y, kind, X, Y, Z), t(n, x, y, type),
     pt(p, t), tp(t, p), m(p).
 
-    n counts places and transitions apart; x, y in pixels; the values are those at nominal (for a
-    coordinate and a constant the first; of lines and planes the direction, of frames the origin).
+    n counts places and transitions apart; x, y in pixels, 96 to the inch; the values are those at
+    nominal (for a coordinate and a constant the first; of lines and planes the direction, of frames
+    the origin).
     """
-    spots = np.rint((lay_out(net)[0] + 0.5) * PIXELS).astype(int)
+    spots = np.rint((lay_out(net)[0] + 0.5) * 96).astype(int)
     graph, lines = measurement.graph, [f"% {_plain(net.title)}"]
     count = len(graph.places)
     for number, (node, (x, y)) in enumerate(zip(net.nodes, spots, strict=True), 1):

@@ -17,12 +17,10 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import KIND, Document, Table
 from mtu_cli.reports.fields import Fields, declare, rows_of
-from mtu_cli.reports.figures import Intervals, Maps, Side
+from mtu_cli.reports.figures import Maps, Side
 from mtu_cli.reports.numbers import chance, plus_minus, significant, with_u
 from mtu_cli.units import ARCSEC, UM
 
-DRAWN = 6
-"""Angles drawn on one sheet."""
 DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
 COMMON: dict[str, Any] = {
@@ -176,7 +174,7 @@ def points_figure(result: PointsResult) -> figures.Figure:
         maps.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")
         return page
     U = k * np.sqrt(result.variance) / UM
-    intervals = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
+    intervals = [("", figures.BLUE, result.prediction.mean / UM, U, 0.0)]
     return figures.listing(f"{title} ± {k:g} u", _names(result), intervals, "um")
 
 
@@ -258,8 +256,8 @@ def lengths_figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
         f"Predicted errors of the lengths ± {k:g} u",
         [f"{name}, {x:.2f} mm" for name, x in zip(result.ids, result.nominal, strict=True)],
         [
-            Intervals("with shared covariance", figures.BLUE, value, k * u),
-            Intervals("independent ends and components", figures.ORANGE, value, k * u_indep, 0.28),
+            ("with shared covariance", figures.BLUE, value, k * u, 0.0),
+            ("independent ends and components", figures.ORANGE, value, k * u_indep, 0.28),
         ],
         "actual minus nominal length, um",
         limits=list(np.array(limits).T),
@@ -324,7 +322,7 @@ def orthogonality(result: OrthogonalityResult, digits: int = 2) -> Document:
 def angles_figure(result: OrthogonalityResult) -> figures.Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     trials = []
-    for item in result.angles[:DRAWN]:
+    for item in result.angles[:6]:
         run, model = item.run, item.model
         mean = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0]
         first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]

@@ -17,10 +17,6 @@ from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, RowOf, declare
 from mtu_cli.reports.numbers import cut, fixed, significant, spread
 
-LEADING, NAME = 3, 26
-"""Sensors named in the table of models, and characters of a component's name above a panel."""
-DRAWN, POSITIONS = 6, 6
-"""Components drawn, and positions of each."""
 COMPONENT = """
     of | estimate.of | its axis; null: a constant
     unit | unit.name | of its coefficients
@@ -157,7 +153,7 @@ MODEL = declare(
     # T_spindle_degC is spindle.
     leading=lambda x: ", ".join(
         name.removeprefix("T_").removesuffix("_degC")
-        for name in sorted(x.estimate.sensors, key=lambda name: -x.shares.get(name, 0.0))[:LEADING]
+        for name in sorted(x.estimate.sensors, key=lambda name: -x.shares.get(name, 0.0))[:3]
     ),
     reduction=lambda value, u, digits: fixed(100 * value, 0),
 )
@@ -203,7 +199,7 @@ def figure(fit: ThermalFit) -> figures.Figure:
     """Measured and modelled drift, a panel a component, its cycles one after the other; where the
     drift differs along an axis a colour a position.
     """
-    items = list(fit.components.values())[:DRAWN]
+    items = list(fit.components.values())[:6]
     page = figures.blank(9.0, 0.9 + 2.75 * max(1, len(items)))
     for panel, item in zip(figures.panels_of(page, len(items), 1), items, strict=True):
         _curves(panel, item)
@@ -216,7 +212,7 @@ def figure(fit: ThermalFit) -> figures.Figure:
 def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
     unit, size = item.rms_unit.name, item.rms_unit.to_internal
     places = list(dict.fromkeys(curve.position for curve in item.curves))
-    positions = [places[i] for i in spread(len(places), POSITIONS)]
+    positions = [places[i] for i in spread(len(places), 6)]
     along, start = item.estimate.degree > 0 and len(positions) > 1, 0.0
     shades = figures.shades(len(positions)) if along else [figures.BLUE] * len(positions)
     colours = dict(zip(positions, shades, strict=True))
@@ -236,6 +232,6 @@ def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
     kind = "rms of held-out cycles" if held_out else "rms of the fit (nothing held out)"
     rms = (held_out.before, held_out.after) if held_out else (item.rms_before, item.rms_after)
     change = " → ".join(significant(x / size, 3) for x in rms)
-    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {unit}")
+    panel.set_title(f"{cut(item.name, 26)}: {kind} {change} {unit}")
     if along:
         figures.key(panel, [panel], loc="center left", bbox_to_anchor=(1.0, 0.5))
