@@ -65,8 +65,7 @@ ENTRY = """
     - | tables.labels.1 | name of feature, length or angle | -, csv=id
     p_familywise | p_parts | p of F, adjusted for all of the kind (Holm) | p (Holm), p
     var_both_UNIT2 | both | variance of parts and CMM, without repeats
-    var_both_interval95_UNIT2 | both_interval | its 95 % interval \
-        | -, interval, csv=var_both_{}95_UNIT2
+    var_both_interval95_UNIT2 | both_interval | 95 % interval | -, interval, csv=var_both_{}95_UNIT2
     interval95_future_UNIT | interval_future | interval that holds the error of 95 of 100 future \
         parts (Student's t) | 95 % future, interval, u=u_future, csv=future_{}95_UNIT
     dof_mean | | degrees of freedom of u_mean

@@ -44,8 +44,7 @@ ROW = declare(
     bias_um | bias | measured minus predicted mean | bias, plus-minus, u=u_difference
     u_bias_um | u_difference | its standard uncertainty
     E_n | | bias/(k u_bias) | E_n
-    p_bias_familywise | p_bias | p of the bias, adjusted for all tests of the study (Holm) \
-        | p / bias, p
+    p_bias_familywise | p_bias | p of the bias, adjusted for all tests (Holm) | p / bias, p
     ratio_u | | of u of one future part | u / ratio, detail
     ratio_scatter | | of scatter from part to part | scatter / ratio
     ratio_ms_between | ratio_ms | of ms_between and its expectation
@@ -78,8 +77,7 @@ SUMMARY = declare(
     all_at_once. | pooled
         items | | items whose scatter is pooled
         ratio_scatter | ratio | their scatter, measured over predicted
-        p_scatter_familywise | p | p of it, adjusted for all tests of the study (Holm) \
-            | p / pooled, p
+        p_scatter_familywise | p | p of it, adjusted for all tests (Holm) | p / pooled, p
         verdict | pooled_verdict() | what the test shows
     ratio_u | | least and largest ratio of u | u ratio, span
     ratio_scatter | | least and largest ratio of scatter from part to part | scatter ratio, span

@@ -61,8 +61,7 @@ MOVE = declare(
         -. | UNIT()
             expect_without_UNIT | without | error expected without the table | without, u=u
             expect_with_UNIT | with_table | error expected with it | with, u=u
-            expect_wrong_sign_UNIT | wrong_sign | error expected with the wrong sign \
-                | wrong sign, u=u
+            expect_wrong_sign_UNIT | wrong_sign | the same with the wrong sign | wrong sign, u=u
             u_UNIT | u | standard uncertainty of one such reading | u, u=u
             measured_UNIT | measured | mean of the readings of --verify | measured, u=u
     """,
@@ -105,13 +104,11 @@ RESULTS = declare(
                 | -, interval, size=unit.to_internal
     backlash_varies.F | errors.varies.F | mean squares of forward - reverse over targets
     backlash_varies.p | errors.varies.p | that chance makes it so large
-    backlash_varies.range_um | range(backlash) | range of forward - reverse over targets; null \
-        of one direction
+    backlash_varies.range_um | range(backlash) | range of forward - reverse; null of one direction
     verification.moves[] | moves() | *move
     verification.verdict | verified.verdict | worked, no-effect, wrong-sign, partly, \
         too-small-to-tell; null without --verify
-    verification.k | verified.k | slope of the readings on the applied table: 0 worked, 1 no \
-        effect, 2 wrong sign
+    verification.k | verified.k | slope on the applied table: 0 worked, 1 no effect, 2 wrong sign
     verification.u | verified.u | standard uncertainty of k
     verification.interval95 | verified.interval95 | 95 % interval of k
     verification.p | verified.p | of the nearest of 0, 1 and 2

@@ -44,8 +44,7 @@ TESTED = declare(
     """
     drift. | tests.drift
         F | made.F | variance ratio
-        p | made.p | p that passes differ by no more than repeatability \
-            | drift / p, p, mark=star()
+        p | made.p | p that passes differ by no more than repeatability | drift / p, p, mark=star()
         df | made.df | its degrees of freedom | -, json
     trend. | tests.trend
         per_pass | made.value | steady change from pass to pass | -, size=size()
@@ -90,14 +89,12 @@ COMPONENT = """
     covariance_independent | estimate.independent_covariance | s^2 (X'X)^-1, all readings as \
         repeats (Gilsinn & Ling 2004) | -, json, size=size2()
     - | scatter.0 | | s_repeat / unit, size=size()
-    pass_covariance | | of intercept at pass_center_mm and slope, between passes \
-        | -, json, size=size2()
+    pass_covariance | | of level at pass_center_mm and slope, between passes | -, json, size=size2()
     pass_covariance_moment | | the same before a negative part was set to zero, for predictions \
         | -, json, size=size2()
     half_difference_mean_square | half_differences | part of the mean square between passes that \
         is of runs there and back; null: none | -, json, size=size2()
-    run_covariance | | covariance of the two passes of a run, of several instruments \
-        | -, json, size=size2()
+    run_covariance | | of the two passes of a run, of several instruments | -, json, size=size2()
     s_pass | s_pass() | standard deviation from pass to pass at pass_center_mm
     - | scatter.1 | | s_pass / unit, size=size()
     pass_center_mm | pass_center | mean position of the readings

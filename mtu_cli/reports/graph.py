@@ -152,8 +152,7 @@ SIMULATION = declare(
     """
     places{}{} | | *coordinate
     trials | | number of trials
-    budget | budget() | shares of the first-order variance of each coordinate by source; null \
-        where it is 0
+    budget | budget() | each source's share of the first-order variance; null where it is 0
     converged | | whether all trials reached the digits asked for
     """,
     coordinate=coordinate(),

@@ -71,14 +71,12 @@ def point(axes: Sequence[str]) -> Fields:
         z_mm | place.2 | nominal place; null: not given | z, mm
         for AXIS in axes
             -. | AXIS
-                EAXIS_um | prediction.mean | error along AXIS: actual minus nominal \
-                    | EAXIS, u=root(variance)
+                EAXIS_um | prediction.mean | actual minus nominal AXIS | EAXIS, u=root(variance)
                 u_AXIS_um | root(variance) | standard uncertainty of one future part \
                     | u, u=root(variance)
                 U_AXIS_um | U() | expanded uncertainty k u | U, u=root(variance)
                 var_AXIS_um2 | variance | variance, u squared
-                dof_effective_AXIS | dof | effective degrees of freedom (Welch-Satterthwaite); \
-                    null: infinite
+                dof_effective_AXIS | dof | effective degrees of freedom; null: infinite
                 interval95_AXIS_um | interval95 | interval that holds the error of 95 of 100 \
                     future parts (Student's t) | 95 %, interval, u=root(variance)
                 independent.u_AXIS_um | root(prediction.independent_variance) | standard \
@@ -91,8 +89,7 @@ def point(axes: Sequence[str]) -> Fields:
                 | position, diameter(), csv=position_um, size=as_stated()
             *conforming
             se | | standard error of the probability (Monte Carlo) | -, json
-        outside_measured_range | outside | components whose measured range the feature leaves \
-            | -, json
+        outside_measured_range | outside | components whose measured range it leaves | -, json
         """,
         axes=axes,
         split=lambda x: None if x.independent else x.table.split.shares(x.index),
@@ -275,16 +272,14 @@ ANGLE = declare(
     u_arcsec | run.u.0 | standard uncertainty; null where a source has two degrees of freedom \
         or fewer | u, u=run.u.0
     U_arcsec | U() | expanded uncertainty k u | U, u=run.u.0
-    u_eq28_arcsec | eq28() | uncertainty of one more trial about the mean of all \
-        (Gilsinn & Ling 2004, eq. (28))
+    u_eq28_arcsec | eq28() | u of one more trial about the mean (Gilsinn & Ling 2004, eq. (28))
     trials | run.trials | Monte Carlo trials | trials, count, detail
     converged | run.converged | whether they reached the digits asked for
     interval95_arcsec | ends() | interval that holds 95 of 100 trials, as many beyond either end \
         | 95 % interval, interval, u=scale
     shortest95_arcsec | shortest() | shortest interval that holds 95 of 100 trials | -, interval
     first_order.mean_arcsec | model.linear_mean.0 | the angle of the mean errors of the features
-    first_order.u_arcsec | model.linear_u.0.0 | standard uncertainty of first order \
-        | first order u, detail
+    first_order.u_arcsec | model.linear_u.0.0 | its standard uncertainty | first order u, detail
     first_order.dof_effective | model.dof.0 | effective degrees of freedom \
         (Welch-Satterthwaite); null: infinite | -, csv=dof_effective
     first_order.interval95_arcsec | interval95 | mean -+ t u of first order | -, json

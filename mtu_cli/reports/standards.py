@@ -27,8 +27,7 @@ SHOWN_AXES = 2
 FIGURE = """
     value | | MEANING | value, u=scale(), size=size
     unit | | its unit | unit, text
-    u | | standard uncertainty by the instrument, of these runs; null without a budget \
-        | u, size=size, u=u
+    u | | u of these runs by the instrument; null without a budget | u, size=size, u=u
     U | | expanded uncertainty k u | U, size=size, u=u
     u_sampling | | standard deviation over repeated tests | u_sampling, size=size
     limit | | largest value allowed | limit, size=size, exact
@@ -239,8 +238,7 @@ TRACE = declare(
     direction | trace.direction | cw or ccw | direction, text
     feed | trace.feed | path speed, mm/min; null: not stated | feed / mm/min, plain
     samples | samples() | samples | samples, count
-    G_lsc | | um: circular deviation, about the trace's least-squares circle \
-        | G (LSC), sig3, unit=um
+    G_lsc | | um: circular deviation about the trace's least-squares circle | G (LSC), sig3, unit=um
     F_max | | um: largest radial deviation from the nominal radius about the given centre \
         | F max, sig3, unit=um
     F_min | | um: smallest radial deviation | F min, sig3, unit=um
@@ -264,8 +262,7 @@ CIRCULAR = declare(
         null of one direction | -, unit=um
     D | | um: mean bidirectional radial deviation; null of one direction | -, unit=um
     diagnosis[] | causes | *cause
-    remainder.rms_um | remainder_rms | of what the joint fit leaves, without 5 degrees after each \
-        reversal
+    remainder.rms_um | remainder_rms | of what the fit leaves, without 5 degrees after each reversal
     remainder.range_um | remainder_range | its range
     """,
     trace=TRACE,
