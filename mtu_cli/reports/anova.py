@@ -208,20 +208,16 @@ RESULTS = declare(
     """
     method | | of the components of variance
     datum | | best-fit alignment removed from each part
-    features[] | features() | *feature
-    lengths[] | lengths() | *length
-    orthogonality[] | angles() | *angle
+    for NAME KIND in kinds
+        NAME[] | of_KIND() | *KIND
     totals[] | totals | *total
     unusual_parts[] | unusual | *unusual
     trends[] | trends | *trend
     capability[] | capabilities | *capability
     """,
-    features=partial(_rows, kind="feature"),
-    lengths=partial(_rows, kind="length"),
-    angles=partial(_rows, kind="angle"),
-    feature=entry("feature"),
-    length=entry("length"),
-    angle=entry("angle"),
+    kinds=(("features", "feature"), ("lengths", "length"), ("orthogonality", "angle")),
+    **{f"of_{kind}": partial(_rows, kind=kind) for kind in KINDS},
+    **{kind: entry(kind) for kind in KINDS},
     total=TOTAL,
     unusual=UNUSUAL,
     trend=TREND,
@@ -235,10 +231,7 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     rows = {kind: _rows(result, kind) for kind in KINDS}
     trends = [item for item in result.trends if item.p <= FAMILY_RATE]
     datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
-    of_totals = (
-        "s: standard deviations of the features' mean errors, from part to part, of repeated "
-        "measurement (CMM); parts differ: F test, 5 % over all (Holm)"
-    )
+    of_totals = "feature s: of the features' mean errors; parts differ: F test, 5 % over all (Holm)"
     of_unusual = (
         "deviation from the mean of the other parts; false alarms in "
         f"{100 * FAMILY_RATE:g} % of studies"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.analyses.compare import Compared, CompareResult, Summary, Verdict
+from mtu_cli.analyses.compare import Compared, CompareResult, Summary
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import RowOf, declare, rows_of
@@ -89,21 +89,15 @@ SUMMARY = declare(
 )
 
 
-SIZES: dict[Verdict, tuple[float, str]] = {
-    "under-predicted": (1.0, "scatter {} times predicted"),
-    "biased": (UM, "mean off by {} um"),
-    "over-predicted": (1.0, "scatter {} times predicted"),
-}
-"""How large a fault is: its unit, and in words."""
-
-
 def verdict_text(item: Summary) -> str:
     """Such as "drilled features: under-predicted (48 of 48: scatter 3.1 to 4.7 times predicted)",
     every fault with its size.
     """
     faults = []
     for name, (number, ends) in item.faults.items():
-        scale, text = SIZES[name]
+        scale, text = 1.0, "scatter {} times predicted"
+        if name == "biased":
+            scale, text = UM, "mean off by {} um"
         size = ends and f": {text.format(span(*(significant(end / scale) for end in ends)))}"
         if number:
             faults.append(f"{name} ({number} of {item.items}{size or ''})")
@@ -124,14 +118,12 @@ RESULTS = declare(
     features[] | rows(features) | *row
     lengths[] | lengths() | *row
     summary.features[] | features.summaries | *summary
-    summary.lengths[] | lengths.summaries | *of_lengths
+    summary.lengths[] | lengths.summaries | *summary
     """,
     rows=_rows,
     lengths=lambda x: _rows(x.lengths),
     row=ROW,
     summary=SUMMARY,
-    # Lengths are made of features, whose scatter is pooled.
-    of_lengths=[each for each in SUMMARY if each.path != "all_at_once"],
 )
 
 
@@ -143,10 +135,7 @@ def document(result: CompareResult, digits: int = 2) -> Document:
         selection = [features[i] for i in result.features.by_interest[:SHOWN]]
         title += f": faults first, {SHOWN} of {len(features)} features"
     summaries = [*result.features.summaries, *(result.lengths.summaries if result.lengths else ())]
-    faults = (
-        "items with each fault (5 % over the study); ratios: measured over predicted, least to "
-        "largest"
-    )
+    faults = "items with each fault (5 % over the study); ratios: measured over predicted"
     footer = (
         "± u, of mean errors that of one future part; E_n = bias/"
         f"({result.coverage_factor:g} u); p: of all items together (Holm)"

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from mtu_cli.analyses.correct import CorrectResult, Size
+from mtu_cli.analyses.correct import CorrectResult
 from mtu_cli.analyses.correct.sizes import Kind
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
@@ -137,10 +137,7 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
     scatter = "unknown"
     if result.scatter is not None:
         scatter = f"{significant(result.scatter.s / UM)} um from {result.scatter.origin} included"
-    errors = (
-        "error: measured minus reference, ± u with that of the calibration; scatter of the points "
-        f"beyond the model {scatter}"
-    )
+    errors = f"error: measured minus reference, ± u of both; scatter of points {scatter}"
     maxima = np.nan_to_num(np.abs(result.error)).max(axis=0)
     largest, axis = significant(maxima.max() / UM, 3), AXES[int(maxima.argmax())]
     verdict = f"The largest correction is {largest} um, along {axis}."
@@ -167,7 +164,11 @@ def figure(result: CorrectResult) -> figures.Figure:
     half = None
     if sizes:
         title = "Errors of diameters and lengths"
-        names = [words(x.id, x.operation, f"part {x.part}", _warmth(x)) for x in sizes]
+        warm = ["" if np.isnan(x.temperature) else f"at {x.temperature:.1f} °C" for x in sizes]
+        names = [
+            words(x.id, x.operation, f"part {x.part}", at)
+            for x, at in zip(sizes, warm, strict=True)
+        ]
         before, after = np.array([x.error for x in sizes]).T / UM
         half = np.array([np.ptp(x.error_interval95) for x in sizes]) / (2 * UM)
     else:
@@ -183,7 +184,3 @@ def figure(result: CorrectResult) -> figures.Figure:
     ]
     title += " before and after the correction"
     return figures.listing(title, names, intervals, "measured minus reference, um")
-
-
-def _warmth(item: Size) -> str:
-    return "" if np.isnan(item.temperature) else f"at {item.temperature:.1f} °C"

@@ -184,10 +184,8 @@ def document(result: FitResult, digits: int = 2) -> Document:
     components = list(result.components.values())
     powers = [len(x.coefficients) for x in filter(_polynomial, components)]
     fields = component(max(powers, default=0))
-    footer = (
-        "± one standard uncertainty; reversal: forward minus reverse; * significant at "
-        f"{100 * FAMILY_RATE:g} % (Bonferroni)"
-    )
+    rate = f"{100 * FAMILY_RATE:g} % (Bonferroni)"
+    footer = f"± u; reversal: forward minus reverse; * significant at {rate}"
     if missing := listed(result.fit.missing, 12):
         footer += f"; not fitted, without readings: {missing}"
     lines = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]

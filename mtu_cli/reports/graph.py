@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from mtu_cli.analyses.graph import GraphSimulation, GridPoint, SimulatedCoordinate, Sweep
+from mtu_cli.analyses.graph import GraphSimulation, GridPoint, Sweep
 from mtu_cli.findings import listed
 from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step
@@ -124,17 +124,14 @@ COORDINATE = """
 """
 
 
-def _nominal(item: SimulatedCoordinate, u: None, digits: int) -> str:
-    text = significant(item.nominal, 6)
-    return text if item.output.unit == "1" else f"{text} {item.output.unit}"
-
-
 def coordinate(sources: tuple[str, ...] = ()) -> Fields:
     """The figures of one coordinate; in CSV with the shares of all sources of variance."""
     fields = declare(
         COORDINATE,
         place=lambda item: str(item.output),
-        nominal=_nominal,
+        nominal=lambda x, u, digits: (
+            significant(x.nominal, 6) + f" {x.output.unit}" * (x.output.unit != "1")
+        ),
         size=lambda item: 1.0 / small_unit(item.output.unit)[0],
         deviations=lambda item: None if item.fixed else item.deviations,
         unit=lambda item: small_unit(item.output.unit)[1],

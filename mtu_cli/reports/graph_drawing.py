@@ -33,15 +33,11 @@ COLOURS = {
 }
 RADIUS, BAR = 0.14, (0.07, 0.28)
 """Of a circle, and width and height of a bar, inches."""
-FONT, LETTER = 7.0, 0.066
-"""Points of a label below a node, and width of its letters in inches."""
 ROOM, BEND, GAP = 0.23, 0.08, 0.35
 """Half the height of a node with its label and of an arc that passes, and between columns."""
 MARGIN, FOOT, KEY, TITLE = 0.8, 0.2, 0.95, 0.105
 """Room about the picture and for its key; widths of an entry of the key and of a letter of the
 title, inches."""
-LEVEL = 0.02
-"""Inches that an arc is level at its ends."""
 LEAST_SHARE = 0.005
 """Of sources of variance that are named."""
 
@@ -60,7 +56,7 @@ class Node(NamedTuple):
     @property
     def width(self) -> float:
         """Width of the node with its label."""
-        return max(2 * RADIUS, LETTER * len(self.label))
+        return max(2 * RADIUS, figures.LETTER * len(self.label))
 
 
 class Net(NamedTuple):
@@ -196,7 +192,7 @@ def drawing(net: Net) -> figures.Figure:
         share = max(net.shares.get(a, 0.0), net.shares.get(b, 0.0))
         (x0, y0), *bends, (x1, y1) = route.tolist()
         x0, x1 = x0 + before, x1 - after
-        points = np.array([(x0, y0), (x0 + LEVEL, y0), *bends, (x1 - LEVEL, y1), (x1, y1)])
+        points = np.array([(x0, y0), (x0 + 0.02, y0), *bends, (x1 - 0.02, y1), (x1, y1)])
         along = np.linspace(x0, x1, 100)
         curve = Path(np.column_stack([along, PchipInterpolator(*points.T)(along)]))
         arrow = FancyArrowPatch(
@@ -215,11 +211,11 @@ def drawing(net: Net) -> figures.Figure:
             panel.plot(x, y, **ring, mfc="none", mew=2.0, zorder=3, label="reported")
         if node.marked:
             panel.plot(x, y, "o", ms=4.3, mew=0, color=figures.INK, zorder=4, label="marker")
-        panel.text(x, y + RADIUS + 0.02, node.label, fontsize=FONT, ha="center", va="top", zorder=5)
+        panel.text(x, y + RADIUS + 0.02, node.label, fontsize=7.0, ha="center", va="top", zorder=5)
         if (share := net.shares.get(number, 0.0)) >= LEAST_SHARE:
             panel.text(
                 x - RADIUS - 0.04, y - 0.025 - 0.02 * share, f"{share_percent(share)} %",
-                fontsize=FONT, color=figures.RED, ha="right", va="bottom",
+                fontsize=7.0, color=figures.RED, ha="right", va="bottom",
             )  # fmt: skip
     of = "" if net.of is None else f": where the variance of {net.of} is from"
     figures.title(page, cut(net.title + of, int(width / TITLE)))

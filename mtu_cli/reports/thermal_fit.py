@@ -163,15 +163,13 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     """One row a component; in the CSV one a component, observed position and sensor."""
     items = list(fit.components.values())
     footer = (
-        f"rms of the drift without and with temperatures above {fit.reference:g} degC; held out: "
-        "cycles not in the fit"
+        f"rms without and with temperatures above {fit.reference:g} degC; held out: cycles left out"
     )
     if any(item.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
     entries = [row for item in items for row in rows(item)]
     of_sensors = (
-        "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
-        "separable: known together with other sensors only"
+        "± u; rms part: of modelled drift; not separable: known together with others only"
     )
     gradients = [row for row in entries if row[1]]
     tables = [
