@@ -14,7 +14,7 @@ from mtu_cli.analyses.correct.sizes import Kind
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import KIND, Document, Table
-from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
+from mtu_cli.reports.fields import Fields, declare, rows_of
 from mtu_cli.reports.numbers import significant, words
 from mtu_cli.units import UM
 
@@ -104,10 +104,6 @@ FORM_LEFT = declare("""
 SIZES = {kind: size(kind) for kind in KINDS}
 
 
-def _points(result: CorrectResult) -> list[RowOf]:
-    return rows_of(result, len(result.points))
-
-
 RESULTS = declare(
     """
     axes | | axes that were corrected
@@ -120,7 +116,7 @@ RESULTS = declare(
     lengths[] | length() | *lengths
     form_left[] | forms | *form_left
     """,
-    points=_points,
+    points=lambda result: rows_of(result, len(result.points)),
     point=ROW,
     form_left=FORM_LEFT,
     **{name: SIZES[kind] for kind, name in KINDS.items()},
@@ -130,7 +126,7 @@ RESULTS = declare(
 
 def document(result: CorrectResult, digits: int = 2) -> Document:
     """One row a measured point; before them the sizes, over all parts and one by one."""
-    points = _points(result)
+    points = rows_of(result, len(result.points))
     footer = "corrected = measured + correction, minus the modelled error; "
     footer += f"{KIND[result.independent]}; ± u"
     tables = [Table("Points", ROW, points, footer, detail=len(points) > SHOWN)]

@@ -118,13 +118,11 @@ def of_points(fields: Fields, *, with_covariance: bool = True) -> Fields:
     text = """
         axes | prediction.axes | axes that the machine has an equation for
         points[] | rows() | *point
-    """
-    if with_covariance:
-        text += """
         covariance_rows | names() | feature and axis of every row (--covariance)
         covariance_um2 | covariance | covariance of all errors of one part (--covariance)
-        """
-    return declare(text, rows=_features, names=_names, point=fields)
+    """
+    results = declare(text, rows=_features, names=_names, point=fields)
+    return results if with_covariance else results[:2]
 
 
 POINT = point(AXES)

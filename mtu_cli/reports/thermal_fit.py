@@ -168,9 +168,7 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     if any(item.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
     entries = [row for item in items for row in rows(item)]
-    of_sensors = (
-        "± u; rms part: of modelled drift; not separable: known together with others only"
-    )
+    of_sensors = "± u; rms part: of modelled drift; not separable: known together with others only"
     gradients = [row for row in entries if row[1]]
     tables = [
         Table("", ROW, entries, selection=()),
