@@ -301,9 +301,8 @@ def figure(result: AnovaResult) -> figures.Figure:
 
 
 def _charts(result: AnovaResult) -> Iterator[tuple[Any, ...]]:
-    """Title, unit, sequence of manufacture, means of the parts with the scatter of the CMM, limits,
-    and outliers by name: of features, clear trends, outliers and the largest errors first; then of
-    toleranced items, the least capable first.
+    """Title, unit, sequence, means of parts with scatter, limits and outliers: of features, clear
+    trends, outliers and the largest errors first; then of what has a tolerance, the worst first.
     """
     group, k = result.features, result.features.coverage_factor
     clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in group.labels]

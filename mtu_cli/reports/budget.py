@@ -128,9 +128,7 @@ ESTIMATE = declare("""
 
 
 def _estimates(item: OutputBudget) -> list[tuple[Any, ...]]:
-    """By first order, second order and Monte Carlo: value, u, intervals, what these are rounded to,
-    dof, k and U.
-    """
+    """Value, u, intervals, the u that they are rounded to, dof, k and U, by method."""
     u, (low, high) = item.of_run("u"), item.symmetric
     # A few trials far out give a u to which an interval of 95 % is nothing.
     ends_u = u if u <= high - low or low == high else 0.25 * (high - low)

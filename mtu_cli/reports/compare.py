@@ -151,9 +151,7 @@ def document(result: CompareResult, digits: int = 2) -> Document:
 
 
 def figure(result: CompareResult) -> figures.Figure:
-    """Measured minus predicted means with U, item by item, with the verdict of each: faults
-    and the largest E_n first.
-    """
+    """Measured minus predicted means with U, faults and the largest E_n first."""
     names: list[str] = []
     verdicts: list[str] = []
     values, k, total = [], result.coverage_factor, 0

@@ -153,9 +153,7 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
 
 
 def figure(result: CorrectResult) -> figures.Figure:
-    """Errors of the sizes before and after with 95 % intervals of one part; without any the errors
-    of the points.
-    """
+    """Errors of the sizes, without any of the points, before and after with 95 % intervals."""
     sizes = [item for item in result.sizes if not np.isnan(item.reference)]
     half = None
     if sizes:

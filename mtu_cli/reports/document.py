@@ -275,9 +275,7 @@ def column_meanings(fields: Fields) -> Iterator[tuple[str, str]]:
 
 
 def help_text(command: str) -> str:
-    """Markdown: the meaning of each key of the report and column of --csv, of all commands that
-    begin with this name.
-    """
+    """Markdown: the meaning of the keys of the report and columns of --csv; also of a group."""
     lines = []
     for name in REPORTS:
         if name == command or name.startswith(f"{command} "):

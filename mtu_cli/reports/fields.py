@@ -151,9 +151,7 @@ class Field:
         return UNITS.get(self.path.rpartition("_")[2], "") if self.unit is None else self.unit
 
     def of(self, item: Any, *values: Value | None) -> list[Any]:
-        """Quantities in the unit of the field, of the item or the part of it that the groups
-        around the field name.
-        """
+        """Quantities in the unit of the field, of the part that the groups around it name."""
         for within in self.within:
             item = None if item is None else within(item)
         if item is None:

@@ -251,9 +251,7 @@ class Side:
 def _drawn(
     side: Side, rows: IntArray, axes: list[int], k: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Arrows and ellipses of k u, of errors along these axes: those of the plane, or the one across
-    it, which is drawn upwards.
-    """
+    """Arrows and ellipses of k u along the axes of the plane, or upwards along the one across."""
     m, arrows, squares = len(axes), np.zeros((len(rows), 2)), np.zeros((len(rows), 2, 2))
     arrows[:, -m:] = side.errors[rows][:, axes]
     if side.covariance is not None:

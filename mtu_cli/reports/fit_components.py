@@ -209,9 +209,8 @@ def document(result: FitResult, digits: int = 2) -> Document:
 
 
 def figure(result: FitResult) -> figures.Figure:
-    """All components on one sheet (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction,
-    the fitted line, and the band of a future part: k times the root of
-    x'(C + D)x + s_repeat^2 about the line.
+    """All components (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction, the line, and
+    the band of a future part, k times the root of x'(C + D)x + s_repeat^2 about the line.
     """
     estimates, k = result.estimates.components, result.coverage_factor
     columns = max(1, min(len(estimates), 3))

@@ -271,9 +271,7 @@ def simulation_figure(result: GraphSimulation) -> figures.Figure:
 
 
 def sweep_figure(result: Sweep) -> figures.Figure:
-    """u by Monte Carlo with two standard errors over the first varied parameter, a line for each
-    value of the others.
-    """
+    """u with two standard errors over what is varied first, a line a value of the others."""
     names = [name for name, values in result.varied.items() if len(values) > 1]
     first, *rest = names or list(result.varied)
     lines: dict[str, list[GridPoint]] = {}

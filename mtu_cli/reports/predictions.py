@@ -151,9 +151,7 @@ def points(result: PointsResult, digits: int = 2, *, with_covariance: bool = Fal
 
 
 def points_figure(result: PointsResult) -> figures.Figure:
-    """Arrows of the errors at the features, ellipses of k standard uncertainties about their tips;
-    without Ex, Ey or their places intervals row by row.
-    """
+    """Arrows, ellipses of k u about their tips; without Ex, Ey or places intervals by row."""
     axes, k, ids = result.prediction.axes, result.coverage_factor, result.prediction.ids
     n, a = len(ids), len(axes)
     title = f"Predicted errors of {n} features, actual minus nominal"

@@ -124,9 +124,7 @@ ROW = declare(
 
 
 def rows(item: ComponentDrift) -> list[tuple[Any, ...]]:
-    """Every sensor at every position: component, gradient, and what the model has of the sensor;
-    one row without a sensor where the model has none.
-    """
+    """Gradients with what the model has of their sensors; one row without where it has none."""
     model = item.estimate
     places = [(at, model.sensors.index(at.sensors[0])) for at in item.gradients]
     return [(item, at, RowOf(model, i)) for at, i in places] or [(item, None, None)]
@@ -192,9 +190,7 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
 
 
 def figure(fit: ThermalFit) -> figures.Figure:
-    """Measured and modelled drift, a panel a component, its cycles one after the other; where the
-    drift differs along an axis a colour a position.
-    """
+    """Measured and modelled drift, a panel a component; along an axis a colour a position."""
     items = list(fit.components.values())[:6]
     page = figures.blank(9.0, 0.9 + 2.75 * max(1, len(items)))
     for panel, item in zip(figures.panels_of(page, len(items), 1), items, strict=True):
