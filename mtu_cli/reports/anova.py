@@ -180,8 +180,6 @@ CAPABILITY = declare(
     hundredth=lambda item: 0.1,
     index=lambda value, u, digits: MISSING if np.isnan(value) else f"{value:.2f}",
 )
-
-
 UNUSUAL = declare(
     """
     part | | its name | part, text
@@ -238,8 +236,7 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     )
     of_trends = "change as sequence rises by 1, p over all tables (Holm)"
     of_capability = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"
-    papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))"
-    papers = papers if result.method == "paper" else ""
+    papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))" * (result.method == "paper")
     k = result.features.coverage_factor
     of_features = f"mean and its u; U future = {k:g} u of a future part{papers}; p of the F test"
     tables = [

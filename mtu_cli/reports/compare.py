@@ -152,22 +152,17 @@ def document(result: CompareResult, digits: int = 2) -> Document:
 
 def figure(result: CompareResult) -> figures.Figure:
     """Measured minus predicted means with U, faults and the largest E_n first."""
-    names: list[str] = []
-    verdicts: list[str] = []
-    values, k, total = [], result.coverage_factor, 0
-    for group in filter(None, (result.lengths, result.features)):
-        items = sorted(group.by_interest[:DRAWN])
-        names += [words(*group.labels[i]) for i in items]
-        verdicts += [group.outcome[i] for i in items]
-        zero, total = group.predicted.mean[items], total + len(group.labels)
-        sides = (group.predicted, group.measured)
-        values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
-    predicted, measured = np.concatenate(values, axis=2) / UM
-    intervals = [
-        ("predicted", figures.BLUE, *predicted, -0.14),
-        ("measured", figures.ORANGE, *measured, 0.14),
-    ]
+    k = result.coverage_factor
+    groups = [x for x in (result.lengths, result.features) if x is not None]
+    items = [RowOf(x, i) for x in groups for i in sorted(x.by_interest[:DRAWN])]
+    zero, intervals = np.array([x.predicted.mean for x in items]), []
+    sides = ("predicted", figures.BLUE, -0.14), ("measured", figures.ORANGE, 0.14)
+    for name, colour, shift in sides:
+        each = [(getattr(x, name).mean, getattr(x, name).u) for x in items]
+        mean, u = np.reshape(each, (-1, 2)).T
+        intervals.append((name, colour, (mean - zero) / UM, k * np.nan_to_num(u) / UM, shift))
+    names, total = [words(*x.labels) for x in items], sum(len(x.labels) for x in groups)
     title = f"Mean errors predicted and measured ± {k:g} u of one part"
     title += f" ({len(names)} of {total})" * (len(names) < total)
     label = "minus the predicted mean, um"
-    return figures.listing(title, names, intervals, label, texts=verdicts)
+    return figures.listing(title, names, intervals, label, texts=[x.outcome for x in items])

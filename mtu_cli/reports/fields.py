@@ -359,11 +359,9 @@ def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any
 
 
 def _quotient(value: Any, size: Any) -> Any:
-    """A value, or those of a sequence or mapping, in units of `size`."""
+    """A value, or those of a sequence, in units of `size`."""
     if value is None or isinstance(value, str | bool) or (isinstance(size, float) and size == 1.0):
         return value
-    if isinstance(value, Mapping):
-        return {name: _quotient(each, size) for name, each in value.items()}
     if isinstance(value, list | tuple):
         return [_quotient(each, size) for each in value]
     return value / size

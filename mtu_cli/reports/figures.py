@@ -69,12 +69,6 @@ _STYLE: Any = {
     "pdf.fonttype": 42,
 }
 
-_METADATA: dict[str, dict[str, Any]] = {
-    "png": {"Software": None},
-    "svg": {"Date": None},
-    "pdf": {"CreationDate": None, "ModDate": None},
-}
-
 
 def house_style() -> AbstractContextManager[None]:
     """Matplotlib's defaults and this style on top, whatever the user's settings file."""
@@ -101,7 +95,8 @@ def figure_bytes(draw: Callable[[], Figure], suffix: str) -> bytes:
         # Laid out once: with an engine savefig would do it again, and twice.
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
-        figure.savefig(out, format=kind, metadata=_METADATA[kind])
+        dates = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "ModDate"]}[kind]
+        figure.savefig(out, format=kind, metadata=dict.fromkeys(dates))
     return out.getvalue()
 
 

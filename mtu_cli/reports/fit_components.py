@@ -149,7 +149,6 @@ def _polynomial(item: Line) -> Line | None:
 
 
 ROW = component(2)
-"""Of components of degree 1."""
 RESULTS = declare(
     """
     machine | | name of the machine

@@ -35,13 +35,9 @@ def small_unit(unit: str) -> tuple[float, str]:
 
 def shares_text(shares: Mapping[str, float]) -> str:
     """ "probe 50, axis 49": percents of the sources of variance, the largest first."""
-    pairs = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
+    pairs = [pair for pair in shares.items() if LEAST_SHARE <= abs(pair[1]) < math.inf]
     pairs.sort(key=lambda pair: -abs(pair[1]))
-    texts = [
-        f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
-        for name, share in pairs[:3]
-        if math.isfinite(share)
-    ]
+    texts = (f"{SOURCES.get(name, name)} {share_percent(share, 0)}" for name, share in pairs[:3])
     return ", ".join(texts) or "-"
 
 
@@ -179,7 +175,8 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
 
 
 GRID_POINT = """
-    *varied
+    for NAME HEAD in names
+        NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()
     - | unit() | unit of mean and u | -, csv=unit
     mean | | mean of the trials
     u | | standard uncertainty, by the trials
@@ -200,11 +197,10 @@ GRID_POINT = """
 
 def grid_point(names: Iterable[str], unit: str = "") -> Fields:
     """The figures of one setting, of an output in `unit`."""
-    at = "NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()\n"
     factor, small = small_unit(unit)
     return declare(
         GRID_POINT,
-        varied="".join(at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in names),
+        names=[(name, name.removesuffix("_um")) for name in names],
         unit=lambda item: unit,
         UNIT=small,
         size=lambda item: 1.0 / factor,

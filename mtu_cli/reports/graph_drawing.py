@@ -20,8 +20,6 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.least_squares import FloatArray
 
-Arcs = Sequence[tuple[int, int]]
-
 COLOURS = {
     "coordinate": "#bcd7f0",
     "point": "#f6c28b",
@@ -35,9 +33,8 @@ RADIUS, BAR = 0.14, (0.07, 0.28)
 """Of a circle, and width and height of a bar, inches."""
 ROOM, BEND, GAP = 0.23, 0.08, 0.35
 """Half the height of a node with its label and of an arc that passes, and between columns."""
-MARGIN, FOOT, KEY, TITLE = 0.8, 0.2, 0.95, 0.105
-"""Room about the picture and for its key; widths of an entry of the key and of a letter of the
-title, inches."""
+MARGIN, FOOT = 0.8, 0.2
+"""Room about the picture and for its key, inches."""
 LEAST_SHARE = 0.005
 """Of sources of variance that are named."""
 
@@ -125,7 +122,7 @@ def lay_out(net: Net) -> tuple[FloatArray, list[FloatArray]]:
     return spots[:count], [spots[path] for path in paths]
 
 
-def _adjacent(arcs: Arcs) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
+def _adjacent(arcs: Sequence[tuple[int, int]]) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
     """The nodes before and after each node."""
     before, after = defaultdict(list), defaultdict(list)
     for a, b in arcs:
@@ -134,7 +131,7 @@ def _adjacent(arcs: Arcs) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
     return before, after
 
 
-def _ranks(count: int, arcs: Arcs) -> list[int]:
+def _ranks(count: int, arcs: Sequence[tuple[int, int]]) -> list[int]:
     """Layers by longest path; then every node moves to where its arcs are shortest."""
     before, after = _adjacent(arcs)
     order = list(TopologicalSorter({i: before[i] for i in range(count)}).static_order())
@@ -179,7 +176,7 @@ def drawing(net: Net) -> figures.Figure:
     right, bottom = places.max(axis=0, initial=0.0)
     kinds = {node.kind for node in net.nodes}
     sides = MARGIN + max((node.width for node in net.nodes), default=0.0) / 2
-    width = max(right + 2 * sides, KEY * (len(kinds) + 3))
+    width = max(right + 2 * sides, 0.95 * (len(kinds) + 3))
     page = figures.blank(width, bottom + 2 * MARGIN + FOOT)
     page.set_layout_engine("none")
     panel = page.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -218,7 +215,7 @@ def drawing(net: Net) -> figures.Figure:
                 fontsize=7.0, color=figures.RED, ha="right", va="bottom",
             )  # fmt: skip
     of = "" if net.of is None else f": where the variance of {net.of} is from"
-    figures.title(page, cut(net.title + of, int(width / TITLE)))
+    figures.title(page, cut(net.title + of, int(width / 0.105)))
     figures.key(page, [panel], loc="lower left", ncols=len(kinds) + 3, markerscale=0.55)
     return page
 

@@ -127,7 +127,6 @@ def of_points(fields: Fields, *, with_covariance: bool = True) -> Fields:
 
 POINT = point(AXES)
 POINTS = of_points(POINT)
-"""Of a machine with equations for all axes."""
 
 
 def points(result: PointsResult, digits: int = 2, *, with_covariance: bool = False) -> Document:

@@ -295,10 +295,8 @@ def stated_document(contents: Mapping[str, Mapping[str, Any]], digits: int = 2) 
 
 def circular(result: CircularResult, digits: int = 2) -> Document:
     """One row a cause; the traces below."""
-    footer = (
-        f"one joint fit of all traces; remainder {significant(result.remainder_rms / UM)} um rms; "
-        "u allows for the correlation of neighbouring samples"
-    )
+    rms = significant(result.remainder_rms / UM)
+    footer = f"one joint fit of all traces, remainder {rms} um rms; u: of correlated samples"
     causes = sorted(result.causes, key=lambda x: -x.share if x.share == x.share else 1.0)
     tables = [
         Table(f"Causes, {_setup(result)}", CAUSE, result.causes, footer, selection=causes),

@@ -56,8 +56,6 @@ COMPONENT = """
     gradients[] | | *gradient
     inseparable[] | | *gradient
 """
-
-
 GRADIENT = """
     position_mm | position | observed position; null: the same at all
     sensors | | of `inseparable` those that have a gradient together only
