@@ -118,12 +118,14 @@ RESULTS = declare(
     features[] | rows(features) | *row
     lengths[] | lengths() | *row
     summary.features[] | features.summaries | *summary
-    summary.lengths[] | lengths.summaries | *summary
+    summary.lengths[] | lengths.summaries | *of_lengths
     """,
     rows=_rows,
     lengths=lambda x: _rows(x.lengths),
     row=ROW,
     summary=SUMMARY,
+    # Lengths are made of features, whose scatter is pooled.
+    of_lengths=[each for each in SUMMARY if each.path != "all_at_once"],
 )
 
 

@@ -140,7 +140,9 @@ SUMMARY = declare(
 def document(result: CompensateResult, digits: int = 2) -> Document:
     """The points of the table, the figures before and after, and the moves."""
     control, unit, component = result.controller, result.unit.name, result.component
-    footer = f"errors in {unit}; held: as read back from the file, whose values are {control.sign}s"
+    footer = (
+        f"errors (actual minus nominal) in {unit}; held: as read back; the file has {control.sign}s"
+    )
     footer += "; FOR HAND ENTRY, no file to load" * control.listing
     if result.reference is not None:
         footer += f"; zero at {result.reference:g} {'deg' if result.asked.rotary else 'mm'}"
