@@ -10,7 +10,7 @@ import numpy as np
 
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.findings import listed
-from mtu_cli.reports import figures
+from mtu_cli.reports import figures, numbers
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, rows_of
 from mtu_cli.reports.numbers import cut, interval, plus_minus, significant, with_u
@@ -150,7 +150,8 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     footer *= any(math.isfinite(line.share) for line in lines if line.inputs.u)
     contributions = Table(f"{result.name}: contributions", fields, lines, footer)
     rows = [each for item in outputs for each in _estimates(item)]
-    footer = f"intervals for {percent:.4g} %; of first order: value ± t u, Student's t of dof"
+    footer = f"intervals for {percent:.4g} %; of first order: value ± k u with "
+    footer += listed(map(_factor, outputs))
     estimates = Table(f"{result.name}: result", ESTIMATE, rows, footer)
     fields = declare("- | outputs.name | | output, text")
     for i, item in enumerate(outputs):
@@ -165,6 +166,14 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         _verdict(result, percent, digits),
         digits,
     )
+
+
+def _factor(item: OutputBudget) -> str:
+    """The coverage factor of the first-order interval, whatever U has."""
+    if math.isnan(item.dof):
+        return "k undefined"
+    of = "normal" if math.isinf(item.dof) else f"t of {numbers.degrees_of_freedom(item.dof)} dof"
+    return f"k = {significant(item.k_probability, 3)} ({of})"
 
 
 def _verdict(result: BudgetResult, percent: float, digits: int) -> str:

@@ -140,10 +140,8 @@ SUMMARY = declare(
 def document(result: CompensateResult, digits: int = 2) -> Document:
     """The points of the table, the figures before and after, and the moves."""
     control, unit, component = result.controller, result.unit.name, result.component
-    footer = (
-        f"errors (actual minus nominal) in {unit}; held: as read back; the file has {control.sign}s"
-    )
-    footer += "; FOR HAND ENTRY, no file to load" * control.listing
+    footer = f"errors (actual minus nominal) in {unit}; held: as read back; the file's values are "
+    footer += f"{control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
     if result.reference is not None:
         footer += f"; zero at {result.reference:g} {'deg' if result.asked.rotary else 'mm'}"
     meaning = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"

@@ -61,7 +61,7 @@ class Sheet:
             widths.append(max(map(cell_len, lines)))
             # A heading breaks between its words only; 12 columns do for other text.
             words = max(map(cell_len, titles[i].split()), default=0)
-            least.append(min(widths[-1], max(12, words)) if column.text else widths[-1])
+            least.append(min(widths[-1], max(12, words)) if column.show == "text" else widths[-1])
         for n, group in enumerate(self._groups(least, limit)):
             if n > 0:
                 yield Text("")
@@ -73,7 +73,7 @@ class Sheet:
                 box=box, show_edge=False, pad_edge=False, padding=(0, gap - bool(box), 0, 0)
             )
             for i in group:
-                text = self.columns[i].text
+                text = self.columns[i].show == "text"
                 grid.add_column(
                     Text(titles[i]), justify="left" if text else "right", header_style="bold",
                     no_wrap=not text, overflow="fold", min_width=least[i],
@@ -90,7 +90,7 @@ class Sheet:
     def _groups(self, least: Sequence[int], width: int) -> list[list[int]]:
         """The groups of columns that fit side by side, by their places in the table."""
         columns = range(len(self.columns))
-        front = max(1, next((i for i in columns if not self.columns[i].text), 1))
+        front = max(1, next((i for i in columns if self.columns[i].show != "text"), 1))
         names = [i for i in columns if i < front or self.columns[i].names]
         groups, group = [], [*names]
         for i in (i for i in columns if i not in names):

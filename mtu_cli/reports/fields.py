@@ -141,11 +141,6 @@ class Field:
         return self.head if "\n" in self.head else f"{self.head}\n{self.unit_name}"
 
     @property
-    def text(self) -> bool:
-        """Whether it is text, which stands left and may break over lines."""
-        return self.show == "text"
-
-    @property
     def unit_name(self) -> str:
         """As a heading has it: `unit`, or the ending of the name."""
         return UNITS.get(self.path.rpartition("_")[2], "") if self.unit is None else self.unit

@@ -23,9 +23,6 @@ from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.units import SMALL
 
-MARKS = {1: (">", "forward"), -1: ("<", "reverse"), 0: ("o", "reading")}
-"""Markers and words by direction."""
-
 
 def _size(item: Any, power: int = 0) -> float:
     """Of the unit of a component per m^power, in mm or rad."""
@@ -254,7 +251,7 @@ def _readings(
         rows = np.flatnonzero(group == g)
         rows = rows[np.argsort(item.position[rows], kind="stable")]
         place = item.position[rows] if estimate.of else np.full(len(rows), float(number))
-        marker, word = MARKS[sign]
+        marker, word = {1: (">", "forward"), -1: ("<", "reverse"), 0: ("o", "reading")}[sign]
         panel.plot(
             place, item.error[rows] / estimate.unit.to_internal, marker=marker,
             linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],

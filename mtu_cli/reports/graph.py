@@ -88,8 +88,8 @@ def check(result: MeasurementGraph) -> Document:
     places = f"{len(result.graph.places)} places ({kinds})"
     steps = f"{len(items)} transitions, {counts['probings']} probings"
     verdict = f"The graph is sound: {places}, {steps}."
-    name, source = result.graph.name, (CHECK, result)
-    return Document(name, source, [order], lambda _: drawing(net_of(result)), verdict)
+    source = CHECK, result
+    return Document(result.graph.name, source, [order], lambda x: drawing(net_of(x)), verdict)
 
 
 COORDINATE = """
@@ -223,8 +223,7 @@ def grid(fields: Fields) -> Fields:
         converged | | whether all trials reached the digits asked for
     """
     # The grid says whether all converged.
-    base = SIMULATION[:-1]
-    return declare(text, simulation=base, output=lambda x: str(x.output), point=fields)
+    return declare(text, simulation=SIMULATION[:-1], output=lambda x: str(x.output), point=fields)
 
 
 GRID_ROW = grid_point(("axis_um", "probe_um", "perpendicular_um", "repeats"))
