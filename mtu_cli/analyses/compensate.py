@@ -318,6 +318,11 @@ class CompensateResult:
         """Of errors."""
         return SMALL[ANGLE if self.asked.angle else LENGTH]
 
+    @property
+    def backlash(self) -> FloatArray | None:
+        """Forward minus reverse (T,), mm; None of one direction and of angles."""
+        return None if self.errors is None or self.errors.angle else self.errors.backlash
+
 
 def compensate(
     errors: AxisErrors, control: Controller, parameters: Parameters, request: TableRequest, *,

@@ -173,6 +173,8 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
         "unit": estimate.unit,
         "coefficients": estimate.coefficients,
         "covariance": estimate.covariance,
+        "n_passes": estimate.n_passes,
+        "s": estimate.independent_s,
         "s_repeat": estimate.s_repeat,
         "scatter": _scatter(estimate.s_repeat, s_pass, level, items),
     }

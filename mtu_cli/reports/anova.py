@@ -65,8 +65,7 @@ ENTRY = """
     - | tables.labels.1 | name of feature, length or angle | -, csv=id
     p_familywise | p_parts | p of F, adjusted for all of the kind (Holm) | p (Holm), p
     var_both_UNIT2 | both | variance of parts and CMM, without repeats
-    var_both_interval95_UNIT2 | both_interval | its 95 % interval \
-        | -, interval, csv=var_both_{}95_UNIT2
+    var_both_interval95_UNIT2 | both_interval | 95 % interval | -, interval, csv=var_both_{}95_UNIT2
     interval95_future_UNIT | interval_future | interval that holds the error of 95 of 100 future \
         parts (Student's t) | 95 % future, interval, u=u_future, csv=future_{}95_UNIT
     dof_mean | | degrees of freedom of u_mean
@@ -181,8 +180,6 @@ CAPABILITY = declare(
     hundredth=lambda item: 0.1,
     index=lambda value, u, digits: MISSING if np.isnan(value) else f"{value:.2f}",
 )
-
-
 UNUSUAL = declare(
     """
     part | | its name | part, text
@@ -209,20 +206,16 @@ RESULTS = declare(
     """
     method | | of the components of variance
     datum | | best-fit alignment removed from each part
-    features[] | features() | *feature
-    lengths[] | lengths() | *length
-    orthogonality[] | angles() | *angle
+    for NAME KIND in kinds
+        NAME[] | of_KIND() | *KIND
     totals[] | totals | *total
     unusual_parts[] | unusual | *unusual
     trends[] | trends | *trend
     capability[] | capabilities | *capability
     """,
-    features=partial(_rows, kind="feature"),
-    lengths=partial(_rows, kind="length"),
-    angles=partial(_rows, kind="angle"),
-    feature=entry("feature"),
-    length=entry("length"),
-    angle=entry("angle"),
+    kinds=(("features", "feature"), ("lengths", "length"), ("orthogonality", "angle")),
+    **{f"of_{kind}": partial(_rows, kind=kind) for kind in KINDS},
+    **{kind: entry(kind) for kind in KINDS},
     total=TOTAL,
     unusual=UNUSUAL,
     trend=TREND,
@@ -236,18 +229,14 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     rows = {kind: _rows(result, kind) for kind in KINDS}
     trends = [item for item in result.trends if item.p <= FAMILY_RATE]
     datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
-    of_totals = (
-        "s: standard deviations of the features' mean errors, from part to part, of repeated "
-        "measurement (CMM); parts differ: F test, 5 % over all (Holm)"
-    )
+    of_totals = "feature s: of the features' mean errors; parts differ: F test, 5 % over all (Holm)"
     of_unusual = (
         "deviation from the mean of the other parts; false alarms in "
         f"{100 * FAMILY_RATE:g} % of studies"
     )
     of_trends = "change as sequence rises by 1, p over all tables (Holm)"
     of_capability = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"
-    papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))"
-    papers = papers if result.method == "paper" else ""
+    papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))" * (result.method == "paper")
     k = result.features.coverage_factor
     of_features = f"mean and its u; U future = {k:g} u of a future part{papers}; p of the F test"
     tables = [
@@ -309,9 +298,8 @@ def figure(result: AnovaResult) -> figures.Figure:
 
 
 def _charts(result: AnovaResult) -> Iterator[tuple[Any, ...]]:
-    """Title, unit, sequence of manufacture, means of the parts with the scatter of the CMM, limits,
-    and outliers by name: of features, clear trends, outliers and the largest errors first; then of
-    toleranced items, the least capable first.
+    """Title, unit, sequence, means of parts with scatter, limits and outliers: of features, clear
+    trends, outliers and the largest errors first; then of what has a tolerance, the worst first.
     """
     group, k = result.features, result.features.coverage_factor
     clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in group.labels]

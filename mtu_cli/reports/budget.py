@@ -10,17 +10,10 @@ import numpy as np
 
 from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.findings import listed
-from mtu_cli.reports import figures
+from mtu_cli.reports import figures, numbers
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, rows_of
-from mtu_cli.reports.numbers import (
-    cut,
-    degrees_of_freedom,
-    interval,
-    plus_minus,
-    significant,
-    with_u,
-)
+from mtu_cli.reports.numbers import cut, interval, plus_minus, significant, with_u
 
 SHOWN = 4
 """Outputs of which the verdict states the value, and that are drawn."""
@@ -36,14 +29,15 @@ INPUT = """
     distribution | inputs.kind | kind of distribution, of each contribution | distribution, text
     dof | inputs.dof | degrees of freedom; null: infinite | -, json
     - | stated_dof() | degrees of freedom; inf: infinite | -, csv=dof
-    - | finite_dof() | | dof, dof
     sensitivity | | derivative of the output by the input, c
-    - | sensitivity() | | sensitivity, sig4
     contribution | | |c| u, in the unit of the output
-    - | contribution() | | contribution / UNIT
     share | | share of u^2, with half of every covariance that it has a part in; below \
         0 where the input makes u smaller
-    - | share() | | share / %, percent1
+    -. | uncertain()
+        - | inputs.dof | | dof, dof
+        - | sensitivity | | sensitivity, sig4
+        - | contribution | | contribution / UNIT
+        - | share | | share / %, percent1
     contributions[] | parts()
         says | | what it is, in words
         u | distribution.u | standard uncertainty
@@ -60,10 +54,7 @@ def row(unit: str = "", *, several: bool = False) -> Fields:
         OUTPUT="output" if several else "-",
         UNIT=unit,
         stated_dof=lambda x: "inf" if math.isinf(x.inputs.dof) else x.inputs.dof,
-        finite_dof=lambda x: x.inputs.dof if x.inputs.u else None,
-        sensitivity=lambda x: x.sensitivity if x.inputs.u else None,
-        contribution=lambda x: x.contribution if x.inputs.u else None,
-        share=lambda x: x.share if x.inputs.u else None,
+        uncertain=lambda x: x if x.inputs.u else None,
         parts=lambda x: x.inputs.parts if len(x.inputs.parts) > 1 else (),
         type=lambda part: "A" if part.type_a else "B",
     )
@@ -121,37 +112,31 @@ OUTPUTS = declare(
     by_name=lambda result: {x.name: x for x in result.outputs},
 )
 RESULTS: Fields = (*OUTPUTS, *INPUTS)
+SINGLE: Fields = (*declare("-. | outputs.0 | *output", output=ONE), *INPUTS)
 ESTIMATE = declare("""
-    - | output.name | | output, text
-    - | method | | method, text
-    - | value | | value, u=u
-    - | u | | u
-    - | output.unit | | unit, text
-    - | dof | | dof, dof
-    - | k | | k, sig3
-    - | U | | U, u=U
-    - | interval | | interval, interval, u=ends_u
-    - | shortest | | shortest, interval, u=ends_u, detail
+    - | 0.name | | output, text
+    - | 1 | | method, text
+    - | 2 | | value, u=3
+    - | 3 | | u
+    - | 0.unit | | unit, text
+    - | 7 | | dof, dof
+    - | 8 | | k, sig3
+    - | 9 | | U, u=9
+    - | 4 | | interval, interval, u=6
+    - | 5 | | shortest, interval, u=6, detail
 """)
 
 
-def _estimates(item: OutputBudget) -> list[dict[str, Any]]:
-    """By first order, second order and Monte Carlo; intervals are rounded to `ends_u`."""
+def _estimates(item: OutputBudget) -> list[tuple[Any, ...]]:
+    """Value, u, intervals, the u that they are rounded to, dof, k and U, by method."""
     u, (low, high) = item.of_run("u"), item.symmetric
     # A few trials far out give a u to which an interval of 95 % is nothing.
     ends_u = u if u <= high - low or low == high else 0.25 * (high - low)
-    first = {
-        "dof": None if math.isnan(item.dof) else item.dof, "k": item.k, "U": item.expanded,
-        "interval": item.interval, "ends_u": item.u,
-    }  # fmt: skip
-    trials = {"interval": item.symmetric, "shortest": item.shortest, "ends_u": ends_u}
+    first = None, item.u, None if math.isnan(item.dof) else item.dof, item.k, item.expanded
     return [
-        {"output": item, "method": method, "value": value, "u": std, **more}
-        for method, value, std, more in (
-            ("first order", item.value, item.u, first),
-            ("second order", item.second_value, item.second_u, {}),
-            ("Monte Carlo", item.mean, u, trials),
-        )
+        (item, "first order", item.value, item.u, item.interval, *first),
+        (item, "second order", item.second_value, item.second_u, *[None] * 6),
+        (item, "Monte Carlo", item.mean, u, item.symmetric, item.shortest, ends_u, *[None] * 3),
     ]
 
 
@@ -175,12 +160,11 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     correlation = Table("Correlation of the outputs, first order", fields, items)
     return Document(
         result.name,
-        (ONE, outputs[0]) if single else (OUTPUTS, result),
+        (SINGLE if single else RESULTS, result),
         [contributions, estimates, correlation],
-        lambda _: figure(result),
+        figure,
         _verdict(result, percent, digits),
         digits,
-        [(INPUTS, result)],
     )
 
 
@@ -188,7 +172,7 @@ def _factor(item: OutputBudget) -> str:
     """The coverage factor of the first-order interval, whatever U has."""
     if math.isnan(item.dof):
         return "k undefined"
-    of = "normal" if math.isinf(item.dof) else f"t of {degrees_of_freedom(item.dof)} dof"
+    of = "normal" if math.isinf(item.dof) else f"t of {numbers.degrees_of_freedom(item.dof)} dof"
     return f"k = {significant(item.k_probability, 3)} ({of})"
 
 

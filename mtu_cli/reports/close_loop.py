@@ -386,14 +386,14 @@ def document(result: CloseLoopResult, digits: int = 2) -> Document:
         _candidates(first),
     ]
     sentences = [verdict_text(x, result.alpha) for x in result.tables if x.effects or x is first]
+    scores = declare("-. | first() | *scored", first=lambda _: first, scored=_fields(SCORED, first))
     return Document(
         "Undeclared effects",
-        (RESULTS_FIELDS, result),
+        ([*RESULTS_FIELDS, *scores], result),
         tables,
         lambda _: figure(result, first),
         "\n".join([f"Undeclared effects: {result.verdict}", *sentences]),
         digits,
-        extra=[(_fields(SCORED, first), first)],
     )
 
 

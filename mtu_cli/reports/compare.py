@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.analyses.compare import Compared, CompareResult, Summary, Verdict
+from mtu_cli.analyses.compare import Compared, CompareResult, Summary
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import RowOf, declare, rows_of
-from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.numbers import MISSING, p_value, significant, span, words
 from mtu_cli.units import UM
 
@@ -45,8 +44,7 @@ ROW = declare(
     bias_um | bias | measured minus predicted mean | bias, plus-minus, u=u_difference
     u_bias_um | u_difference | its standard uncertainty
     E_n | | bias/(k u_bias) | E_n
-    p_bias_familywise | p_bias | p of the bias, adjusted for all tests of the study (Holm) \
-        | p / bias, p
+    p_bias_familywise | p_bias | p of the bias, adjusted for all tests (Holm) | p / bias, p
     ratio_u | | of u of one future part | u / ratio, detail
     ratio_scatter | | of scatter from part to part | scatter / ratio
     ratio_ms_between | ratio_ms | of ms_between and its expectation
@@ -79,8 +77,7 @@ SUMMARY = declare(
     all_at_once. | pooled
         items | | items whose scatter is pooled
         ratio_scatter | ratio | their scatter, measured over predicted
-        p_scatter_familywise | p | p of it, adjusted for all tests of the study (Holm) \
-            | p / pooled, p
+        p_scatter_familywise | p | p of it, adjusted for all tests (Holm) | p / pooled, p
         verdict | pooled_verdict() | what the test shows
     ratio_u | | least and largest ratio of u | u ratio, span
     ratio_scatter | | least and largest ratio of scatter from part to part | scatter ratio, span
@@ -92,21 +89,15 @@ SUMMARY = declare(
 )
 
 
-SIZES: dict[Verdict, tuple[float, str]] = {
-    "under-predicted": (1.0, "scatter {} times predicted"),
-    "biased": (UM, "mean off by {} um"),
-    "over-predicted": (1.0, "scatter {} times predicted"),
-}
-"""How large a fault is: its unit, and in words."""
-
-
 def verdict_text(item: Summary) -> str:
     """Such as "drilled features: under-predicted (48 of 48: scatter 3.1 to 4.7 times predicted)",
     every fault with its size.
     """
     faults = []
     for name, (number, ends) in item.faults.items():
-        scale, text = SIZES[name]
+        scale, text = 1.0, "scatter {} times predicted"
+        if name == "biased":
+            scale, text = UM, "mean off by {} um"
         size = ends and f": {text.format(span(*(significant(end / scale) for end in ends)))}"
         if number:
             faults.append(f"{name} ({number} of {item.items}{size or ''})")
@@ -146,10 +137,7 @@ def document(result: CompareResult, digits: int = 2) -> Document:
         selection = [features[i] for i in result.features.by_interest[:SHOWN]]
         title += f": faults first, {SHOWN} of {len(features)} features"
     summaries = [*result.features.summaries, *(result.lengths.summaries if result.lengths else ())]
-    faults = (
-        "items with each fault (5 % over the study); ratios: measured over predicted, least to "
-        "largest"
-    )
+    faults = "items with each fault (5 % over the study); ratios: measured over predicted"
     footer = (
         "± u, of mean errors that of one future part; E_n = bias/"
         f"({result.coverage_factor:g} u); p: of all items together (Holm)"
@@ -165,25 +153,18 @@ def document(result: CompareResult, digits: int = 2) -> Document:
 
 
 def figure(result: CompareResult) -> figures.Figure:
-    """Measured minus predicted means with U, item by item, with the verdict of each: faults
-    and the largest E_n first.
-    """
-    names: list[str] = []
-    verdicts: list[str] = []
-    values, k, total = [], result.coverage_factor, 0
-    for group in filter(None, (result.lengths, result.features)):
-        items = sorted(group.by_interest[:DRAWN])
-        names += [words(*group.labels[i]) for i in items]
-        verdicts += [group.outcome[i] for i in items]
-        zero, total = group.predicted.mean[items], total + len(group.labels)
-        sides = (group.predicted, group.measured)
-        values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
-    predicted, measured = np.concatenate(values, axis=2) / UM
-    intervals = [
-        Intervals("predicted", figures.BLUE, predicted[0], predicted[1], -0.14),
-        Intervals("measured", figures.ORANGE, measured[0], measured[1], 0.14),
-    ]
+    """Measured minus predicted means with U, faults and the largest E_n first."""
+    k = result.coverage_factor
+    groups = [x for x in (result.lengths, result.features) if x is not None]
+    items = [RowOf(x, i) for x in groups for i in sorted(x.by_interest[:DRAWN])]
+    zero, intervals = np.array([x.predicted.mean for x in items]), []
+    sides = ("predicted", figures.BLUE, -0.14), ("measured", figures.ORANGE, 0.14)
+    for name, colour, shift in sides:
+        each = [(getattr(x, name).mean, getattr(x, name).u) for x in items]
+        mean, u = np.reshape(each, (-1, 2)).T
+        intervals.append((name, colour, (mean - zero) / UM, k * np.nan_to_num(u) / UM, shift))
+    names, total = [words(*x.labels) for x in items], sum(len(x.labels) for x in groups)
     title = f"Mean errors predicted and measured ± {k:g} u of one part"
     title += f" ({len(names)} of {total})" * (len(names) < total)
     label = "minus the predicted mean, um"
-    return figures.listing(title, names, intervals, label, texts=verdicts)
+    return figures.listing(title, names, intervals, label, texts=[x.outcome for x in items])

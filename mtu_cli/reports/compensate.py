@@ -21,69 +21,66 @@ MEANS = {
 }
 
 
-def _entries(result: CompensateResult, places: Any, items: Any) -> list[dict[str, Any]]:
-    """Points or moves of a result with their places: mm, of a rotary axis deg; each under the unit
-    of its errors, too.
-    """
-    key = "deg" if result.asked.rotary else "mm"
-    return [
-        {"of": result, "item": item, key: at, result.unit.name: item}
-        for at, item in zip(places, items, strict=True)
-    ]
-
-
-def _points(result: CompensateResult) -> list[dict[str, Any]]:
-    """Points of the table: errors requested and read back, forward and reverse."""
-    errors = np.vstack([result.asked.errors, result.held.errors]).T
-    return _entries(result, result.asked.at, errors)
-
-
-def _moves(result: CompensateResult) -> list[dict[str, Any]]:
-    return _entries(result, [move.command for move in result.moves], result.moves)
-
-
-def _figures(result: CompensateResult) -> dict[str, dict[str, Any]] | None:
-    """Each figure before and after by name, in the unit of the errors."""
-    items, size = dict[str, dict[str, Any]](), result.unit.to_internal
-    for name, before in (result.before or {}).items():
-        items[name] = {"name": name, "before": float(before) / size}
-        if result.after is not None:
-            draws = result.after[name] / size
-            items[name]["median"], items[name]["u"] = float(np.median(draws)), float(np.std(draws))
-            items[name]["interval95"] = np.quantile(draws, (0.025, 0.975)).tolist()
-    return items or None
-
-
 PLACE = """
-    {name}_mm | mm | {what}; null of a rotary axis | {name} / mm, mm
-    {name}_deg | deg | the same of a rotary axis | {name} / deg, mm
+    NAME_mm | mm() | WHAT; null of a rotary axis | NAME / mm, mm
+    NAME_deg | deg() | the same of a rotary axis | NAME / deg, mm
 """
-SHARED = "u=of.quantum, unit=, size=of.unit.to_internal"
+DEFINITIONS: dict[str, Any] = {
+    "place": PLACE,
+    "mm": lambda x: None if x[0].asked.rotary else x[1],
+    "deg": lambda x: x[1] if x[0].asked.rotary else None,
+    "units": ("um", "arcsec"),
+    "um": lambda x: x[2] if x[0].unit.name == "um" else None,
+    "arcsec": lambda x: x[2] if x[0].unit.name == "arcsec" else None,
+    "mean": np.mean,
+    "range": np.ptp,
+    "median": np.median,
+    "std": np.std,
+    "interval95": lambda draws: np.quantile(draws, (0.025, 0.975)),
+}
+"""Of points and moves: the result, their place, errors or move."""
 ROW = declare(
-    PLACE.format(name="position", what="machine position")
-    + f"""
-    unit | of.unit.name | unit of errors | -
-    forward | item.0 | error asked for, forward | forward, {SHARED}
-    reverse | item.1 | error asked for, reverse | reverse, {SHARED}
-    held_forward | item.2 | as read back from the file, forward | forward held, {SHARED}
-    held_reverse | item.3 | as read back from the file, reverse | reverse held, {SHARED}
     """
+    *place
+    unit | 0.unit.name | unit of errors | -
+    forward | 2.0 | error asked for, forward | forward, SHARED
+    reverse | 2.1 | error asked for, reverse | reverse, SHARED
+    held_forward | 2.2 | as read back from the file, forward | forward held, SHARED
+    held_reverse | 2.3 | as read back from the file, reverse | reverse held, SHARED
+    """,
+    NAME="position",
+    WHAT="machine position",
+    SHARED="u=0.quantum, unit=, size=0.unit.to_internal",
+    **DEFINITIONS,
 )
 MOVE = declare(
-    PLACE.format(name="command", what="position to move to, as the readings count it")
-    + "    direction | item.direction | from which side | direction, text\n"
-    + "".join(
-        f"""
-    expect_without_{unit} | {unit}.without | error expected without the table | without, u={unit}.u
-    expect_with_{unit} | {unit}.with_table | error expected with it | with, u={unit}.u
-    expect_wrong_sign_{unit} | {unit}.wrong_sign | error expected with the wrong sign \
-        | wrong sign, u={unit}.u
-    u_{unit} | {unit}.u | standard uncertainty of one such reading | u, u={unit}.u
-    measured_{unit} | {unit}.measured | mean of the readings of --verify | measured, u={unit}.u
     """
-        for unit in ("um", "arcsec")
-    )
+    *place
+    direction | 2.direction | from which side | direction, text
+    for UNIT in units
+        -. | UNIT()
+            expect_without_UNIT | without | error expected without the table | without, u=u
+            expect_with_UNIT | with_table | error expected with it | with, u=u
+            expect_wrong_sign_UNIT | wrong_sign | the same with the wrong sign | wrong sign, u=u
+            u_UNIT | u | standard uncertainty of one such reading | u, u=u
+            measured_UNIT | measured | mean of the readings of --verify | measured, u=u
+    """,
+    NAME="command",
+    WHAT="position to move to, as the readings count it",
+    **DEFINITIONS,
 )
+
+
+def _points(result: CompensateResult) -> list[tuple[Any, ...]]:
+    """Points of the table: errors requested and read back, forward and reverse."""
+    errors = np.vstack([result.asked.errors, result.held.errors]).T
+    return [(result, *each) for each in zip(result.asked.at, errors, strict=True)]
+
+
+def _moves(result: CompensateResult) -> list[tuple[Any, ...]]:
+    return [(result, move.command, move) for move in result.moves]
+
+
 RESULTS = declare(
     """
     component | | what is compensated
@@ -94,19 +91,24 @@ RESULTS = declare(
     unit | unit.name | unit of errors, E, B, M, rms and quantum
     quantum | quantum | last place of the table's values | -, size=unit.to_internal
     reference_mm | reference | machine position at which the table is 0; null: not zeroed
-    backlash_um | backlash() | mean of forward - reverse; null of one direction
+    backlash_um | mean(backlash) | mean of forward - reverse; null of one direction
     points[] | points() | *point
-    before. | figures() | *before
-    predicted_after. | predicted() | *after
+    before. | tested()
+        for NAME TEXT in figures
+            NAME | before.NAME | TEXT | -, size=unit.to_internal
+    predicted_after. | predicted()
+        for NAME TEXT in figures
+            NAME.median | median(after.NAME) | of a new test with the table: TEXT \
+                | -, size=unit.to_internal
+            NAME.interval95 | interval95(after.NAME) | interval of 95 of 100 such tests \
+                | -, interval, size=unit.to_internal
     backlash_varies.F | errors.varies.F | mean squares of forward - reverse over targets
     backlash_varies.p | errors.varies.p | that chance makes it so large
-    backlash_varies.range_um | range() | range of forward - reverse over targets; null of one \
-        direction
+    backlash_varies.range_um | range(backlash) | range of forward - reverse; null of one direction
     verification.moves[] | moves() | *move
     verification.verdict | verified.verdict | worked, no-effect, wrong-sign, partly, \
         too-small-to-tell; null without --verify
-    verification.k | verified.k | slope of the readings on the applied table: 0 worked, 1 no \
-        effect, 2 wrong sign
+    verification.k | verified.k | slope on the applied table: 0 worked, 1 no effect, 2 wrong sign
     verification.u | verified.u | standard uncertainty of k
     verification.interval95 | verified.interval95 | 95 % interval of k
     verification.p | verified.p | of the nearest of 0, 1 and 2
@@ -117,47 +119,35 @@ RESULTS = declare(
     """,
     points=_points,
     point=ROW,
-    before="\n".join(f"{x} | {x}.before | {text} | -" for x, text in MEANS.items()),
-    after="\n".join(
-        f"{x}.median | {x}.median | of a new test with the table: {text} | -\n"
-        f"{x}.interval95 | {x}.interval95 | interval of 95 of 100 such tests | -, interval"
-        for x, text in MEANS.items()
-    ),
-    figures=_figures,
-    predicted=lambda result: _figures(result) if result.after else None,
+    figures=MEANS.items(),
+    tested=lambda result: None if result.before is None else result,
+    predicted=lambda result: None if result.after is None else result,
     moves=_moves,
     move=MOVE,
-    backlash=lambda result: _of_backlash(result, np.mean),
-    range=lambda result: _of_backlash(result, np.ptp),
+    **DEFINITIONS,
 )
 SUMMARY = declare(
     """
-    name | | the figure | figure, text
-    before | | of the readings | before, sig3
-    median | | of a new test | after (median), sig3
-    interval95 | | of 95 of 100 new tests | 95 % interval, interval, u=u
-    """
+    name | 0 | the figure | figure, text
+    before | 1 | of the readings | before, sig3, size=3
+    median | median(2) | of a new test | after (median), sig3, size=3
+    interval95 | interval95(2) | of 95 of 100 new tests | 95 % interval, interval, u=std(2), size=3
+    """,
+    **DEFINITIONS,
 )
-
-
-def _of_backlash(result: CompensateResult, figure: Any) -> float | None:
-    B = None if result.errors is None or result.errors.angle else result.errors.backlash
-    return None if B is None else float(figure(B))
 
 
 def document(result: CompensateResult, digits: int = 2) -> Document:
     """The points of the table, the figures before and after, and the moves."""
     control, unit, component = result.controller, result.unit.name, result.component
-    footer = (
-        f"errors (actual minus nominal) in {unit}; held: as read back from the file; the file's "
-        f"values are {control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
-    )
+    footer = f"errors (actual minus nominal) in {unit}; held: as read back; the file's values are "
+    footer += f"{control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
     if result.reference is not None:
         footer += f"; zero at {result.reference:g} {'deg' if result.asked.rotary else 'mm'}"
     meaning = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
     moves = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
-    items = _figures(result) or {}
-    rows = [each for each in items.values() if np.isfinite(each["before"])]
+    before, after, size = result.before or {}, result.after or {}, result.unit.to_internal
+    rows = [(x, E, after.get(x), size) for x, E in before.items() if np.isfinite(E)]
     tables = [
         Table(f"Table of {component}", ROW, _points(result), footer),
         Table("Before and after", SUMMARY, rows, f"{unit}; {meaning}"),
@@ -172,17 +162,16 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
     elif result.before is None:
         verdict = f"{component} holds {len(result.asked.at)} points."
     else:
-        E = items["E"]
-        verdict = f"E of {component} is {significant(E['before'], 3)} {unit}; "
-        if result.after is None:
+        verdict = f"E of {component} is {significant(float(before['E']) / size, 3)} {unit}; "
+        if not after:
             verdict += "what the table will leave is not estimable."
         else:
-            after, least, most = (significant(x, 3) for x in (E["median"], *E["interval95"]))
-            verdict += f"with the table a new test gives {after} {unit} "
+            draws = (np.quantile(after["E"], (0.5, 0.025, 0.975)) / size).tolist()
+            median, least, most = (significant(x, 3) for x in draws)
+            verdict += f"with the table a new test gives {median} {unit} "
             verdict += f"(95 % interval {least} to {most})."
-            B = _of_backlash(result, np.mean)
-            if B is not None and not result.asked.both:
-                mean = f"{significant(B / result.unit.to_internal, 3)} {unit}"
+            if result.backlash is not None and not result.asked.both:
+                mean = f"{significant(float(result.backlash.mean()) / size, 3)} {unit}"
                 verdict += f" A reversal of {mean} (forward less reverse) is left to the control."
     return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
 

@@ -9,50 +9,39 @@ from functools import partial
 
 import numpy as np
 
-from mtu_cli.analyses.correct import CorrectResult, Size
+from mtu_cli.analyses.correct import CorrectResult
 from mtu_cli.analyses.correct.sizes import Kind
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import KIND, Document, Table
-from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
-from mtu_cli.reports.figures import Intervals
+from mtu_cli.reports.fields import Fields, declare, rows_of
 from mtu_cli.reports.numbers import significant, words
 from mtu_cli.units import UM
 
 SHOWN = 40
 """Points, and sizes of several parts, that are listed without ``--detail``."""
-ROUNDING_UM = 1e-4
-"""A form error below a tenth of a nanometre is rounding."""
 KINDS: dict[Kind, str] = {"circle": "circles", "sphere": "spheres", "length": "lengths"}
-OF_AXES = (
-    "    measured.AXIS_mm | points.measured.NUMBER | measured",
-    """
-    correction_um.AXIS | correction.NUMBER | minus the modelled error \
-        | correction AXIS, plus-minus, u=u.NUMBER, unit=um, csv=correction_AXIS_um
-    u_correction_um.AXIS | u.NUMBER | its standard uncertainty \
-        | -, unit=um, csv=u_correction_AXIS_um
-    """,
-    "    corrected.AXIS_mm | corrected.NUMBER | measured plus correction "
-    "| corrected AXIS, u=u_corrected.NUMBER",
-    """
-    u_corrected_um.AXIS | u_corrected.NUMBER | standard uncertainty of corrected \
-        | -, unit=um, csv=u_corrected_AXIS_um
-    """,
-)
-"""Each text for every axis before the next text."""
 ROW = declare(
     """
     part | | name of the part | part, text
     feature | | name of the feature | feature, text
     repeat | | its repeat | repeat, count, names
     operation | | its operation | operation, text
-    *of_axes
+    for AXIS NUMBER in axes
+        measured.AXIS_mm | points.measured.NUMBER | measured
+    for AXIS NUMBER in axes
+        correction_um.AXIS | correction.NUMBER | minus the modelled error \
+            | correction AXIS, plus-minus, u=u.NUMBER, unit=um, csv=correction_AXIS_um
+        u_correction_um.AXIS | u.NUMBER | its standard uncertainty \
+            | -, unit=um, csv=u_correction_AXIS_um
+    for AXIS NUMBER in axes
+        corrected.AXIS_mm | corrected.NUMBER | measured plus correction \
+            | corrected AXIS, u=u_corrected.NUMBER
+    for AXIS NUMBER in axes
+        u_corrected_um.AXIS | u_corrected.NUMBER | standard uncertainty of corrected \
+            | -, unit=um, csv=u_corrected_AXIS_um
     """,
-    of_axes="\n".join(
-        text.replace("AXIS", axis).replace("NUMBER", str(k))
-        for text in OF_AXES
-        for k, axis in enumerate(AXES)
-    ),
+    axes=list(zip(AXES, "012", strict=True)),
 )
 SIZE = """
     id | | its name | id, text
@@ -74,8 +63,7 @@ SIZE = """
     dof_effective | dof | degrees of freedom of u; null: infinite
     interval95_mm | interval95 | 95 % interval of the corrected size
     u_error_um | u_error | standard uncertainty of the error after
-    interval95_um | error_interval95 | 95 % interval of the error after \
-        | 95 % interval, interval, u=u_error
+    interval95_um | error_interval95 | of the error after | 95 % interval, interval, u=u_error
     s_repeats_um | s_repeats | standard deviation of the repeats | s repeats, detail
     *ring
 """
@@ -98,7 +86,8 @@ def size(kind: Kind) -> Fields:
         REFERENCE="nominal" if length else "calibrated",
         temperature="" if length else TEMPERATURE,
         ring="" if length else RING,
-        form=lambda value, u, digits: "0" if value < ROUNDING_UM else significant(value),
+        # Below a tenth of a nanometre it is rounding.
+        form=lambda value, u, digits: "0" if value < 1e-4 else significant(value),
     )
 
 
@@ -115,10 +104,6 @@ FORM_LEFT = declare("""
 SIZES = {kind: size(kind) for kind in KINDS}
 
 
-def _points(result: CorrectResult) -> list[RowOf]:
-    return rows_of(result, len(result.points))
-
-
 RESULTS = declare(
     """
     axes | | axes that were corrected
@@ -131,7 +116,7 @@ RESULTS = declare(
     lengths[] | length() | *lengths
     form_left[] | forms | *form_left
     """,
-    points=_points,
+    points=lambda result: rows_of(result, len(result.points)),
     point=ROW,
     form_left=FORM_LEFT,
     **{name: SIZES[kind] for kind, name in KINDS.items()},
@@ -141,17 +126,14 @@ RESULTS = declare(
 
 def document(result: CorrectResult, digits: int = 2) -> Document:
     """One row a measured point; before them the sizes, over all parts and one by one."""
-    points = _points(result)
+    points = rows_of(result, len(result.points))
     footer = "corrected = measured + correction, minus the modelled error; "
     footer += f"{KIND[result.independent]}; ± u"
     tables = [Table("Points", ROW, points, footer, detail=len(points) > SHOWN)]
     scatter = "unknown"
     if result.scatter is not None:
         scatter = f"{significant(result.scatter.s / UM)} um from {result.scatter.origin} included"
-    errors = (
-        "error: measured minus reference, ± u with that of the calibration; scatter of the points "
-        f"beyond the model {scatter}"
-    )
+    errors = f"error: measured minus reference, ± u of both; scatter of points {scatter}"
     maxima = np.nan_to_num(np.abs(result.error)).max(axis=0)
     largest, axis = significant(maxima.max() / UM, 3), AXES[int(maxima.argmax())]
     verdict = f"The largest correction is {largest} um, along {axis}."
@@ -171,14 +153,16 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
 
 
 def figure(result: CorrectResult) -> figures.Figure:
-    """Errors of the sizes before and after with 95 % intervals of one part; without any the errors
-    of the points.
-    """
+    """Errors of the sizes, without any of the points, before and after with 95 % intervals."""
     sizes = [item for item in result.sizes if not np.isnan(item.reference)]
     half = None
     if sizes:
         title = "Errors of diameters and lengths"
-        names = [words(x.id, x.operation, f"part {x.part}", _warmth(x)) for x in sizes]
+        warm = ["" if np.isnan(x.temperature) else f"at {x.temperature:.1f} °C" for x in sizes]
+        names = [
+            words(x.id, x.operation, f"part {x.part}", at)
+            for x, at in zip(sizes, warm, strict=True)
+        ]
         before, after = np.array([x.error for x in sizes]).T / UM
         half = np.array([np.ptp(x.error_interval95) for x in sizes]) / (2 * UM)
     else:
@@ -189,12 +173,8 @@ def figure(result: CorrectResult) -> figures.Figure:
         )
         names = [words(x, axis) for x in result.feature for axis in result.axes]
     intervals = [
-        Intervals("before", figures.ORANGE, before),
-        Intervals("after, with 95 % interval", figures.BLUE, after, half),
+        ("before", figures.ORANGE, before, None, 0.0),
+        ("after, with 95 % interval", figures.BLUE, after, half, 0.0),
     ]
     title += " before and after the correction"
     return figures.listing(title, names, intervals, "measured minus reference, um")
-
-
-def _warmth(item: Size) -> str:
-    return "" if np.isnan(item.temperature) else f"at {item.temperature:.1f} °C"

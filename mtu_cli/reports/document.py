@@ -33,8 +33,6 @@ KIND = {True: "components and points independent", False: "covariance included"}
 """Of correlation, by whether it is independent."""
 WIDTH = 100
 """Columns that a table may take."""
-FOLDED = 12
-"""Of these a column of text can do with."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +59,9 @@ class Sheet:
         for i, column in enumerate(self.columns):
             lines = [*titles[i].split("\n"), *(row[i] for row in self.rows)]
             widths.append(max(map(cell_len, lines)))
-            # A heading breaks between its words only.
+            # A heading breaks between its words only; 12 columns do for other text.
             words = max(map(cell_len, titles[i].split()), default=0)
-            least.append(min(widths[-1], max(FOLDED, words)) if column.text else widths[-1])
+            least.append(min(widths[-1], max(12, words)) if column.show == "text" else widths[-1])
         for n, group in enumerate(self._groups(least, limit)):
             if n > 0:
                 yield Text("")
@@ -75,7 +73,7 @@ class Sheet:
                 box=box, show_edge=False, pad_edge=False, padding=(0, gap - bool(box), 0, 0)
             )
             for i in group:
-                text = self.columns[i].text
+                text = self.columns[i].show == "text"
                 grid.add_column(
                     Text(titles[i]), justify="left" if text else "right", header_style="bold",
                     no_wrap=not text, overflow="fold", min_width=least[i],
@@ -92,7 +90,7 @@ class Sheet:
     def _groups(self, least: Sequence[int], width: int) -> list[list[int]]:
         """The groups of columns that fit side by side, by their places in the table."""
         columns = range(len(self.columns))
-        front = max(1, next((i for i in columns if not self.columns[i].text), 1))
+        front = max(1, next((i for i in columns if self.columns[i].show != "text"), 1))
         names = [i for i in columns if i < front or self.columns[i].names]
         groups, group = [], [*names]
         for i in (i for i in columns if i not in names):
@@ -141,10 +139,10 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Document:
-    """A report: `results` are the fields of the JSON document and the item they are read from,
-    `extra` those that are read from other items. The first of `tables` is the main one, of which
-    ``--csv`` has every item; `draw` takes the item of `results`, and is None where there is nothing
-    to draw. `verdict` is what the figures say, in a sentence.
+    """A report: `results` are the fields of the JSON document and the item they are read from. The
+    first of `tables` is the main one, of which ``--csv`` has every item; `draw` takes the item of
+    `results`, and is None where there is nothing to draw. `verdict` is what the figures say, in a
+    sentence.
     """
 
     title: str
@@ -153,7 +151,6 @@ class Document:
     draw: Callable[[Any], figures.Figure] | None
     verdict: str = ""
     digits: int = 2
-    extra: Sequence[tuple[Fields, Any]] = ()
 
     @property
     def figure(self) -> Callable[[], figures.Figure] | None:
@@ -162,10 +159,7 @@ class Document:
 
     def record(self) -> dict[str, Any]:
         """`results` of the JSON report."""
-        result = record(*self.results)
-        for fields, item in self.extra:
-            result |= record(fields, item)
-        return result
+        return record(*self.results)
 
     def rows(self) -> tuple[Sequence[str], Iterable[Sequence[Any]]]:
         """Header and rows of the CSV."""
@@ -281,9 +275,7 @@ def column_meanings(fields: Fields) -> Iterator[tuple[str, str]]:
 
 
 def help_text(command: str) -> str:
-    """Markdown: the meaning of each key of the report and column of --csv, of all commands that
-    begin with this name.
-    """
+    """Markdown: the meaning of the keys of the report and columns of --csv; also of a group."""
     lines = []
     for name in REPORTS:
         if name == command or name.startswith(f"{command} "):

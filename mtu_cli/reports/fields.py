@@ -24,8 +24,10 @@ A line of the table is a `Field`, its four columns being JSON path, value, meani
 
 A path that ends in ``.`` is a `Group`, a document within one of the figures in the lines indented
 below it; ``[]`` of each of a list, ``{}`` of a mapping by name. CSV names begin with its path.
-``*name`` stands for fields, or a text, of those given or of `COMMON`: as a line, or as the meaning
-of a group.
+With the path ``-.`` the figures below are read from a part that has no key of its own. ``*name``
+stands for fields, or a text, of those given or of `COMMON`: as a line, or as the meaning of a
+group. The lines below ``for NAME UNIT in names`` are repeated with the words, or pairs of words,
+that are given by that name.
 
 Results that are arrays: ``rows_of(result, count)`` gives items whose attributes are the elements
 ``i`` of its arrays. None, nan and infinity are null in JSON, empty in CSV, ``-`` in a table.
@@ -94,8 +96,6 @@ SHOWN: dict[str, Show] = {
     "share": _share,
 }
 """How a value of a table is written; text stands left and may break over lines."""
-COLUMN = re.compile(r"\s\|(?=\s|$)")
-"""Between the columns of a declaration."""
 COMMON: dict[str, Any] = {
     "as_stated": lambda item: 1.0,
     "root": np.sqrt,
@@ -141,19 +141,12 @@ class Field:
         return self.head if "\n" in self.head else f"{self.head}\n{self.unit_name}"
 
     @property
-    def text(self) -> bool:
-        """Whether it is text, which stands left and may break over lines."""
-        return self.show == "text"
-
-    @property
     def unit_name(self) -> str:
         """As a heading has it: `unit`, or the ending of the name."""
         return UNITS.get(self.path.rpartition("_")[2], "") if self.unit is None else self.unit
 
     def of(self, item: Any, *values: Value | None) -> list[Any]:
-        """Quantities in the unit of the field, of the item or the part of it that the groups
-        around the field name.
-        """
+        """Quantities in the unit of the field, of the part that the groups around it name."""
         for within in self.within:
             item = None if item is None else within(item)
         if item is None:
@@ -241,7 +234,13 @@ def _level(text: str, definitions: Mapping[str, Any]) -> Iterator[Field | Group]
         if first.strip().startswith("*"):
             yield from _fields(first.strip()[1:], definitions)
             continue
-        cells = [" ".join(each.split()) for each in COLUMN.split(first)]
+        if first.split()[0] == "for":
+            _, *names, _, given = first.split()
+            for each in definitions[given]:
+                words = dict(zip(names, [each] if isinstance(each, str) else each, strict=True))
+                yield from _level(inner, {**definitions, **words})
+            continue
+        cells = [" ".join(each.split()) for each in re.split(r"\s\|(?=\s|$)", first)]
         path, value, meaning, cell = [*cells, "", "", ""][:4]
         name = path.rstrip(".[]{}")
         of = _value(value or name, definitions)
@@ -251,7 +250,17 @@ def _level(text: str, definitions: Mapping[str, Any]) -> Iterator[Field | Group]
         braces = path.count("{}")
         fields = _fields(meaning[1:], definitions) if meaning else list(_level(inner, definitions))
         many = path.count("[]") + braces
-        yield Group(name, fields, of, many=many, named=bool(braces))
+        if name == "-":
+            yield from (_within(partial(read, value=of), each) for each in fields)
+        else:
+            yield Group(name, fields, of, many=many, named=bool(braces))
+
+
+def _within(part: Callable[[Any], Any], each: Field | Group) -> Field | Group:
+    """A figure, read from a part of the item."""
+    if isinstance(each, Field):
+        return replace(each, within=(part, *each.within))
+    return replace(each, value=lambda item: read(part(item), each.value))
 
 
 def _fields(name: str, definitions: Mapping[str, Any]) -> Any:
@@ -311,8 +320,10 @@ def leaves(fields: Fields) -> Iterator[Field]:
 
 def read(item: Any, value: Value | None) -> Any:
     """A quantity of an item: by a function, or by the path of an attribute."""
+    if item is None or value is None:
+        return None
     if not isinstance(value, str):
-        return None if value is None else value(item)
+        return value(item)
     for name in _names(value):
         if item is None:
             return None
@@ -343,11 +354,9 @@ def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any
 
 
 def _quotient(value: Any, size: Any) -> Any:
-    """A value, or those of a sequence or mapping, in units of `size`."""
+    """A value, or those of a sequence, in units of `size`."""
     if value is None or isinstance(value, str | bool) or (isinstance(size, float) and size == 1.0):
         return value
-    if isinstance(value, Mapping):
-        return {name: _quotient(each, size) for name, each in value.items()}
     if isinstance(value, list | tuple):
         return [_quotient(each, size) for each in value]
     return value / size

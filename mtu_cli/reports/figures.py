@@ -8,10 +8,10 @@ from __future__ import annotations
 import io
 import math
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import SubFigure as SubFigure
 
 
-DOTS_PER_INCH = 150
-
 INK = "#1b1f24"
 GREY = "#8a929c"
 BLUE = "#1f5fa8"
@@ -37,10 +35,6 @@ PALE = "#c9dcf0"
 
 LETTER = 0.066
 """Width of a letter of a name, inches."""
-WIDTH = 34
-"""Characters of a name beside a panel."""
-FEW_ROWS, MOST_ROWS = 24, 80
-"""More rows of intervals than the first stand closer together; of more than the second some."""
 
 _STYLE: Any = {
     "font.size": 9.0,
@@ -66,41 +60,28 @@ _STYLE: Any = {
     # Names and titles of a file are shown sign by sign, pairs of dollars too.
     "text.parse_math": False,
     "lines.linewidth": 1.4,
-    "figure.dpi": DOTS_PER_INCH,
-    "savefig.dpi": DOTS_PER_INCH,
+    "figure.dpi": 150,
+    "figure.constrained_layout.w_pad": 0.08,
+    "figure.constrained_layout.h_pad": 0.08,
+    "savefig.dpi": 150,
     "svg.hashsalt": "mtu",
     "svg.fonttype": "path",
     "pdf.fonttype": 42,
 }
 
-_METADATA: dict[str, dict[str, Any]] = {
-    "png": {"Software": None},
-    "svg": {"Date": None},
-    "pdf": {"CreationDate": None, "ModDate": None},
-}
 
-
-@contextmanager
-def house_style() -> Iterator[None]:
+def house_style() -> AbstractContextManager[None]:
     """Matplotlib's defaults and this style on top, whatever the user's settings file."""
-    import matplotlib
+    from matplotlib import style
 
-    with matplotlib.rc_context():
-        matplotlib.rcdefaults()
-        matplotlib.rcParams.update(_STYLE)
-        yield
+    return style.context(_STYLE, after_reset=True)
 
 
 def blank(width: float, height: float) -> Figure:
     """An empty figure, inches; 8 inches are 1200 pixels."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    layout = ConstrainedLayoutEngine(w_pad=0.08, h_pad=0.08)
-    figure = Figure(figsize=(width, height), layout=layout)
-    FigureCanvasAgg(figure)
-    return figure
+    return Figure(figsize=(width, height), layout="constrained")
 
 
 def figure_bytes(draw: Callable[[], Figure], suffix: str) -> bytes:
@@ -114,44 +95,34 @@ def figure_bytes(draw: Callable[[], Figure], suffix: str) -> bytes:
         # Laid out once: with an engine savefig would do it again, and twice.
         figure.draw_without_rendering()
         figure.set_layout_engine("none")
-        figure.savefig(out, format=kind, metadata=_METADATA[kind])
+        dates = {"png": ["Software"], "svg": ["Date"], "pdf": ["CreationDate", "ModDate"]}[kind]
+        figure.savefig(out, format=kind, metadata=dict.fromkeys(dates))
     return out.getvalue()
-
-
-@dataclass(frozen=True, slots=True)
-class Intervals:
-    """Values (n,), one a row, with intervals or without, `shift` of a row below its middle."""
-
-    label: str
-    colour: str
-    value: FloatArray
-    half: FloatArray | None = None
-    shift: float = 0.0
 
 
 def listing(
     text: str,
     names: Sequence[str],
-    intervals: Sequence[Intervals],
+    intervals: Sequence[tuple[str, str, FloatArray, FloatArray | None, float]],
     label: str,
     *,
     limits: Sequence[FloatArray] = (),
     texts: Sequence[str] = (),
 ) -> Figure:
-    """A page of intervals about their values, a row each from top to bottom, of many some evenly
-    apart; `limits` (n,) in red, nan where there are none; `texts` beside the rows.
+    """A page of intervals about values, a row each from top to bottom, of many some evenly apart:
+    label, colour, values (n,), half widths (n,) or None, and how far below the middle of the row.
+    `limits` (n,) in red, nan where there are none; `texts` beside the rows.
     """
-    index = spread(len(names), MOST_ROWS)
+    index = spread(len(names), 80)
     rows = np.arange(len(index))
-    page = blank(8.0, (0.36 if len(index) <= FEW_ROWS else 0.25) * len(index) + 1.7)
+    page = blank(8.0, (0.36 if len(index) <= 24 else 0.25) * len(index) + 1.7)
     title(page, text + f" ({len(index)} of {len(names)})" * (len(index) < len(names)))
     panel = page.subplots()
     panel.axvline(0.0, color=GREY, linewidth=0.9)
-    for item in intervals:
-        half = None if item.half is None else item.half[index]
+    for name, colour, value, half, shift in intervals:
         panel.errorbar(
-            item.value[index], rows + item.shift, xerr=half, fmt="o", color=item.colour,
-            elinewidth=2.0, capsize=2.0, markersize=4.0, label=item.label,
+            value[index], rows + shift, xerr=None if half is None else half[index], fmt="o",
+            color=colour, elinewidth=2.0, capsize=2.0, markersize=4.0, label=name,
         )  # fmt: skip
     for limit in limits:
         if np.isfinite(limit[index]).any():
@@ -161,7 +132,7 @@ def listing(
             texts[i], (1.01, row), xycoords=panel.get_yaxis_transform(), va="center",
             fontsize=7.5, annotation_clip=False,
         )  # fmt: skip
-    panel.set_yticks(rows, [cut(names[i], WIDTH) for i in index])
+    panel.set_yticks(rows, [cut(names[i], 34) for i in index])
     panel.set(ylim=(len(index) - 0.4, -0.6), xlabel=label)
     panel.grid(axis="y", visible=False)
     legend(page)
@@ -220,10 +191,6 @@ def title(page: Figure | SubFigure, text: str) -> None:
     page.suptitle(text, x=0.012, ha="left", fontsize=10.5, fontweight="bold")
 
 
-BINS, MARGIN = 50, 0.25
-"""Of a histogram; beyond both intervals it shows this part of them."""
-
-
 def histogram(
     panel: Axes, title: str, label: str, samples: FloatArray, ends: Sequence[float],
     first: tuple[float, float, float], probability: float = PROBABILITY,
@@ -235,10 +202,11 @@ def histogram(
     half = coverage_factor(probability, dof) * u if u > 0.0 else 0.0
     first_ends = [value - half, value + half] if u > 0.0 else []
     low, high = min([*ends, *first_ends]), max([*ends, *first_ends])
-    room = max(MARGIN * (high - low), 1e-6 * max(abs(low), abs(high)), 1e-300)
+    # Beyond both intervals a quarter of them.
+    room = max(0.25 * (high - low), 1e-6 * max(abs(low), abs(high)), 1e-300)
     limits = low - room, high + room
     panel.hist(
-        samples, BINS, range=limits, density=True, histtype="stepfilled",
+        samples, 50, range=limits, density=True, histtype="stepfilled",
         color=PALE, label="Monte Carlo trials",
     )  # fmt: skip
     if u > 0.0:
@@ -265,16 +233,6 @@ def histograms(text: str, trials: Sequence[tuple[Any, ...]]) -> Figure:
     return page
 
 
-MOST, FEW = 9, 4
-"""Levels on one sheet; of more than the second a level needs three features on average."""
-NAMED = 80
-"""Of more features at a level the names are not drawn."""
-REACH, RADIUS = 0.95, 0.42
-"""Of the longest arrow and of the largest ellipse, over the distance of neighbours."""
-PANEL, ABOVE = (1.0, 6.0), 0.85
-"""Lowest and tallest panel, and the title, scale and labels of a row of panels, inches."""
-
-
 @dataclass(frozen=True, slots=True)
 class Side:
     """Errors (n, 3) um, nan where not known; ellipses by `covariance` (n, 3, 3) um^2."""
@@ -285,24 +243,10 @@ class Side:
     covariance: FloatArray | None = None
 
 
-class Panel(NamedTuple):
-    """The `sides` at the features `rows` of one level, along as many `axes`; of each the arrows
-    (rows, 2) um and the ellipses, half axes (rows, 2) um and their directions (rows, 2, 2).
-    """
-
-    title: str
-    rows: IntArray
-    axes: int
-    sides: Sequence[Side]
-    drawn: list[tuple[FloatArray, FloatArray, FloatArray]]
-
-
 def _drawn(
     side: Side, rows: IntArray, axes: list[int], k: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Arrows and ellipses of k u, of errors along these axes: those of the plane, or the one across
-    it, which is drawn upwards.
-    """
+    """Arrows and ellipses of k u along the axes of the plane, or upwards along the one across."""
     m, arrows, squares = len(axes), np.zeros((len(rows), 2)), np.zeros((len(rows), 2, 2))
     arrows[:, -m:] = side.errors[rows][:, axes]
     if side.covariance is not None:
@@ -338,10 +282,13 @@ class Maps:
         self.places = places[:, self.plane]
         heights = np.round(places[:, normal], 1) + 0.0
         values, code = np.unique(np.nan_to_num(heights, nan=np.inf), return_inverse=True)
-        levels = [np.flatnonzero(code == i) for i in spread(len(values), MOST)]
-        if len(values) > FEW and 3 * len(values) > len(heights):
+        levels = [np.flatnonzero(code == i) for i in spread(len(values), 9)]
+        # Each of many has three features on average, or they are drawn together.
+        if len(values) > 4 and 3 * len(values) > len(heights):
             levels = [np.arange(len(heights))]
-        self.panels = []
+        # Title, features of one level, axes in the plane or across, and sides.
+        self.k, self.panels = k, list[tuple[str, IntArray, list[int], Sequence[Side]]]()
+        sizes = {2: [1e-12], 1: [1e-12]}
         for name, sides in groups:
             for along in [self.plane, [normal]] if whole else [self.plane]:
                 kind = " and ".join(f"E{AXES[axis]}" for axis in along)
@@ -351,54 +298,55 @@ class Maps:
                     at = f"{AXES[normal]} = {' to '.join(ends)} mm"
                     at = at if np.isfinite(heights[rows]).all() else ""
                     text = ", ".join(filter(None, (cut(name, 20), kind, at)))
-                    drawn = [_drawn(side, rows, along, k) for side in sides]
-                    self.panels.append(Panel(text, rows, len(along), sides, drawn))
+                    self.panels.append((text, rows, along, sides))
+                    for arrows, half, _ in (_drawn(side, rows, along, k) for side in sides):
+                        longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
+                        sizes[len(along)] += [longest / 0.95, half.max(initial=0.0) / 0.42]
         spacing = min(_spacing(self.places[rows]) for rows in levels)
-        self.scales: dict[int, float] = {}
-        for count in (2, 1):
-            sizes = [1e-12]
-            for arrows, half, _ in (x for p in self.panels if p.axes == count for x in p.drawn):
-                longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
-                sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
-            self.scales[count] = spacing / max(sizes)
+        self.scales = {count: spacing / float(max(each)) for count, each in sizes.items()}
         self.low = self.places.min(axis=0) - 1.3 * spacing
         self.high = self.places.max(axis=0) + 1.3 * spacing
         self.columns = min(len(self.panels), len(levels) if len(levels) > 1 else 2, 3)
         self.width = width or (8.0 if self.columns == 1 else 12.0)
         inches = (self.width - 0.9) / self.columns - 0.2
-        inch = max((self.high - self.low) / (inches, PANEL[1]))
-        tall = max(PANEL[0], float(self.high[1] - self.low[1]) / inch)
-        self.height = -(-len(self.panels) // self.columns) * (tall + ABOVE) + 0.45
+        inch = max((self.high - self.low) / (inches, 6.0))
+        tall = max(1.0, float(self.high[1] - self.low[1]) / inch)
+        # Each row of panels with titles, scales and labels.
+        self.height = -(-len(self.panels) // self.columns) * (tall + 0.85) + 0.45
         fits = spacing / inch > LETTER * max(map(len, ids)) + 0.1
-        self.named = fits and max(map(len, levels)) <= NAMED
+        self.named = fits and max(map(len, levels)) <= 80
 
     def draw(self, page: Figure | SubFigure, text: str) -> None:
         """The panels, each with its scale; title and sides above."""
         from matplotlib.lines import Line2D
 
         title(page, text)
-        sides = {side.name: side.colour for panel in self.panels for side in panel.sides}
-        handles = [Line2D([], [], color=c, lw=2.2, label=name) for name, c in sides.items() if name]
+        colours = {side.name: side.colour for *_, sides in self.panels for side in sides}
+        handles = [Line2D([], [], color=c, lw=2.2, label=x) for x, c in colours.items() if x]
         if handles:
             page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
         across, up = (AXES[axis] for axis in self.plane)
         panels = panels_of(page, len(self.panels), self.columns)
-        for panel, content in zip(panels, self.panels, strict=False):
-            self._draw_panel(panel, content)
+        for panel, (heading, rows, along, sides) in zip(panels, self.panels, strict=False):
+            self._draw_panel(panel, rows, along, sides)
             panel.set(
                 xlabel=f"{across}, mm", ylabel=f"{up}, mm", aspect="equal",
                 xlim=(self.low[0], self.high[0]), ylim=(self.low[1], self.high[1]),
             )  # fmt: skip
-            panel.set_title(content.title, pad=20, fontsize=9)
+            panel.set_title(heading, pad=20, fontsize=9)
 
-    def _draw_panel(self, panel: Axes, content: Panel) -> None:
+    def _draw_panel(
+        self, panel: Axes, rows: IntArray, along: list[int], sides: Sequence[Side]
+    ) -> None:
         """Arrows over ellipses; names stand opposite to the arrows."""
         from matplotlib.collections import EllipseCollection
         from matplotlib.patheffects import withStroke
 
-        places, scale = self.places[content.rows], self.scales[content.axes]
-        both = zip(content.sides, content.drawn, strict=True)
-        for i, (side, (errors, half, directions)) in enumerate(both):
+        places, scale = self.places[rows], self.scales[len(along)]
+        total = np.zeros((len(rows), 2))
+        for i, side in enumerate(sides):
+            errors, half, directions = _drawn(side, rows, along, self.k)
+            total += np.nan_to_num(errors)
             if side.covariance is not None:
                 angles = np.degrees(np.arctan2(directions[:, 1, 1], directions[:, 0, 1]))
                 ellipses = EllipseCollection(
@@ -409,7 +357,7 @@ class Maps:
                 )  # fmt: skip
                 panel.add_collection(ellipses, autolim=False)
             # The first is wider, to be seen where both are the same.
-            width = 0.04 if len(content.sides) > 1 and i == 0 else 0.02
+            width = 0.04 if len(sides) > 1 and i == 0 else 0.02
             arrows = panel.quiver(
                 *places.T, *errors.T, angles="xy", scale_units="xy", scale=1 / scale,
                 color=side.colour, units="inches", width=width, headwidth=4, zorder=4,
@@ -422,8 +370,7 @@ class Maps:
                     labelpos="E", color=INK,
                 )  # fmt: skip
         panel.plot(*places.T, "o", color=INK, markersize=2.6, zorder=5)
-        total = np.nansum([errors for errors, _, _ in content.drawn], axis=0)
-        for i, row in enumerate(content.rows if self.named else ()):
+        for i, row in enumerate(rows if self.named else ()):
             name, size = self.ids[row], float(np.linalg.norm(total[i]))
             unit = -total[i] / size if size > 0 else np.array([0.0, -1.0])
             panel.annotate(

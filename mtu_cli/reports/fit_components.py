@@ -7,7 +7,6 @@ Per component everything is in its own `unit` and mm; of several instruments the
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -19,15 +18,10 @@ from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import TESTS, InstrumentFit
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, declare
+from mtu_cli.reports.fields import Fields, declare
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.units import SMALL
-
-SHOWN, TITLE = 12, 36
-"""Names in a note; characters above a panel."""
-MARKS = {1: (">", "forward"), -1: ("<", "reverse"), 0: ("o", "reading")}
-"""Markers and words by direction."""
 
 
 def _size(item: Any, power: int = 0) -> float:
@@ -47,8 +41,7 @@ TESTED = declare(
     """
     drift. | tests.drift
         F | made.F | variance ratio
-        p | made.p | p that passes differ by no more than repeatability \
-            | drift / p, p, mark=star()
+        p | made.p | p that passes differ by no more than repeatability | drift / p, p, mark=star()
         df | made.df | its degrees of freedom | -, json
     trend. | tests.trend
         per_pass | made.value | steady change from pass to pass | -, size=size()
@@ -75,7 +68,10 @@ COMPONENT = """
     unit | unit.name | of its figures | unit, text
     says | | its meaning in words, of the machine file | -, json
     source | | readings or machine file | from, text, detail
-    *in_tables
+    -. | polynomial()
+        for POWER HEAD in powers
+            - | coefficients.POWER | | HEAD, plus-minus, u=root(covariance.POWER.POWER), \
+                size=per_mPOWER()
     degree | estimate.degree | degree of the polynomial; null of a table
     shape | shape() | polynomial or table
     at_mm | estimate.table.at | positions of the values of a table | -, json
@@ -86,25 +82,16 @@ COMPONENT = """
     own_um2_per_mm3 | estimate.table.own | of a table: the same of the bend of a run, of future \
         readings | -, json, size=square()
     own_dof | estimate.table.own_dof | degrees of freedom of it; null: infinite | -, json
-    n | | number of readings
-    n_passes | estimate.n_passes | passes in the mean square between passes
-    passes_read | | passes of the readings | passes / read, count, detail
-    coefficients | | ascending powers of mm; of a table its values at at_mm | -, json, size=size()
-    covariance | | of the coefficients | -, json, size=size2()
+    *line
     covariance_independent | estimate.independent_covariance | s^2 (X'X)^-1, all readings as \
         repeats (Gilsinn & Ling 2004) | -, json, size=size2()
-    s | estimate.independent_s | residual standard deviation of that | -, size=size()
-    dof | | its degrees of freedom
-    s_repeat | | repeatability of one visit | -, size=size()
     - | scatter.0 | | s_repeat / unit, size=size()
-    pass_covariance | | of intercept at pass_center_mm and slope, between passes \
-        | -, json, size=size2()
+    pass_covariance | | of level at pass_center_mm and slope, between passes | -, json, size=size2()
     pass_covariance_moment | | the same before a negative part was set to zero, for predictions \
         | -, json, size=size2()
     half_difference_mean_square | half_differences | part of the mean square between passes that \
         is of runs there and back; null: none | -, json, size=size2()
-    run_covariance | | covariance of the two passes of a run, of several instruments \
-        | -, json, size=size2()
+    run_covariance | | of the two passes of a run, of several instruments | -, json, size=size2()
     s_pass | s_pass() | standard deviation from pass to pass at pass_center_mm
     - | scatter.1 | | s_pass / unit, size=size()
     pass_center_mm | pass_center | mean position of the readings
@@ -114,44 +101,39 @@ COMPONENT = """
     *tested
     instruments[]
         role | | lbb or laser
-        n | | number of readings
-        n_passes | | passes in the mean square between passes
-        passes_read | | passes of the readings
-        coefficients | | as of the component | -, size=size()
-        covariance | | their covariance | -, size=size2()
-        s | | residual standard deviation, all readings as repeats | -, size=size()
-        dof | | its degrees of freedom
-        s_repeat | | repeatability of one visit | -, size=size()
+        *line
         *tested
     agreement_p | | p that the instruments agree; null: one instrument | agree / p, p, json
-    *in_csv
+    -. | polynomial()
+        for POWER HEAD in powers
+            - | coefficients.POWER | coefficient of mm^POWER | -, csv=coefficient_POWER, size=size()
+            - | root(covariance.POWER.POWER) | standard uncertainty of the coefficient of mm^POWER \
+                | -, csv=u_coefficient_POWER, size=size()
 """
-TERM = """
-    - | coefficients.POWER | | HEAD, plus-minus, u=root(covariance.POWER.POWER), size=per_m()
+LINE = """
+    n | | number of readings
+    n_passes | | passes in the mean square between passes
+    passes_read | | passes of the readings | passes / read, count, detail
+    coefficients | | ascending powers of mm; of a table its values at at_mm | -, json, size=size()
+    covariance | | of the coefficients | -, json, size=size2()
+    s | | residual standard deviation, all readings as repeats | -, size=size()
+    dof | | its degrees of freedom
+    s_repeat | | repeatability of one visit | -, size=size()
 """
-"""As people read it, per m^N."""
-TERM_IN_CSV = """
-    - | coefficients.POWER | coefficient of mm^POWER | -, csv=coefficient_POWER, size=size()
-    - | root(covariance.POWER.POWER) | standard uncertainty of the coefficient of mm^POWER \
-        | -, csv=u_coefficient_POWER, size=size()
-"""
+"""Of a component, and of each of its instruments."""
 
 
 def component(powers: int) -> Fields:
     """The figures of a component; in tables and CSV those of `powers` coefficients."""
     heads = ["at 0 / unit", "slope / unit/m", *(f"x^{n} / unit/m^{n}" for n in range(2, powers))]
-    terms: tuple[list[Field], list[Field]] = [], []
-    for n, head in enumerate(heads[:powers]):
-        for fields, text in zip(terms, (TERM, TERM_IN_CSV), strict=True):
-            per_m = partial(_size, power=n)
-            columns = declare(text, POWER=str(n), HEAD=head, per_m=per_m, **SIZES)
-            fields += [replace(x, within=(_polynomial,)) for x in columns if isinstance(x, Field)]
     return declare(
         COMPONENT,
         **SIZES,
-        in_tables=terms[0],
-        in_csv=terms[1],
+        line=LINE,
         tested=TESTED,
+        polynomial=_polynomial,
+        powers=[(str(n), head) for n, head in enumerate(heads[:powers])],
+        **{f"per_m{n}": partial(_size, power=n) for n in range(powers)},
         shape=lambda x: "polynomial" if x.estimate.table is None else "table",
         # To the last bit the root of pass_covariance as the report states it.
         s_pass=lambda x: math.sqrt(x.pass_covariance[0, 0] / _size(x) ** 2),
@@ -163,34 +145,28 @@ def _polynomial(item: Line) -> Line | None:
     return None if isinstance(item, Component) and item.estimate.table else item
 
 
-def results(fields: Fields) -> Fields:
-    """The figures of the report, of components with these."""
-    text = """
-        machine | | name of the machine
-        components{} | | *component
-        joint_pass_covariance[] | joint
-            components | group.components | components read in the same passes
-            widths | group.widths | number of coefficients of each
-            coefficient_covariance | group.covariance | of all coefficients | -, size=units
-            pass_covariance | group.pass_covariance | of all between passes | -, size=units
-            half_difference_mean_square | group.half_differences | part of it of runs there and \
-                back | -, size=units
-            pass_dof | group.pass_dof | degrees of freedom between passes
-            n_passes | group.n_passes | number of passes
-        observability[]
-            component | | component, or those of a group
-            not_determined | | what the readings leave open
-            because | | why
-            reading_that_would | | readings that would determine it
-    """
-    return declare(text, component=fields)
-
-
 ROW = component(2)
-RESULTS = results(ROW)
-"""Of components of degree 1."""
-
-
+RESULTS = declare(
+    """
+    machine | | name of the machine
+    components{} | | *component
+    joint_pass_covariance[] | joint
+        components | group.components | components read in the same passes
+        widths | group.widths | number of coefficients of each
+        coefficient_covariance | group.covariance | of all coefficients | -, size=units
+        pass_covariance | group.pass_covariance | of all between passes | -, size=units
+        half_difference_mean_square | group.half_differences | part of it of runs there and \
+            back | -, size=units
+        pass_dof | group.pass_dof | degrees of freedom between passes
+        n_passes | group.n_passes | number of passes
+    observability[]
+        component | | component, or those of a group
+        not_determined | | what the readings leave open
+        because | | why
+        reading_that_would | | readings that would determine it
+    """,
+    component=ROW,
+)
 KNOT = declare("""
     - | of.label | | component, text, names
     - | of.unit.name | | unit, text
@@ -204,11 +180,9 @@ def document(result: FitResult, digits: int = 2) -> Document:
     components = list(result.components.values())
     powers = [len(x.coefficients) for x in filter(_polynomial, components)]
     fields = component(max(powers, default=0))
-    footer = (
-        "± one standard uncertainty; reversal: forward minus reverse; * significant at "
-        f"{100 * FAMILY_RATE:g} % (Bonferroni)"
-    )
-    if missing := listed(result.fit.missing, SHOWN):
+    rate = f"{100 * FAMILY_RATE:g} % (Bonferroni)"
+    footer = f"± u; reversal: forward minus reverse; * significant at {rate}"
+    if missing := listed(result.fit.missing, 12):
         footer += f"; not fitted, without readings: {missing}"
     lines = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]
     table = Table(f"Components of {result.machine}", fields, components, footer, selection=lines)
@@ -227,14 +201,12 @@ def document(result: FitResult, digits: int = 2) -> Document:
         if labels:
             findings.append(f"{words} of {listed(labels)}")
     verdict = f"Significant: {'; '.join(findings)}." if findings else "No test is significant."
-    source = results(fields), result
-    return Document("Components", source, tables, figure, verdict, digits)
+    return Document("Components", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def figure(result: FitResult) -> figures.Figure:
-    """All components on one sheet (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction,
-    the fitted line, and the band of a future part: k times the root of
-    x'(C + D)x + s_repeat^2 about the line.
+    """All components (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction, the line, and
+    the band of a future part, k times the root of x'(C + D)x + s_repeat^2 about the line.
     """
     estimates, k = result.estimates.components, result.coverage_factor
     columns = max(1, min(len(estimates), 3))
@@ -263,7 +235,7 @@ def figure(result: FitResult) -> figures.Figure:
         )  # fmt: skip
         panel.plot(place, line, color=figures.INK, zorder=4, label="fit")
         says = result.components[name].says or ""
-        panel.set_title(cut(f"{name}  {says}".rstrip(), TITLE))
+        panel.set_title(cut(f"{name}  {says}".rstrip(), 36))
         panel.set_xlabel("pass" if estimate.of is None else f"{estimate.of}, mm")
         panel.set_ylabel(estimate.unit.name)
     figures.legend(page)
@@ -279,7 +251,7 @@ def _readings(
         rows = np.flatnonzero(group == g)
         rows = rows[np.argsort(item.position[rows], kind="stable")]
         place = item.position[rows] if estimate.of else np.full(len(rows), float(number))
-        marker, word = MARKS[sign]
+        marker, word = {1: (">", "forward"), -1: ("<", "reverse"), 0: ("o", "reading")}[sign]
         panel.plot(
             place, item.error[rows] / estimate.unit.to_internal, marker=marker,
             linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],

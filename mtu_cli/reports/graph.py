@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from mtu_cli.analyses.graph import GraphSimulation, GridPoint, SimulatedCoordinate, Sweep
+from mtu_cli.analyses.graph import GraphSimulation, GridPoint, Sweep
 from mtu_cli.findings import listed
 from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step
@@ -22,18 +22,10 @@ from mtu_cli.units import UM
 
 MOST = 12
 """Places named in one cell."""
-SHOWN_SHARES = 3
-"""Sources of variance that are named."""
 SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendicularity"}
 """Sources for people; others are places."""
-COORDINATES, LINES = 9, 14
-"""Coordinates drawn on one sheet; lines of a sweep that are named."""
-SEEN = 1e-3
-"""Coordinates drawn have at least this part of the largest u of their unit."""
-NAME, TITLE = 24, 50
-"""Characters of a name, and of one line of a title."""
-DIGITS = 6
-"""Of a nominal."""
+NAME = 24
+"""Characters of a name in a picture."""
 
 
 def small_unit(unit: str) -> tuple[float, str]:
@@ -43,13 +35,9 @@ def small_unit(unit: str) -> tuple[float, str]:
 
 def shares_text(shares: Mapping[str, float]) -> str:
     """ "probe 50, axis 49": percents of the sources of variance, the largest first."""
-    pairs = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
+    pairs = [pair for pair in shares.items() if LEAST_SHARE <= abs(pair[1]) < math.inf]
     pairs.sort(key=lambda pair: -abs(pair[1]))
-    texts = [
-        f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
-        for name, share in pairs[:SHOWN_SHARES]
-        if math.isfinite(share)
-    ]
+    texts = (f"{SOURCES.get(name, name)} {share_percent(share, 0)}" for name, share in pairs[:3])
     return ", ".join(texts) or "-"
 
 
@@ -100,8 +88,8 @@ def check(result: MeasurementGraph, digits: int = 2) -> Document:
     places = f"{len(result.graph.places)} places ({kinds})"
     steps = f"{len(items)} transitions, {counts['probings']} probings"
     verdict = f"The graph is sound: {places}, {steps}."
-    name, source = result.graph.name, (CHECK, result)
-    return Document(name, source, [order], lambda _: drawing(net_of(result)), verdict)
+    source = CHECK, result
+    return Document(result.graph.name, source, [order], lambda x: drawing(net_of(x)), verdict)
 
 
 COORDINATE = """
@@ -132,17 +120,14 @@ COORDINATE = """
 """
 
 
-def _nominal(item: SimulatedCoordinate, u: None, digits: int) -> str:
-    text = significant(item.nominal, DIGITS)
-    return text if item.output.unit == "1" else f"{text} {item.output.unit}"
-
-
 def coordinate(sources: tuple[str, ...] = ()) -> Fields:
     """The figures of one coordinate; in CSV with the shares of all sources of variance."""
     fields = declare(
         COORDINATE,
         place=lambda item: str(item.output),
-        nominal=_nominal,
+        nominal=lambda x, u, digits: (
+            significant(x.nominal, 6) + f" {x.output.unit}" * (x.output.unit != "1")
+        ),
         size=lambda item: 1.0 / small_unit(item.output.unit)[0],
         deviations=lambda item: None if item.fixed else item.deviations,
         unit=lambda item: small_unit(item.output.unit)[1],
@@ -160,8 +145,7 @@ SIMULATION = declare(
     """
     places{}{} | | *coordinate
     trials | | number of trials
-    budget | budget() | shares of the first-order variance of each coordinate by source; null \
-        where it is 0
+    budget | budget() | each source's share of the first-order variance; null where it is 0
     converged | | whether all trials reached the digits asked for
     """,
     coordinate=coordinate(),
@@ -191,7 +175,8 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
 
 
 GRID_POINT = """
-    *varied
+    for NAME HEAD in names
+        NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()
     - | unit() | unit of mean and u | -, csv=unit
     mean | | mean of the trials
     u | | standard uncertainty, by the trials
@@ -212,11 +197,10 @@ GRID_POINT = """
 
 def grid_point(names: Iterable[str], unit: str = "") -> Fields:
     """The figures of one setting, of an output in `unit`."""
-    at = "NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()\n"
     factor, small = small_unit(unit)
     return declare(
         GRID_POINT,
-        varied="".join(at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in names),
+        names=[(name, name.removesuffix("_um")) for name in names],
         unit=lambda item: unit,
         UNIT=small,
         size=lambda item: 1.0 / factor,
@@ -224,8 +208,9 @@ def grid_point(names: Iterable[str], unit: str = "") -> Fields:
 
 
 def grid(fields: Fields) -> Fields:
-    """The figures of a grid, of points with these."""
+    """The figures of a grid, of points with these, and of the graph as the file has it."""
     text = """
+        -. | base | *simulation
         of | output() | the output
         unit | output.unit | unit of means and u
         grid[] | | *point
@@ -237,11 +222,12 @@ def grid(fields: Fields) -> Fields:
                 a u of the Monte Carlo
         converged | | whether all trials reached the digits asked for
     """
-    return declare(text, output=lambda result: str(result.output), point=fields)
+    # The grid says whether all converged.
+    return declare(text, simulation=SIMULATION[:-1], output=lambda x: str(x.output), point=fields)
 
 
 GRID_ROW = grid_point(("axis_um", "probe_um", "perpendicular_um", "repeats"))
-SWEEP: Fields = (*SIMULATION[:-1], *grid(GRID_ROW))
+SWEEP = grid(GRID_ROW)
 
 
 def sweep(result: Sweep, digits: int = 2) -> Document:
@@ -257,16 +243,15 @@ def sweep(result: Sweep, digits: int = 2) -> Document:
         verdict = f"Formula and Monte Carlo differ by {most} % at most."
         if len(result.grid) == len(formula.coefficients):
             verdict = "The formula has as many terms as the grid has points: nothing checks it."
-    table = Table(title, fields, result.grid, footer)
-    source, extra = (SIMULATION, result.base), [(grid(fields), result)]
-    return Document(title, source, [table], lambda _: sweep_figure(result), verdict, digits, extra)
+    table, source = Table(title, fields, result.grid, footer), (grid(fields), result)
+    return Document(title, source, [table], sweep_figure, verdict, digits)
 
 
 def simulation_figure(result: GraphSimulation) -> figures.Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
     variables = [item for item in result.coordinates if not item.fixed]
     maxima = [max(y.u for y in variables if y.output.unit == x.output.unit) for x in variables]
-    selection = [x for x, u in zip(variables, maxima, strict=True) if x.u >= SEEN * u][:COORDINATES]
+    selection = [x for x, u in zip(variables, maxima, strict=True) if x.u >= 1e-3 * u][:9]
     trials = []
     for item in selection:
         factor, unit = small_unit(item.output.unit)
@@ -275,15 +260,13 @@ def simulation_figure(result: GraphSimulation) -> figures.Figure:
         text = f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}"
         of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
         trials.append((text, of, samples, ends, (0.0, u, math.inf)))
-    title = f"{cut(result.graph.graph.name, TITLE)}: scatter of the results"
+    title = f"{cut(result.graph.graph.name, 50)}: scatter of the results"
     title += f" ({len(selection)} of {len(variables)})" * (len(selection) < len(variables))
     return figures.histograms(title, trials)
 
 
 def sweep_figure(result: Sweep) -> figures.Figure:
-    """u by Monte Carlo with two standard errors over the first varied parameter, a line for each
-    value of the others.
-    """
+    """u with two standard errors over what is varied first, a line a value of the others."""
     names = [name for name, values in result.varied.items() if len(values) > 1]
     first, *rest = names or list(result.varied)
     lines: dict[str, list[GridPoint]] = {}
@@ -292,7 +275,7 @@ def sweep_figure(result: Sweep) -> figures.Figure:
     page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
     panel, short = page.subplots(), cut(str(result.output), NAME)
     factor, unit = small_unit(result.output.unit)
-    indices = spread(len(lines), LINES)
+    indices = spread(len(lines), 14)
     for i, ((label, points), colour) in enumerate(
         zip(lines.items(), figures.shades(len(lines)), strict=True)
     ):

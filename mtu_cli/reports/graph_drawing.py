@@ -20,8 +20,6 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.numbers import cut
 from mtu_cli.stats.least_squares import FloatArray
 
-Arcs = Sequence[tuple[int, int]]
-
 COLOURS = {
     "coordinate": "#bcd7f0",
     "point": "#f6c28b",
@@ -33,18 +31,10 @@ COLOURS = {
 }
 RADIUS, BAR = 0.14, (0.07, 0.28)
 """Of a circle, and width and height of a bar, inches."""
-FONT, LETTER = 7.0, 0.066
-"""Points of a label below a node, and width of its letters in inches."""
 ROOM, BEND, GAP = 0.23, 0.08, 0.35
 """Half the height of a node with its label and of an arc that passes, and between columns."""
-MARGIN, FOOT, KEY, TITLE = 0.8, 0.2, 0.95, 0.105
-"""Room about the picture and for its key; widths of an entry of the key and of a letter of the
-title, inches."""
-SWEEPS, PASSES = 9, 80
-LEVEL, FINE = 0.02, 100
-"""Inches that an arc is level at its ends, and points of it that are drawn."""
-NOISE = 1e-9
-"""Percent by which rounding may move a share."""
+MARGIN, FOOT = 0.8, 0.2
+"""Room about the picture and for its key, inches."""
 LEAST_SHARE = 0.005
 """Of sources of variance that are named."""
 
@@ -63,7 +53,7 @@ class Node(NamedTuple):
     @property
     def width(self) -> float:
         """Width of the node with its label."""
-        return max(2 * RADIUS, LETTER * len(self.label))
+        return max(2 * RADIUS, figures.LETTER * len(self.label))
 
 
 class Net(NamedTuple):
@@ -81,7 +71,7 @@ class Net(NamedTuple):
 
 def share_percent(share: float, decimals: int = 1) -> str:
     """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
-    return f"{100 * share + NOISE:z.{decimals}f}"
+    return f"{100 * share + 1e-9:z.{decimals}f}"
 
 
 def net_of(
@@ -117,7 +107,7 @@ def lay_out(net: Net) -> tuple[FloatArray, list[FloatArray]]:
     for node, number in enumerate(rank):
         layers[number].append(node)
     before, after = _adjacent([pair for path in paths for pair in pairwise(path)])
-    for sweep in range(SWEEPS):  # to and fro; at last forward
+    for sweep in range(9):  # to and fro; at last forward
         near, pairs = (after, layers[::-1]) if sweep % 2 else (before, layers)
         for fixed, layer in pairwise(pairs):
             at = {node: i for i, node in enumerate(fixed)}
@@ -132,7 +122,7 @@ def lay_out(net: Net) -> tuple[FloatArray, list[FloatArray]]:
     return spots[:count], [spots[path] for path in paths]
 
 
-def _adjacent(arcs: Arcs) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
+def _adjacent(arcs: Sequence[tuple[int, int]]) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
     """The nodes before and after each node."""
     before, after = defaultdict(list), defaultdict(list)
     for a, b in arcs:
@@ -141,7 +131,7 @@ def _adjacent(arcs: Arcs) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
     return before, after
 
 
-def _ranks(count: int, arcs: Arcs) -> list[int]:
+def _ranks(count: int, arcs: Sequence[tuple[int, int]]) -> list[int]:
     """Layers by longest path; then every node moves to where its arcs are shortest."""
     before, after = _adjacent(arcs)
     order = list(TopologicalSorter({i: before[i] for i in range(count)}).static_order())
@@ -167,7 +157,7 @@ def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatAr
         rooms = np.where(np.array(layer) < nodes, ROOM, BEND)
         offsets.append(np.cumsum(rooms) + np.cumsum(np.append(0.0, rooms[:-1])))
         y[layer] = offsets[-1] - offsets[-1].mean()
-    for turn in range(PASSES):
+    for turn in range(80):
         for index in range(len(layers)) if turn % 2 else reversed(range(len(layers))):
             layer, offset = layers[index], offsets[index]
             targets = np.array([y[near[i]].mean() for i in layer])
@@ -186,7 +176,7 @@ def drawing(net: Net) -> figures.Figure:
     right, bottom = places.max(axis=0, initial=0.0)
     kinds = {node.kind for node in net.nodes}
     sides = MARGIN + max((node.width for node in net.nodes), default=0.0) / 2
-    width = max(right + 2 * sides, KEY * (len(kinds) + 3))
+    width = max(right + 2 * sides, 0.95 * (len(kinds) + 3))
     page = figures.blank(width, bottom + 2 * MARGIN + FOOT)
     page.set_layout_engine("none")
     panel = page.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -199,8 +189,8 @@ def drawing(net: Net) -> figures.Figure:
         share = max(net.shares.get(a, 0.0), net.shares.get(b, 0.0))
         (x0, y0), *bends, (x1, y1) = route.tolist()
         x0, x1 = x0 + before, x1 - after
-        points = np.array([(x0, y0), (x0 + LEVEL, y0), *bends, (x1 - LEVEL, y1), (x1, y1)])
-        along = np.linspace(x0, x1, FINE)
+        points = np.array([(x0, y0), (x0 + 0.02, y0), *bends, (x1 - 0.02, y1), (x1, y1)])
+        along = np.linspace(x0, x1, 100)
         curve = Path(np.column_stack([along, PchipInterpolator(*points.T)(along)]))
         arrow = FancyArrowPatch(
             path=curve, arrowstyle="-|>,head_length=3.0,head_width=1.5", lw=0.8 + 3.0 * share,
@@ -218,20 +208,18 @@ def drawing(net: Net) -> figures.Figure:
             panel.plot(x, y, **ring, mfc="none", mew=2.0, zorder=3, label="reported")
         if node.marked:
             panel.plot(x, y, "o", ms=4.3, mew=0, color=figures.INK, zorder=4, label="marker")
-        panel.text(x, y + RADIUS + 0.02, node.label, fontsize=FONT, ha="center", va="top", zorder=5)
+        panel.text(x, y + RADIUS + 0.02, node.label, fontsize=7.0, ha="center", va="top", zorder=5)
         if (share := net.shares.get(number, 0.0)) >= LEAST_SHARE:
             panel.text(
                 x - RADIUS - 0.04, y - 0.025 - 0.02 * share, f"{share_percent(share)} %",
-                fontsize=FONT, color=figures.RED, ha="right", va="bottom",
+                fontsize=7.0, color=figures.RED, ha="right", va="bottom",
             )  # fmt: skip
     of = "" if net.of is None else f": where the variance of {net.of} is from"
-    figures.title(page, cut(net.title + of, int(width / TITLE)))
+    figures.title(page, cut(net.title + of, int(width / 0.105)))
     figures.key(page, [panel], loc="lower left", ncols=len(kinds) + 3, markerscale=0.55)
     return page
 
 
-PIXELS = 96
-"""A dot in an inch of the layout, for the paper's coordinates."""
 DOT_BAR = "shape=box, style=filled, fillcolor=black, width=0.08, height=0.5, fixedsize=true"
 
 
@@ -294,10 +282,11 @@ def assertions(net: Net, measurement: MeasurementGraph) -> str:
     """The model data base of Stryczek, Table 1: p(n, x, y, kind, X, Y, Z), t(n, x, y, type),
     pt(p, t), tp(t, p), m(p).
 
-    n counts places and transitions apart; x, y in pixels; the values are those at nominal (for a
-    coordinate and a constant the first; of lines and planes the direction, of frames the origin).
+    n counts places and transitions apart; x, y in pixels, 96 to the inch; the values are those at
+    nominal (for a coordinate and a constant the first; of lines and planes the direction, of frames
+    the origin).
     """
-    spots = np.rint((lay_out(net)[0] + 0.5) * PIXELS).astype(int)
+    spots = np.rint((lay_out(net)[0] + 0.5) * 96).astype(int)
     graph, lines = measurement.graph, [f"% {_plain(net.title)}"]
     count = len(graph.places)
     for number, (node, (x, y)) in enumerate(zip(net.nodes, spots, strict=True), 1):

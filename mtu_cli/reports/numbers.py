@@ -9,11 +9,6 @@ MISSING = "-"
 PLAIN_DIGITS = 6
 """Significant digits of a value that is known exactly."""
 
-SMALLEST, LARGEST_PLACE = -4, 5
-"""Decimal exponents between which numbers are written without a power of ten: that of the number,
-and that of its last digit.
-"""
-
 
 def known(value: float | None) -> TypeGuard[float]:
     """Whether there is a number to show."""
@@ -120,7 +115,7 @@ def decimal_exponent(value: float, digits: int) -> int:
 
 def _round(value: float, last: int, exponent: int) -> str:
     """`value` to the place 10^last, as a multiple of 10^exponent where digits would be many."""
-    if exponent >= SMALLEST and last <= LARGEST_PLACE:
+    if exponent >= -4 and last <= 5:
         return f"{value:z.{-last}f}" if last < 0 else f"{round(value, -last):z.0f}"
     mantissa = value / 10.0**exponent if exponent > -300 else value * 10.0 ** (-exponent)
     text = f"{mantissa:z.{max(exponent - last, 0)}f}"

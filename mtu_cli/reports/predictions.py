@@ -17,12 +17,10 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import KIND, Document, Table
 from mtu_cli.reports.fields import Fields, declare, rows_of
-from mtu_cli.reports.figures import Intervals, Maps, Side
+from mtu_cli.reports.figures import Maps, Side
 from mtu_cli.reports.numbers import chance, plus_minus, significant, with_u
 from mtu_cli.units import ARCSEC, UM
 
-DRAWN = 6
-"""Angles drawn on one sheet."""
 DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
 COMMON: dict[str, Any] = {
@@ -63,24 +61,6 @@ def _least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
     return f"The least probability of conformance is {text} %, of {least}"
 
 
-OF_AXIS = """
-    EAXIS_um | AXIS.prediction.mean | error along AXIS: actual minus nominal \
-        | EAXIS, u=root(AXIS.variance)
-    u_AXIS_um | root(AXIS.variance) | standard uncertainty of one future part \
-        | u, u=root(AXIS.variance)
-    U_AXIS_um | U(AXIS) | expanded uncertainty k u | U, u=root(AXIS.variance)
-    var_AXIS_um2 | AXIS.variance | variance, u squared
-    dof_effective_AXIS | AXIS.dof | effective degrees of freedom (Welch-Satterthwaite); null: \
-        infinite
-    interval95_AXIS_um | AXIS.interval95 | interval that holds the error of 95 of 100 future parts \
-        (Student's t) | 95 %, interval, u=root(AXIS.variance)
-    independent.u_AXIS_um | root(AXIS.prediction.independent_variance) | standard uncertainty with \
-        components and points independent (Gilsinn & Ling 2004) | u indep., detail
-    independent.var_AXIS_um2 | AXIS.prediction.independent_variance | its square | -, json
-    shares.AXIS. | split(AXIS) | *shares
-"""
-
-
 def point(axes: Sequence[str]) -> Fields:
     """The figures of one feature, of every axis its error with uncertainty."""
     return declare(
@@ -89,16 +69,29 @@ def point(axes: Sequence[str]) -> Fields:
         x_mm | place.0 | nominal place; null: not given | x, mm
         y_mm | place.1 | nominal place; null: not given | y, mm
         z_mm | place.2 | nominal place; null: not given | z, mm
-        *of_axes
+        for AXIS in axes
+            -. | AXIS
+                EAXIS_um | prediction.mean | actual minus nominal AXIS | EAXIS, u=root(variance)
+                u_AXIS_um | root(variance) | standard uncertainty of one future part \
+                    | u, u=root(variance)
+                U_AXIS_um | U() | expanded uncertainty k u | U, u=root(variance)
+                var_AXIS_um2 | variance | variance, u squared
+                dof_effective_AXIS | dof | effective degrees of freedom; null: infinite
+                interval95_AXIS_um | interval95 | interval that holds the error of 95 of 100 \
+                    future parts (Student's t) | 95 %, interval, u=root(variance)
+                independent.u_AXIS_um | root(prediction.independent_variance) | standard \
+                    uncertainty with components and points independent (Gilsinn & Ling 2004) \
+                    | u indep., detail
+                independent.var_AXIS_um2 | prediction.independent_variance | its square | -, json
+            shares.AXIS. | split(AXIS) | *shares
         conformance.
             position_um | | diameter of the zone of true position; conformance is null without \
                 | position, diameter(), csv=position_um, size=as_stated()
             *conforming
             se | | standard error of the probability (Monte Carlo) | -, json
-        outside_measured_range | outside | components whose measured range the feature leaves \
-            | -, json
+        outside_measured_range | outside | components whose measured range it leaves | -, json
         """,
-        of_axes="".join(OF_AXIS.replace("AXIS", axis) for axis in axes),
+        axes=axes,
         split=lambda x: None if x.independent else x.table.split.shares(x.index),
         **COMMON,
     )
@@ -126,18 +119,15 @@ def of_points(fields: Fields, *, with_covariance: bool = True) -> Fields:
     text = """
         axes | prediction.axes | axes that the machine has an equation for
         points[] | rows() | *point
-    """
-    if with_covariance:
-        text += """
         covariance_rows | names() | feature and axis of every row (--covariance)
         covariance_um2 | covariance | covariance of all errors of one part (--covariance)
-        """
-    return declare(text, rows=_features, names=_names, point=fields)
+    """
+    results = declare(text, rows=_features, names=_names, point=fields)
+    return results if with_covariance else results[:2]
 
 
 POINT = point(AXES)
 POINTS = of_points(POINT)
-"""Of a machine with equations for all axes."""
 
 
 def points(result: PointsResult, digits: int = 2, *, with_covariance: bool = False) -> Document:
@@ -161,9 +151,7 @@ def points(result: PointsResult, digits: int = 2, *, with_covariance: bool = Fal
 
 
 def points_figure(result: PointsResult) -> figures.Figure:
-    """Arrows of the errors at the features, ellipses of k standard uncertainties about their tips;
-    without Ex, Ey or their places intervals row by row.
-    """
+    """Arrows, ellipses of k u about their tips; without Ex, Ey or places intervals by row."""
     axes, k, ids = result.prediction.axes, result.coverage_factor, result.prediction.ids
     n, a = len(ids), len(axes)
     title = f"Predicted errors of {n} features, actual minus nominal"
@@ -179,7 +167,7 @@ def points_figure(result: PointsResult) -> figures.Figure:
         maps.draw(page, f"{title}; ellipses: {k:g} u, {share:.0f} % of parts")
         return page
     U = k * np.sqrt(result.variance) / UM
-    intervals = [Intervals("", figures.BLUE, result.prediction.mean / UM, U)]
+    intervals = [("", figures.BLUE, result.prediction.mean / UM, U, 0.0)]
     return figures.listing(f"{title} ± {k:g} u", _names(result), intervals, "um")
 
 
@@ -261,8 +249,8 @@ def lengths_figure(result: LengthsResult, digits: int = 2) -> figures.Figure:
         f"Predicted errors of the lengths ± {k:g} u",
         [f"{name}, {x:.2f} mm" for name, x in zip(result.ids, result.nominal, strict=True)],
         [
-            Intervals("with shared covariance", figures.BLUE, value, k * u),
-            Intervals("independent ends and components", figures.ORANGE, value, k * u_indep, 0.28),
+            ("with shared covariance", figures.BLUE, value, k * u, 0.0),
+            ("independent ends and components", figures.ORANGE, value, k * u_indep, 0.28),
         ],
         "actual minus nominal length, um",
         limits=list(np.array(limits).T),
@@ -280,16 +268,14 @@ ANGLE = declare(
     u_arcsec | run.u.0 | standard uncertainty; null where a source has two degrees of freedom \
         or fewer | u, u=run.u.0
     U_arcsec | U() | expanded uncertainty k u | U, u=run.u.0
-    u_eq28_arcsec | eq28() | uncertainty of one more trial about the mean of all \
-        (Gilsinn & Ling 2004, eq. (28))
+    u_eq28_arcsec | eq28() | u of one more trial about the mean (Gilsinn & Ling 2004, eq. (28))
     trials | run.trials | Monte Carlo trials | trials, count, detail
     converged | run.converged | whether they reached the digits asked for
     interval95_arcsec | ends() | interval that holds 95 of 100 trials, as many beyond either end \
         | 95 % interval, interval, u=scale
     shortest95_arcsec | shortest() | shortest interval that holds 95 of 100 trials | -, interval
     first_order.mean_arcsec | model.linear_mean.0 | the angle of the mean errors of the features
-    first_order.u_arcsec | model.linear_u.0.0 | standard uncertainty of first order \
-        | first order u, detail
+    first_order.u_arcsec | model.linear_u.0.0 | its standard uncertainty | first order u, detail
     first_order.dof_effective | model.dof.0 | effective degrees of freedom \
         (Welch-Satterthwaite); null: infinite | -, csv=dof_effective
     first_order.interval95_arcsec | interval95 | mean -+ t u of first order | -, json
@@ -327,7 +313,7 @@ def orthogonality(result: OrthogonalityResult, digits: int = 2) -> Document:
 def angles_figure(result: OrthogonalityResult) -> figures.Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     trials = []
-    for item in result.angles[:DRAWN]:
+    for item in result.angles[:6]:
         run, model = item.run, item.model
         mean = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0]
         first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]

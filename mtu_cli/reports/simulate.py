@@ -15,8 +15,6 @@ SENSORS = (
     "# even ones cool down. Sensors, share of the room's rise and lag in min; the shares are\n"
     "# moved from the drawn ones as little as the drifts of the settled room ask for:\n"
 )
-FINE = ("um", "nm", "arcsec", "urad", "um/m")
-"""Units of which a thousandth is fine enough; larger ones have seven digits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +79,8 @@ def points_file(points: Columns) -> Synthetic:
 def drift_file(drift: Columns, sensors: Sensors) -> Synthetic:
     """A drift file; temperatures to 1 mK, errors to 1 nm or a thousandth of the unit."""
     cells = _cells(drift, ".3f", position_mm=".6g", time_min=".9g", error=".7g")
-    fine = np.isin(drift["unit"], FINE)
+    # Of larger units a thousandth is not fine enough.
+    fine = np.isin(drift["unit"], ("um", "nm", "arcsec", "urad", "um/m"))
     cells["error"] = np.where(fine, _cells(drift, ".3f")["error"], cells["error"]).tolist()
     of_sensors = zip(sensors.names, sensors.shares, sensors.lags, strict=True)
     each = [f"{name} {share:.3f} {lag:.1f}" for name, share, lag in of_sensors]

@@ -16,7 +16,7 @@ from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, RED
+from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE
 from mtu_cli.reports.numbers import plus_minus, significant, with_u
 from mtu_cli.units import ARCSEC, UM
 
@@ -24,53 +24,35 @@ MAIN = ("A", "E", "R", "M", "B", "B_mean")
 SHOWN_AXES = 2
 """Of more the targets are shown with --detail, and the verdict names these alone."""
 
-
 FIGURE = """
-    {0}. | figures.{0}
-        value | | {1} | -, size=size
-        u_sampling | | its standard deviation over repeated tests | -, size=size
-        u | | its standard uncertainty by the instrument, of these runs; null without a budget \
-            | -, size=size"""
-CHANGE = """
-        {0}. | {0}
-            value | before.value | earlier test: {1} | -, size=size
-            u_sampling | before.u_sampling | its standard deviation over repeated tests \
-                | -, size=size
-            difference | | now minus earlier | -, size=size
-            differs | | whether they differ beyond 2 u of the difference, by u_sampling of both"""
+    value | | MEANING | value, u=scale(), size=size
+    unit | | its unit | unit, text
+    u | | u of these runs by the instrument; null without a budget | u, size=size, u=u
+    U | | expanded uncertainty k u | U, size=size, u=u
+    u_sampling | | standard deviation over repeated tests | u_sampling, size=size
+    limit | | largest value allowed | limit, size=size, exact
+    verdict | | conforming, not proven or nonconforming (ISO 14253-1) | verdict, text
+    before | before.value | earlier test | before, u=before.u_sampling, size=size
+    difference | | now minus earlier | change, u=before.u_sampling, size=size
+    differs | | whether the tests differ beyond 2 sqrt(2) u_sampling | differs, yes_no
+"""
 AT_TARGET = """
-        target_mm | mm | target position; null of a rotary axis | target / mm, plain
-        target_deg | deg | target position of a rotary axis | target / deg, plain
-        n_forward | n.0 | runs forward
-        n_reverse | n.1 | runs in reverse
-        mean_forward | means.0 | mean of the runs forward | mean / forward, u=s.0, size=of.size
-        mean_reverse | means.1 | mean of the runs in reverse | mean / reverse, u=s.1, size=of.size
-        mean | | mean of both | -, size=of.size
-        B | | mean forward minus mean reverse | B / unit, u=s.0, size=of.size
-        s_forward | s.0 | standard deviation of the runs forward; null where the instrument was \
-            zeroed in every run | s / forward, size=of.size
-        s_reverse | s.1 | the same in reverse | s / reverse, size=of.size
-        R_forward | R_way.0 | 4 s_forward | -, size=of.size
-        R_reverse | R_way.1 | 4 s_reverse | -, size=of.size
-        R | | largest of 2 s_forward + 2 s_reverse + |B| and R of each direction \
-            | R / unit, u=s.0, size=of.size"""
-AXIS = (
-    """
-    unit | | unit of all figures
-    targets_mm | targets_mm() | target positions; null of a rotary axis
-    targets_deg | targets_deg() | target positions of a rotary axis; null of others
-    runs.forward | forward() | runs forward, at the target with most
-    runs.reverse | reverse() | runs in reverse, at the target with most
-    at_target[] | at_target()"""
-    + AT_TARGET
-    + "".join(FIGURE.format(*each) for each in analysis.ISO.items())
-    + "".join(
-        f"\n    vdi3441.{name} | figures.{name}.value | {meaning} (VDI/DGQ 3441) | -, size=size"
-        for name, meaning in analysis.VDI.items()
-    )
-    + "\n    before. | earlier()"
-    + "".join(CHANGE.format(*each) for each in analysis.ISO.items())
-)
+    target_mm | mm | target position; null of a rotary axis | target / mm, plain
+    target_deg | deg | target position of a rotary axis | target / deg, plain
+    n_forward | n.0 | runs forward
+    n_reverse | n.1 | runs in reverse
+    mean_forward | means.0 | mean of the runs forward | mean / forward, u=s.0, size=of.size
+    mean_reverse | means.1 | mean of the runs in reverse | mean / reverse, u=s.1, size=of.size
+    mean | | mean of both | -, size=of.size
+    B | | mean forward minus mean reverse | B / unit, u=s.0, size=of.size
+    s_forward | s.0 | standard deviation of the runs forward; null where the instrument was \
+        zeroed in every run | s / forward, size=of.size
+    s_reverse | s.1 | the same in reverse | s / reverse, size=of.size
+    R_forward | R_way.0 | 4 s_forward | -, size=of.size
+    R_reverse | R_way.1 | 4 s_reverse | -, size=of.size
+    R | | largest of 2 s_forward + 2 s_reverse + |B| and R of each direction \
+        | R / unit, u=s.0, size=of.size
+"""
 
 
 def at_target(axis: analysis.Axis) -> list[dict[str, Any]]:
@@ -83,65 +65,51 @@ def at_target(axis: analysis.Axis) -> list[dict[str, Any]]:
     return [{"of": axis} | dict(zip(names, values, strict=True)) for values in rows]
 
 
-POSITIONING = declare(
-    """
-    axes{} | | *axis
-    conformity[] | decisions
-        component | 0.name | name of the component
-        figure | 1.name | symbol of the figure
-        unit | 1.unit | unit of limit, value and U
-        limit | 1.limit | largest value allowed | -, size=1.size
-        value | absolute(1.value) | the figure, of a mean its absolute value | -, size=1.size
-        U | 1.U | expanded uncertainty k u; null without a budget | -, size=1.size
-        verdict | 1.verdict | conforming, not proven or nonconforming (ISO 14253-1)
-    plan. | plan
-        length_mm | length | travel
-        pitch_mm | pitch | pitch that no target is a multiple of
-        targets_mm | targets | proposed targets
-    """,
-    absolute=abs,
-    axis=declare(
-        AXIS,
-        targets_mm=lambda x: None if x.rotary else x.targets,
-        targets_deg=lambda x: x.targets if x.rotary else None,
-        forward=lambda x: int(x.of_runs[0][0].max()),
-        reverse=lambda x: int(x.of_runs[0][1].max()),
-        at_target=at_target,
-        earlier=lambda x: x.figures if x.figures["A"].before else None,
-    ),
-)
-
-
 def _scale(figure: analysis.Figure) -> float:
     """The uncertainty that a figure is rounded to."""
     return figure.u if figure.u > 0 else figure.u_sampling
 
 
+DEFINITIONS: dict[str, Any] = {"figure": FIGURE, "scale": _scale, "at_targets": AT_TARGET}
+POSITIONING = declare(
+    """
+    axes{}.
+        unit | | unit of all figures
+        targets_mm | targets_mm() | target positions; null of a rotary axis
+        targets_deg | targets_deg() | target positions of a rotary axis; null of others
+        runs.forward | forward() | runs forward, at the target with most
+        runs.reverse | reverse() | runs in reverse, at the target with most
+        at_target[] | at_target() | *at_targets
+        for NAME MEANING in iso
+            NAME. | figures.NAME | *figure
+        for NAME MEANING in vdi
+            vdi3441.NAME | figures.NAME.value | MEANING (VDI/DGQ 3441) | -, size=size
+    plan. | plan
+        length_mm | length | travel
+        pitch_mm | pitch | pitch that no target is a multiple of
+        targets_mm | targets | proposed targets
+    """,
+    iso=analysis.ISO.items(),
+    vdi=analysis.VDI.items(),
+    targets_mm=lambda x: None if x.rotary else x.targets,
+    targets_deg=lambda x: x.targets if x.rotary else None,
+    forward=lambda x: int(x.of_runs[0][0].max()),
+    reverse=lambda x: int(x.of_runs[0][1].max()),
+    at_target=at_target,
+    **DEFINITIONS,
+)
 FIGURE_ROW = declare(
     """
     component | 0.name | name of the component | axis, text, names
     figure | 1.name | symbol of the figure | figure, text
-    value | 1.value | the figure, in the unit | value, u=scale(1), size=1.size
-    unit | 1.unit | its unit | unit, text
-    u | 1.u | standard uncertainty by the instrument, of these runs | u, size=1.size, u=1.u
-    U | 1.U | expanded uncertainty k u | U, size=1.size, u=1.u
-    u_sampling | 1.u_sampling | standard deviation over repeated tests | u_sampling, size=1.size
-    limit | 1.limit | largest value allowed | limit, size=1.size, exact
-    verdict | 1.verdict | conforming, not proven or nonconforming | verdict, text
-    before | 1.before.value | earlier test | before, u=1.before.u_sampling, size=1.size
-    difference | 1.difference | now minus earlier | change, u=1.before.u_sampling, size=1.size
-    differs | 1.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | differs, yes_no
+    -. | 1 | *figure
     meaning | meaning(1.name) | what it is | -
     """,
-    scale=_scale,
+    MEANING="the figure, in the unit",
     meaning=analysis.MEANINGS.get,
+    **DEFINITIONS,
 )
-TARGETS = [*declare("- | of.name | | axis, text, names"), *declare(AT_TARGET)]
-PLAN_ROW = declare("""
-    number | | number of the target | target, count
-    position_mm | at | proposed position | position, mm
-    phase | | share of a pitch beyond its last multiple | phase, fix4
-""")
+TARGETS = declare("- | of.name | | axis, text, names\n*at_targets", **DEFINITIONS)
 
 
 def positioning(result: analysis.Iso230Result, digits: int = 2) -> Document:
@@ -202,12 +170,17 @@ def _figure_text(axis: analysis.Axis, digits: int, standard: str = "iso230-2") -
 
 
 def _plan_document(result: analysis.Iso230Result, plan: analysis.Plan, digits: int) -> Document:
-    rows = [
-        {"number": i, "at": at, "phase": at / plan.pitch % 1.0}
-        for i, at in enumerate(plan.targets.tolist(), 1)
-    ]
+    fields = declare(
+        """
+        number | 0 | number of the target | target, count
+        position_mm | 1 | proposed position | position, mm
+        phase | phase(1) | share of a pitch beyond its last multiple | phase, fix4
+        """,
+        phase=lambda at: at / plan.pitch % 1.0,
+    )
+    rows = list(enumerate(plan.targets.tolist(), 1))
     footer = "five runs in each direction; phase: share of the pitch beyond its last multiple"
-    table = Table("Target positions", PLAN_ROW, rows, footer)
+    table = Table("Target positions", fields, rows, footer)
     verdict = (
         f"{len(rows)} targets over {plan.length:g} mm; none is a multiple of the pitch of "
         f"{plan.pitch:g} mm."
@@ -216,9 +189,7 @@ def _plan_document(result: analysis.Iso230Result, plan: analysis.Plan, digits: i
 
 
 def positioning_figure(result: analysis.Iso230Result) -> figures.Figure:
-    """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings, and
-    limits as long as the range that their figure may have.
-    """
+    """The diagram of ISO 230-2: means of each direction with 2 s, mean of both, and readings."""
     axes = list(result.axes.values())
     columns = 1 if len(axes) == 1 else 2
     lines = math.ceil(len(axes) / columns)
@@ -240,14 +211,6 @@ def positioning_figure(result: analysis.Iso230Result) -> figures.Figure:
         mean = means.mean(axis=0)
         if np.isfinite(mean).any():
             panel.plot(axis.targets, mean, color=INK, ls="--", lw=1.0, label="mean of both")
-        middle = (np.nanmax(means) + np.nanmin(means)) / 2
-        limits = {x.name: x.limit / x.size for x in axis.figures.values() if x.limit is not None}
-        for i, (name, limit) in enumerate(limits.items(), 1):
-            place = axis.targets.max() + 0.05 * i * axis.travel
-            panel.errorbar(
-                place, middle, limit / 2, color=RED, capsize=4, elinewidth=2.0, label="limit"
-            )
-            panel.annotate(name, (place, middle), (4, 0), textcoords="offset points", color=RED)
         title = f"{axis.name}: {_figure_text(axis, 2)} {axis.unit}"
         xlabel = f"target, {'deg' if axis.rotary else 'mm'}"
         panel.set(title=title, xlabel=xlabel, ylabel=f"deviation, {axis.unit}")
@@ -275,8 +238,7 @@ TRACE = declare(
     direction | trace.direction | cw or ccw | direction, text
     feed | trace.feed | path speed, mm/min; null: not stated | feed / mm/min, plain
     samples | samples() | samples | samples, count
-    G_lsc | | um: circular deviation, about the trace's least-squares circle \
-        | G (LSC), sig3, unit=um
+    G_lsc | | um: circular deviation about the trace's least-squares circle | G (LSC), sig3, unit=um
     F_max | | um: largest radial deviation from the nominal radius about the given centre \
         | F max, sig3, unit=um
     F_min | | um: smallest radial deviation | F min, sig3, unit=um
@@ -300,8 +262,7 @@ CIRCULAR = declare(
         null of one direction | -, unit=um
     D | | um: mean bidirectional radial deviation; null of one direction | -, unit=um
     diagnosis[] | causes | *cause
-    remainder.rms_um | remainder_rms | of what the joint fit leaves, without 5 degrees after each \
-        reversal
+    remainder.rms_um | remainder_rms | of what the fit leaves, without 5 degrees after each reversal
     remainder.range_um | remainder_range | its range
     """,
     trace=TRACE,
@@ -334,10 +295,8 @@ def stated_document(contents: Mapping[str, Mapping[str, Any]], digits: int = 2) 
 
 def circular(result: CircularResult, digits: int = 2) -> Document:
     """One row a cause; the traces below."""
-    footer = (
-        f"one joint fit of all traces; remainder {significant(result.remainder_rms / UM)} um rms; "
-        "u allows for the correlation of neighbouring samples"
-    )
+    rms = significant(result.remainder_rms / UM)
+    footer = f"one joint fit of all traces, remainder {rms} um rms; u: of correlated samples"
     causes = sorted(result.causes, key=lambda x: -x.share if x.share == x.share else 1.0)
     tables = [
         Table(f"Causes, {_setup(result)}", CAUSE, result.causes, footer, selection=causes),

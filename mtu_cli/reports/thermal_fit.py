@@ -6,7 +6,6 @@ Coefficients are in the component's `unit`, other figures in um or arcsec, as th
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,9 @@ from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit
 from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Fields, declare
+from mtu_cli.reports.fields import Fields, RowOf, declare
 from mtu_cli.reports.numbers import cut, fixed, significant, spread
 
-LEADING, NAME = 3, 26
-"""Sensors named in the table of models, and characters of a component's name above a panel."""
-DRAWN, POSITIONS = 6, 6
-"""Components drawn, and positions of each."""
 COMPONENT = """
     of | estimate.of | its axis; null: a constant
     unit | unit.name | of its coefficients
@@ -61,8 +56,6 @@ COMPONENT = """
     gradients[] | | *gradient
     inseparable[] | | *gradient
 """
-
-
 GRADIENT = """
     position_mm | position | observed position; null: the same at all
     sensors | | of `inseparable` those that have a gradient together only
@@ -91,52 +84,48 @@ RESULTS = declare(
 )
 ROW = declare(
     """
-    component | drift.name | name of the component | component, text
-    of | drift.estimate.of | its axis
-    unit | drift.unit.name | of the figures | unit, text
-    model | drift.model | stepwise, ridge or lagged
-    degree | drift.estimate.degree | of the polynomial in position
-    position_mm | at.position | observed position | position, exact
-    sensor | | of the model; empty: it has none | sensor, text
-    stands_for | | sensors that move as it does
-    gradient_per_degC | at.value | drift per degC \
-        | gradient / per degC, plus-minus, u=at.u, size=drift.unit.to_internal
-    u_gradient_per_degC | at.u | its standard uncertainty | -, size=drift.unit.to_internal
-    interval95_gradient | at.interval | its 95 % interval \
-        | 95 % interval / per degC, interval, u=at.u, size=drift.unit.to_internal
-    separable | | false: its gradient is known together with other sensors' only \
-        | sepa- / rable, yes_no
-    u_by | at.by | u from the scatter of cycles, or the model of the errors | u by, text
-    share_rms | share | rms of its part of the modelled drift \
-        | rms / part, sig3, size=drift.unit.to_internal
-    time_constant_min | lag | time constant; 0: none | lag, unit=min
-    vif | | variance inflation factor; empty: infinite | VIF, sig3
-    temperature_low_degC | temperatures.0 | lowest temperature read
-    temperature_high_degC | temperatures.1 | highest temperature read
-    """
+    component | 0.name | name of the component | component, text
+    of | 0.estimate.of | its axis
+    unit | 0.unit.name | of the figures | unit, text
+    model | 0.model | stepwise, ridge or lagged
+    degree | 0.estimate.degree | of the polynomial in position
+    -. | with_sensor()
+        position_mm | 1.position | observed position | position, exact
+        sensor | 2.sensors | of the model; empty: it has none | sensor, text
+        stands_for | twins() | sensors that move as it does
+        gradient_per_degC | 1.value | drift per degC \
+            | gradient / per degC, plus-minus, u=1.u, size=0.unit.to_internal
+        u_gradient_per_degC | 1.u | its standard uncertainty | -, size=0.unit.to_internal
+        interval95_gradient | 1.interval | its 95 % interval \
+            | 95 % interval / per degC, interval, u=1.u, size=0.unit.to_internal
+        separable | separable() | false: its gradient is known together with other sensors' only \
+            | sepa- / rable, yes_no
+        u_by | 1.by | u from the scatter of cycles, or the model of the errors | u by, text
+        share_rms | share() | rms of its part of the modelled drift \
+            | rms / part, sig3, size=0.unit.to_internal
+        time_constant_min | 2.time_constants | time constant; 0: none | lag, unit=min
+        vif | vif() | variance inflation factor; empty: infinite | VIF, sig3
+        temperature_low_degC | 2.temperature_range.0 | lowest temperature read
+        temperature_high_degC | 2.temperature_range.1 | highest temperature read
+    """,
+    with_sensor=lambda row: row if row[1] else None,
+    twins=lambda row: next((x[1:] for x in row[0].groups if x[0] == row[2].sensors), ()),
+    separable=lambda row: (
+        not any(
+            x.position == row[1].position and row[2].sensors in x.sensors
+            for x in row[0].inseparable
+        )
+    ),
+    share=lambda row: row[0].shares.get(row[2].sensors),
+    vif=lambda row: row[0].vif.get(row[2].sensors),
 )
 
 
-def rows(item: ComponentDrift) -> Iterator[dict[str, Any]]:
-    """Every sensor at every position; one row without a sensor where the model has none."""
-    model, twins = item.estimate, {group[0]: group[1:] for group in item.groups}
-    inseparable = {(x.position, sensor) for x in item.inseparable for sensor in x.sensors}
-    if not item.gradients:
-        yield {"drift": item}
-    for at in item.gradients:
-        (sensor,) = at.sensors
-        i, span = model.sensors.index(sensor), model.temperature_range
-        yield {
-            "drift": item,
-            "at": at,
-            "sensor": sensor,
-            "stands_for": twins.get(sensor, ()),
-            "separable": (at.position, sensor) not in inseparable,
-            "share": item.shares.get(sensor),
-            "lag": float(model.time_constants[i]),
-            "vif": item.vif.get(sensor),
-            "temperatures": None if span is None else span[i],
-        }
+def rows(item: ComponentDrift) -> list[tuple[Any, ...]]:
+    """Gradients with what the model has of their sensors; one row without where it has none."""
+    model = item.estimate
+    places = [(at, model.sensors.index(at.sensors[0])) for at in item.gradients]
+    return [(item, at, RowOf(model, i)) for at, i in places] or [(item, None, None)]
 
 
 MODEL = declare(
@@ -160,7 +149,7 @@ MODEL = declare(
     # T_spindle_degC is spindle.
     leading=lambda x: ", ".join(
         name.removeprefix("T_").removesuffix("_degC")
-        for name in sorted(x.estimate.sensors, key=lambda name: -x.shares.get(name, 0.0))[:LEADING]
+        for name in sorted(x.estimate.sensors, key=lambda name: -x.shares.get(name, 0.0))[:3]
     ),
     reduction=lambda value, u, digits: fixed(100 * value, 0),
 )
@@ -170,17 +159,13 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     """One row a component; in the CSV one a component, observed position and sensor."""
     items = list(fit.components.values())
     footer = (
-        f"rms of the drift without and with temperatures above {fit.reference:g} degC; held out: "
-        "cycles not in the fit"
+        f"rms without and with temperatures above {fit.reference:g} degC; held out: cycles left out"
     )
     if any(item.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
     entries = [row for item in items for row in rows(item)]
-    of_sensors = (
-        "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
-        "separable: known together with other sensors only"
-    )
-    gradients = [row for row in entries if "sensor" in row]
+    of_sensors = "± u; rms part: of modelled drift; not separable: known together with others only"
+    gradients = [row for row in entries if row[1]]
     tables = [
         Table("", ROW, entries, selection=()),
         Table("Thermal models", MODEL, items, footer),
@@ -203,10 +188,8 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
 
 
 def figure(fit: ThermalFit) -> figures.Figure:
-    """Measured and modelled drift, a panel a component, its cycles one after the other; where the
-    drift differs along an axis a colour a position.
-    """
-    items = list(fit.components.values())[:DRAWN]
+    """Measured and modelled drift, a panel a component; along an axis a colour a position."""
+    items = list(fit.components.values())[:6]
     page = figures.blank(9.0, 0.9 + 2.75 * max(1, len(items)))
     for panel, item in zip(figures.panels_of(page, len(items), 1), items, strict=True):
         _curves(panel, item)
@@ -219,7 +202,7 @@ def figure(fit: ThermalFit) -> figures.Figure:
 def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
     unit, size = item.rms_unit.name, item.rms_unit.to_internal
     places = list(dict.fromkeys(curve.position for curve in item.curves))
-    positions = [places[i] for i in spread(len(places), POSITIONS)]
+    positions = [places[i] for i in spread(len(places), 6)]
     along, start = item.estimate.degree > 0 and len(positions) > 1, 0.0
     shades = figures.shades(len(positions)) if along else [figures.BLUE] * len(positions)
     colours = dict(zip(positions, shades, strict=True))
@@ -239,6 +222,6 @@ def _curves(panel: figures.Axes, item: ComponentDrift) -> None:
     kind = "rms of held-out cycles" if held_out else "rms of the fit (nothing held out)"
     rms = (held_out.before, held_out.after) if held_out else (item.rms_before, item.rms_after)
     change = " → ".join(significant(x / size, 3) for x in rms)
-    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {unit}")
+    panel.set_title(f"{cut(item.name, 26)}: {kind} {change} {unit}")
     if along:
         figures.key(panel, [panel], loc="center left", bbox_to_anchor=(1.0, 0.5))

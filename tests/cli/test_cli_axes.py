@@ -86,7 +86,7 @@ def test_an_earlier_test_is_compared(laser: Path, tmp_path: Path) -> None:
     said = done(mtu("iso230", "--laser", laser, "--before", before, "-o", tmp_path / "o.json"))
     assert "Changed since the earlier test: " in said.stdout
     made = json.loads((tmp_path / "o.json").read_text("utf-8"))
-    found = made["results"]["axes"]["dx_x"]["before"]
+    found = made["results"]["axes"]["dx_x"]
     assert (found["B"]["differs"], found["R_forward"]["differs"]) == (True, False)
     assert [x["role"] for x in made["inputs"]] == ["laser", "before"]
     other = write_readings(tmp_path / "other.csv", targets, earlier, "dy_y")

@@ -23,6 +23,7 @@ from loop_examples import (
     parameter,
     result,
 )
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from report_examples import Example, example
 from support import CONFIGS
 
@@ -172,9 +173,10 @@ def net(name: str, shares: bool) -> Net:
 def test_labels_cross_neither_each_other_nor_an_arc(name: str, shares: bool) -> None:
     drawn = net(name, shares)
     figure = drawing(drawn)
-    figure.canvas.draw()
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.draw()
     (panel,) = figure.axes
-    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]  # Agg has one
+    renderer = canvas.get_renderer()
     boxes = [text.get_window_extent(renderer) for text in panel.texts if text.get_text()]
     page = figure.bbox
     for box in boxes:
