@@ -114,30 +114,32 @@ OUTPUTS = declare(
 RESULTS: Fields = (*OUTPUTS, *INPUTS)
 SINGLE: Fields = (*declare("-. | outputs.0 | *output", output=ONE), *INPUTS)
 ESTIMATE = declare("""
-    - | 0.name | | output, text
-    - | 1 | | method, text
-    - | 2 | | value, u=3
-    - | 3 | | u
-    - | 0.unit | | unit, text
-    - | 7 | | dof, dof
-    - | 8 | | k, sig3
-    - | 9 | | U, u=9
-    - | 4 | | interval, interval, u=6
-    - | 5 | | shortest, interval, u=6, detail
+    - | output.name | | output, text
+    - | method | | method, text
+    - | value | | value, u=u
+    - | u | | u
+    - | output.unit | | unit, text
+    - | dof | | dof, dof
+    - | k | | k, sig3
+    - | U | | U, u=U
+    - | interval | | interval, interval, u=ends_u
+    - | shortest | | shortest, interval, u=ends_u, detail
 """)
+COLUMNS = "output", "method", "value", "u", "interval", "shortest", "ends_u", "dof", "k", "U"
 
 
-def _estimates(item: OutputBudget) -> list[tuple[Any, ...]]:
-    """Value, u, intervals, the u that they are rounded to, dof, k and U, by method."""
+def _estimates(item: OutputBudget) -> list[dict[str, Any]]:
+    """By method; intervals are rounded to `ends_u`."""
     u, (low, high) = item.of_run("u"), item.symmetric
     # A few trials far out give a u to which an interval of 95 % is nothing.
     ends_u = u if u <= high - low or low == high else 0.25 * (high - low)
     first = None, item.u, None if math.isnan(item.dof) else item.dof, item.k, item.expanded
-    return [
+    rows: list[tuple[Any, ...]] = [
         (item, "first order", item.value, item.u, item.interval, *first),
         (item, "second order", item.second_value, item.second_u, *[None] * 6),
         (item, "Monte Carlo", item.mean, u, item.symmetric, item.shortest, ends_u, *[None] * 3),
     ]
+    return [dict(zip(COLUMNS, each, strict=True)) for each in rows]
 
 
 def document(result: BudgetResult, digits: int = 2) -> Document:

@@ -139,8 +139,8 @@ def document(result: CompareResult, digits: int = 2) -> Document:
     summaries = [*result.features.summaries, *(result.lengths.summaries if result.lengths else ())]
     faults = "items with each fault (5 % over the study); ratios: measured over predicted"
     footer = (
-        "± u, of mean errors that of one future part; E_n = bias/"
-        f"({result.coverage_factor:g} u); p: of all items together (Holm)"
+        f"± u, of means that of one future part; E_n = bias/({result.coverage_factor:g} u); "
+        "p: Holm; consistent: no fault is proven"
     )
     tables = [
         Table("", ROW, [*features, *lengths], selection=()),
