@@ -1,12 +1,12 @@
 """What does the model lack? The residual traced to effects, with error rates that hold.
 
 1. Too small tables are left out; errors are split into strata, each with one variance (`strata`,
-   `diagnosis`); single entries far off are excluded.
+   `likelihood`); single entries far off are excluded.
 2. Every candidate of the library is evaluated as columns with its margins (`design`).
 3. One family-wise test says whether anything is there (`gate`); a set of models is searched through
    it, and evidence says what (`likelihood`, `model_set`, `diagnosis`). An offset that says no more
    than where an effect is counted from is none (`describe`).
-4. Sizes, margins, levels and what was searched are estimated together (`estimate`) and stated as
+4. Sizes, margins, levels and what was searched are estimated together (`diagnosis`) and stated as
    equations of the machine (`describe`).
 5. Everything is done again without each block of parts, which scores the written machine
    (`_held_out`); the experiment that would separate a class is chosen (`experiment`).
@@ -23,8 +23,9 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.design import fitted_powers
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, steps_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
+from mtu_cli.analyses.close_loop.likelihood import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,

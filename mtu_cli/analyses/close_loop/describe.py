@@ -17,8 +17,7 @@ import numpy as np
 from scipy.special import fdtri
 
 from mtu_cli.analyses.close_loop.design import Member
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import COVERED, smooth_effect
+from mtu_cli.analyses.close_loop.diagnosis import COVERED, Diagnosis, smooth_effect
 from mtu_cli.analyses.close_loop.experiment import experiment
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect, Parameter, SmoothEffect
@@ -199,7 +198,7 @@ def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
 
 def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
     design, like = diagnosis.design, diagnosis.models.likelihood
-    kernel = design.kernels[-1 - entry.item]
+    kernel = like.kernels[entry.item]
     rest = tuple(item for item in diagnosis.model if item != entry.item)
     table = smooth_effect(like, like.fit(diagnosis.models.columns(rest)), kernel)
     value = float(np.sqrt(np.mean(table.values**2)))

@@ -116,7 +116,7 @@ class Partial(NamedTuple):
 
 
 class Design:
-    """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
+    """Candidates and members of a table; errors are in units of `scale` (mm).
 
     The first members, which are `tested`, are those of the grid; finer ones follow them. `common`
     columns are in every model: the polynomial removed from the readings, and the coefficients;
@@ -169,7 +169,6 @@ class Design:
         self.closures = self.closures_of(range(self.tested))
         _, self.inner = self.columns.crossed(self.closures)
         self._widths = np.array([(len(x.terms), len(x.low)) for x in tested], int).reshape(-1, 2)
-        self.kernels = tuple(_kernels(table, strata))
 
     def closures_of(self, members: Sequence[int]) -> IntArray:
         """The columns (M, w) of members and their margins, filled up with those of zeros."""
@@ -414,7 +413,7 @@ def _distinct_members(members: list[Member]) -> list[Member]:
 # Kernels.
 
 
-def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
+def kernels_of(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
     """Without a name a walk of the parts and a field over the features, of each axis and of all of
     them at once; and smooth profiles along each coordinate.
     """

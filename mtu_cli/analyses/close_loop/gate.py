@@ -13,9 +13,8 @@ import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
 from mtu_cli.analyses.close_loop.design import Design, transposed
-from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood, lever_of
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART
-from mtu_cli.model.machine_model import AXES
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
@@ -62,7 +61,7 @@ class Gate:
         at, lp = self._members(columns, fit, Y)
         of = design.owner[at]
         tests = {design.candidates[c].name: lp[:, of == c].max(axis=1) for c in np.unique(of)}
-        for kernel in design.kernels:
+        for kernel in self.likelihood.kernels.values():
             if kernel.name:
                 ratios = self.likelihood.kernel_deviance(fit, kernel, Y, AMPLITUDES)
                 tests[kernel.name] = one_sided(ratios.max(axis=0))
@@ -187,10 +186,10 @@ class Gate:
             if candidate.kind != "offset" or candidate.unavailable:
                 continue
             a = self.design.axis(candidate)
-            mean, variance, nu = mean_of(self.likelihood, fit, a)
+            mean, variance, nu = self.likelihood.mean(fit, a)
             if not np.isfinite(variance):
                 continue
-            level, u = level_of(self.likelihood, fit, a)
+            level, u = self.likelihood.level(fit, a)
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
             lp = self.rng.exponential(size=rows)
             lp[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
@@ -291,51 +290,6 @@ class Gate:
             bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
             result[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
         return result
-
-
-def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
-    """The unit pattern (H, A) of a small turn or growth of a whole part."""
-    if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
-        return None
-    q = places[:, [AXES.index(axis) for axis in axes]]
-    q = q - q.mean(axis=0)
-    if "rotation" in name:
-        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
-        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
-        q = rotation
-    size = np.linalg.norm(q)
-    return q / size if size > 0 else None
-
-
-def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float]:
-    """What a fit leaves of the mean over the table along axis `a`, in units of the scale, with u
-    (nan: not testable).
-    """
-    mean, u2, _ = mean_of(likelihood, fit, a)
-    slopes = likelihood.design.columns.means[np.array(fit.columns, int), a]
-    u2 += float(slopes @ fit.covariance @ slopes)
-    return mean - float(slopes @ fit.beta), float(np.sqrt(u2))
-
-
-def mean_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
-    """The mean over the table along axis `a`, in units of the scale, its variance and degrees of
-    freedom: parts and features both scatter, v = m_part + m_feature - m_interaction over P H
-    (Satterthwaite 1946), and the coefficients are uncertain.
-    """
-    strata = likelihood.design.strata
-    P, H, _ = strata.shape
-    m: dict[str, tuple[float, float]] = {}
-    for s, kind in enumerate(strata.kinds):
-        if strata.axis[s] == a and kind != LINE and fit.weights[s] > 0:
-            m[kind] = (1 / fit.weights[s], fit.dof[s])
-    mean = float(likelihood.grand[a])
-    if PART not in m:
-        return mean, np.nan, np.nan
-    outer = [m[kind] for kind in (PART, FEATURE) if kind in m]
-    inner = [m[INTERACTION]] if len(outer) > 1 and INTERACTION in m else []
-    v = max(sum(x for x, _ in outer) - sum(x for x, _ in inner), *(x for x, _ in outer))
-    nu = v**2 / sum(x**2 / d for x, d in outer + inner)
-    return mean, float(v / (P * H) + likelihood.design.mean_variance[a]), float(nu)
 
 
 def one_sided(ratio: FloatArray) -> FloatArray:

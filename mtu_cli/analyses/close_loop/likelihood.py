@@ -1,15 +1,30 @@
-"""Likelihood of models of mean effects on one table: fits and marginal likelihoods."""
+"""A table as a likelihood: its errors in their strata, with what was known of their scatter; fits
+and marginal likelihoods of models.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
 
-from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
-from mtu_cli.analyses.close_loop.strata import PADDING
+from mtu_cli.analyses.close_loop.design import Design, Kernel, Member, kernels_of, smooth_covariance
+from mtu_cli.analyses.close_loop.strata import (
+    FEATURE,
+    INTERACTION,
+    LINE,
+    PADDING,
+    PART,
+    Missing,
+    Strata,
+    interaction,
+    strata_of,
+)
+from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 QUANTILES = (np.arange(12) + 0.5) / 12
@@ -50,28 +65,69 @@ class Fit:
 
 
 class Likelihood:
-    """Errors `y` (N,) of a design and their means `grand` (A,), in units of its scale.
+    """The errors of a table in its strata, `y` (N,), and their means `grand` (A,), in units of the
+    design's scale, with the columns of its candidates; given motions of whole parts that `scatter`,
+    each a line, the last of each axis.
 
-    `n` (S,) are the degrees of freedom of the strata, with those of what is known beforehand;
-    `R0` (S,) the sums of squares; `least` (S,) variances that rounding alone gives.
+    `n` (S,) are the degrees of freedom of the strata, with those (`extra_dof`) of what is known
+    beforehand, of which `extra` are the sums of squares; `R0` (S,) all sums of squares; `least`
+    (S,) variances that rounding alone gives. `kernels`: random functions -1, -2 ...
     """
 
     def __init__(
-        self,
-        design: Design,
-        y: FloatArray,
-        grand: FloatArray,
-        n: FloatArray,
-        prior: tuple[FloatArray, FloatArray],
-        least: FloatArray,
+        self, table: ResidualTable, candidates: Sequence[Candidate], scatter: Sequence[str] = ()
     ) -> None:
-        self.design, self.y, self.grand = design, y, grand
-        strata = design.strata
-        squares = np.array([y[part] @ y[part] for part in strata.slices])
-        self.extra, self.extra_dof = prior
-        self.n = n + self.extra_dof
-        self.R0 = squares + self.extra
-        self.least = np.maximum(least, TINY**2)
+        measured = np.isfinite(table.errors).all(axis=2) & table.there
+        gaps = Missing(measured, free_lines(table))
+        errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
+        steps = steps_of(table)
+        inner = max(float(np.std(interaction(E, gaps.lines))) for E in np.moveaxis(errors, 2, 0))
+        largest = float(np.abs(errors).max())
+        sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
+        scale = next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
+        errors, steps = errors / scale, steps / scale
+        strata = _strata(table, errors, scatter)
+        # Degrees of freedom: less the missing cells and what a datum freed.
+        P, _, A = strata.shape
+        n, axis, labels = strata.sizes.copy(), np.array(strata.axis), strata.labels()
+        n[strata.of(INTERACTION)] -= np.sum(~measured)
+        of_axis, _, j = strata.cells
+        lost = np.zeros(len(n))
+        for motion in table.motions:
+            Q = motion.Q.reshape(len(motion.columns), A, -1)
+            of_basis = np.einsum("hak,ahj->akj", Q, strata.of_features[:, motion.columns])
+            share = np.sum(of_basis**2, axis=1)[of_axis, j]
+            lost += np.bincount(labels, share, len(n)) * len(motion.rows) / P
+        # A stratum that the datum takes whole is rounding.
+        n = np.where(n - lost > 1e-6 * n, np.maximum(n - lost, 1.0), 0.0)
+        self.design = Design(table, strata, candidates, scale, gaps)
+        kernels = (k for k in kernels_of(table, strata) if all(n[s] > 0 for s in k.directions))
+        self.kernels = {-1 - k: kernel for k, kernel in enumerate(kernels)}
+        self.y = y = np.where(n[labels] > 0, strata.coordinates(errors), 0.0)
+        variance = np.zeros(A)
+        for s in strata.of(INTERACTION):
+            part = y[strata.slices[s]]
+            variance[axis[s]] = part @ part / max(n[s], 1.0)
+        least = steps[axis] ** 2 / 12
+        # Repeats that scatter less than half a step share their rounding: so do means of features.
+        first = strata.at[:, 0]
+        means = np.isin(np.arange(len(axis)), labels[first[first >= 0]])
+        shared = means & (variance[axis] < steps[axis] ** 2 / 4)
+        self.least = np.maximum(np.where(shared, P * least, least), TINY**2)
+        # What the model's D tells of the parts' scatter, but for the lines of `scatter`.
+        self.extra, self.extra_dof = np.zeros((2, len(n)))
+        F, nu = table.of_part / scale, min(float(table.pass_dof), 1e4)
+        lines = [sum(axis[t] == a for t in strata.of(LINE)) - len(scatter) for a in range(A)]
+        for s in (*strata.of(PART), *strata.of(LINE)) if F.shape[3] else ():
+            a, line = strata.axis[s], int(strata.place[strata.slices[s].start]) % strata.shape[1]
+            if n[s] == 0 or line > lines[a]:
+                continue
+            direction = strata.of_features[a][:, line]
+            size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
+            if size > 0:
+                self.extra_dof[s], self.extra[s] = nu, nu * (variance[a] + size)
+        self.n, self.grand = n + self.extra_dof, errors.mean(axis=(0, 1))
+        self.R0 = np.array([y[part] @ y[part] for part in strata.slices]) + self.extra
         self._b = np.zeros((len(n), 0))
         self._none: dict[Columns, FloatArray] = {}
 
@@ -84,9 +140,9 @@ class Likelihood:
             self._b = np.concatenate([self._b, products], axis=1)
         return self._b
 
-    def closure(self, members: Sequence[int]) -> Columns:
+    def closure(self, model: Sequence[int]) -> Columns:
         """Columns of a model: those of its members, then those of their margins."""
-        items = [self.design.members[m] for m in members]
+        items = [self.design.members[m] for m in model if m >= 0]
         terms = dict.fromkeys(i for item in items for i in item.terms)
         return tuple(terms | dict.fromkeys(i for item in items for i in item.low))
 
@@ -201,6 +257,33 @@ class Likelihood:
             shares=shares,
         )  # fmt: skip
 
+    def mean(self, fit: Fit, a: int) -> tuple[float, float, float]:
+        """The mean over the table along axis `a`, in units of the scale, its variance and degrees
+        of freedom: parts and features both scatter, v = m_part + m_feature - m_interaction over P H
+        (Satterthwaite 1946), and the coefficients are uncertain.
+        """
+        strata = self.design.strata
+        P, H, _ = strata.shape
+        m: dict[str, tuple[float, float]] = {}
+        for s, kind in enumerate(strata.kinds):
+            if strata.axis[s] == a and kind != LINE and fit.weights[s] > 0:
+                m[kind] = (1 / fit.weights[s], fit.dof[s])
+        mean = float(self.grand[a])
+        if PART not in m:
+            return mean, np.nan, np.nan
+        outer = [m[kind] for kind in (PART, FEATURE) if kind in m]
+        inner = [m[INTERACTION]] if len(outer) > 1 and INTERACTION in m else []
+        v = max(sum(x for x, _ in outer) - sum(x for x, _ in inner), *(x for x, _ in outer))
+        nu = v**2 / sum(x**2 / d for x, d in outer + inner)
+        return mean, float(v / (P * H) + self.design.mean_variance[a]), float(nu)
+
+    def level(self, fit: Fit, a: int) -> tuple[float, float]:
+        """What a fit leaves of the mean along axis `a`, with u (nan: not testable)."""
+        mean, u2, _ = self.mean(fit, a)
+        slopes = self.design.columns.means[np.array(fit.columns, int), a]
+        u2 += float(slopes @ fit.covariance @ slopes)
+        return mean - float(slopes @ fit.beta), float(np.sqrt(u2))
+
     def kernel_deviance(
         self, fit: Fit, kernel: Kernel, Y: FloatArray, variances: FloatArray
     ) -> FloatArray:
@@ -226,3 +309,104 @@ class Likelihood:
         c = np.tan(np.pi / 2 * QUANTILES) ** 2 * kernel.informed
         logs = 0.5 * self.kernel_deviance(fit, kernel, fit.residual[None], c)[:, 0]
         return float(np.logaddexp.reduce(logs) - np.log(len(c))), float(c[int(np.argmax(logs))])
+
+
+# A table as a likelihood.
+
+NOTABLE = 0.05
+"""Share of the level's predicted variance from which a line's scatter is a stratum."""
+SAME = 1e-6
+"""Of a direction; less is rounding."""
+
+
+def steps_of(table: ResidualTable) -> FloatArray:
+    """The resolution (A,) of errors, mm."""
+    steps = np.zeros(table.errors.shape[2])
+    steps[: len(table.resolution)] = table.resolution
+    return steps
+
+
+def free_lines(table: ResidualTable) -> FloatArray:
+    """Orthonormal directions (H, k) in which each part is free: its level, and of readings the
+    slope, direction, and both, along which passes move.
+    """
+    columns = [np.ones(len(table.features))]
+    if table.component is not None:
+        along = _along(table)
+        columns += [] if along is None else [along]
+        sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
+        if sign is not None and sign.shape == (1, len(table.features)):
+            columns.append(np.asarray(sign[0], float))
+            columns += [] if along is None else [sign[0] * (along - along.mean())]
+    X = np.column_stack(columns)
+    rest = np.abs(np.diag(np.linalg.qr(X, mode="r")))
+    Q, R = np.linalg.qr(X[:, rest > 1e-8 * np.linalg.norm(X, axis=0)])
+    return np.asarray(Q * np.sign(np.diag(R)))
+
+
+def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
+    """With a line for each motion of whole parts in `moving`, and of readings the bends of each
+    pass: the REML estimate of their variance, from differences between passes.
+    """
+    P, H, A = errors.shape
+    readings = table.component is not None
+    lines = _lines(table)
+    levers = (lever_of(name, table.axes, table.mean_places) for name in moving)
+    for lever in (x for x in levers if x is not None):
+        for a in range(A):
+            rest = lever[:, a] - lever[:, a].mean()
+            rest = rest - lines[a] @ (lines[a].T @ rest)
+            if (size := float(np.linalg.norm(rest))) > SAME:
+                lines[a] = np.column_stack([lines[a], rest / size])
+    along = _along(table) if readings and P >= 3 else None
+    if along is None:
+        # Along a line of a single part nothing is separable from its scatter, unless that is known.
+        estimable = P > 1 or table.of_part.shape[3] > 0
+        return strata_of(
+            P, lines, features_scatter=not readings, moving=len(moving), lines_known=estimable
+        )
+    rough = smooth_covariance(along)
+    strata = strata_of(P, lines, features_scatter=False, roughness=rough)
+    y, (_, i, j) = strata.coordinates(errors), strata.cells
+    inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
+    squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
+    grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
+    spread = 1 + grid[:, None] * strata.bends
+    rss = np.maximum((squares / spread).sum(axis=1), 1e-300)
+    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(rss)
+    return replace(strata, spread=np.sqrt(spread[int(np.argmin(deviance)), j]))
+
+
+def _along(table: ResidualTable) -> FloatArray | None:
+    """Places (H,) along the axis that the readings of a component were taken along."""
+    places = table.mean_places
+    spans = np.nan_to_num(np.ptp(places, axis=0))
+    i = int(np.argmax(spans))
+    return places[:, i] if spans[i] > 0 and len(np.unique(places[:, i])) > 3 else None
+
+
+def _lines(table: ResidualTable) -> list[FloatArray]:
+    """Orthonormal directions (H, k) by axis along which whole parts move beside their level."""
+    _, H, A = table.errors.shape
+    if table.component is not None:
+        return [free_lines(table)[:, 1:]] * A
+    result = []
+    for F in np.moveaxis(table.of_part.mean(axis=0), 1, 0):
+        size = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
+        U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)
+        result.append(U[:, s**2 > NOTABLE * size][:, :2])
+    return result
+
+
+def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
+    """The unit pattern (H, A) of a small turn or growth of a whole part."""
+    if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
+        return None
+    q = places[:, [AXES.index(axis) for axis in axes]]
+    q = q - q.mean(axis=0)
+    if "rotation" in name:
+        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
+        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
+        q = rotation
+    size = np.linalg.norm(q)
+    return q / size if size > 0 else None
