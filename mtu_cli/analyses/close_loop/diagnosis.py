@@ -11,25 +11,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
 
-from mtu_cli.analyses.close_loop.design import (
-    DEPENDENT,
-    Design,
-    Kernel,
-    Member,
-    add,
-    grid_values,
-    members_at,
-    neighbours,
-)
+from mtu_cli.analyses.close_loop.design import Design, Kernel, Member, neighbours
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate
-from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood, free_lines, steps_of
+from mtu_cli.analyses.close_loop.likelihood import TINY, Fit, Likelihood, free_lines, steps_of
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet, Scatter
 from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, SmoothEffect
-from mtu_cli.analyses.close_loop.strata import NONE, outliers
+from mtu_cli.analyses.close_loop.strata import NONE, PADDING, outliers
 from mtu_cli.language.tree import filled_text
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
@@ -81,9 +73,8 @@ class Diagnosis:
             return "unexplained"
         if not self.names:
             return "none"
-        several = any(len(x.credible) > 1 for x in self.entries)
+        several = any(len(x.credible) > 1 or x.nameless for x in self.entries)
         several |= any(len(credible) > 1 for _, credible in self.offsets.values())
-        several |= any(entry.nameless for entry in self.entries)
         return "class" if several else "named"
 
 
@@ -163,24 +154,23 @@ def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str
 
 STEP = 1e-4
 """Of the logarithm of a searched value, for the derivative of a column."""
+TRIALS = 5
 COVERED = 0.95
 PLACES = 20
 """Quantiles of its posterior over which a place between values is averaged."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tangent:
-    """The derivative of an effect by the logarithm of what is searched, at its `sizes`: the `index`
-    of its unit column and its norm.
+class Tangent(NamedTuple):
+    """The derivative of an effect by the logarithm of what is searched, at its `sizes`: its unit
+    `column` and its norm.
     """
 
-    index: int
+    column: int
     norm: float
     sizes: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimates:
+class Estimates(NamedTuple):
     """All mean effects of a model, as far as it says what they are, and the `members` that they
     are; `covariance` (k, k) of their sizes, then of the levels of all axes; `levels` (A,) are the
     remainder of the mean with the effects in the model. In mm or rad.
@@ -205,10 +195,9 @@ def searched_set(models: ModelSet, model: Model, item: int, member: Member) -> S
     if not form.searched:
         return None
     base = like.fit(models.columns(tuple(x for x in model if x != item)))
-    items = members_at(design, form, grid_values(form))
-    items, _, arcs = neighbours(sorted(items, key=lambda m: m.value))
+    items, _, arcs = neighbours(sorted(design.grid_members(form), key=lambda m: m.value))
     values = np.array([m.value for m in items])
-    gains = _gains(like, base, items)
+    gains = _gains(like, base, design.add(member.candidate, items))
     logs = gains / 2 + np.log(np.maximum(arcs, 1e-12))
     shares = np.exp(logs - np.logaddexp.reduce(logs))
     credible = gains.max() - gains <= chdtri(1, 1 - COVERED)
@@ -260,90 +249,64 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
     return model
 
 
-def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
+def _gains(like: Likelihood, base: Fit, members: Sequence[int]) -> FloatArray:
     """The chi^2 that each of some members of a form adds to a fitted model, its margins and
     the common columns, the strata's variances those of the fit with the best of them.
     """
-    labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].form.parameters)
-    X = np.array([item.columns for item in items])
-    weights, result, columns = base.weights, np.zeros(len(items)), like.design.columns
-    # What is known beforehand of sizes stands as further errors.
-    known = np.diag(np.sqrt(columns.precisions[list(base.columns)]))
-    Z, y = columns.dense(base.columns), np.concatenate([like.y, np.zeros(len(known))])
+    design, k = like.design, len(like.design.members[members[0]].terms)
+    added, inner = design.closures_of(members)
+    added = np.where(np.isin(added, base.columns), PADDING, added)
+    models, G = design.columns.crossed((added, inner), base.columns)
+    w, b, ridge = base.weights, like.b[:, models], design.columns.precisions[models]
+    result = np.zeros(len(models))
     for _ in range(2):
-        root = np.sqrt(weights)[labels]
-        Q = np.linalg.qr(np.vstack([(Z * root).T, known]))[0]
-        target = y * np.concatenate([root, np.ones(len(known))])
-        target -= Q @ (Q.T @ target)
-        M = X * root[at]
-        across = M @ Q[at]
-        K = M @ M.transpose(0, 2, 1) - across @ across.transpose(0, 2, 1)
-        c = (M @ target[at])[..., None]
-        sizes = _inverse(K) @ c
+        A = np.einsum("s,smij->mij", w, G)
+        diagonal = ridge + TINY * np.einsum("mii->mi", A)
+        A += diagonal[:, :, None] * np.eye(models.shape[1])
+        c = np.einsum("s,smi->mi", w, b)[:, :, None]
+        sizes = np.linalg.solve(A, c)
         # What the margins explain is not the effect's.
-        of_margins = np.sum(c[:, k:] * (_inverse(K[:, k:, k:]) @ c[:, k:]), axis=(1, 2))
-        result = np.sum(c * sizes, axis=(1, 2)) - of_margins
+        of_others = np.sum(c[:, k:] * np.linalg.solve(A[:, k:, k:], c[:, k:]), axis=(1, 2))
+        result = np.sum(c * sizes, axis=(1, 2)) - of_others
         best = int(np.argmax(result))
-        rest = target + Q @ (sizes[best, :, 0] @ across[best])
-        rest[at] -= sizes[best, :, 0] @ M[best]
-        squares = np.bincount(labels, rest[: len(labels)] ** 2, minlength=len(weights))
-        R = np.divide(squares, weights, out=np.zeros(len(weights)), where=weights > 0) + like.extra
-        weights = like.weights(np.maximum(R, 1e-12), base.dof)
+        x = sizes[best, :, 0]
+        R = like.R0 - 2 * b[:, best] @ x + np.einsum("i,sij,j->s", x, G[:, best], x)
+        w = like.weights(np.maximum(R, 1e-12), base.dof)
     return result
-
-
-def _inverse(K: FloatArray) -> FloatArray:
-    """Inverses (G, k, k) of cross products, without the directions that are rounding."""
-    return np.asarray(np.linalg.pinv(K, rcond=DEPENDENT**2, hermitian=True)) if K.size else K
 
 
 def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:
     """The member of an effect at the likeliest value of what is searched (Gauss-Newton from the
     grid's best), and its derivative there.
     """
-    design, like = models.design, models.likelihood
-    member = design.members[item]
-    if member.form.scale in ("", "between"):
+    design, like, form = models.design, models.likelihood, models.design.members[item].form
+    if form.scale in ("", "between"):
         return item, None
     rest = tuple(x for x in models.members(model) if x != item)
     smooth = models.columns(model)[len(like.closure(model)) :]
-
-    def columns(m: int) -> Columns:
-        return like.closure((*rest, m)) + smooth
-
-    grid = member.form.grid
-    best, tangent = item, _tangent(design, like.fit(columns(item)), item)
-    top = like.log_likelihood(columns(item))
-    for _ in range(4):
-        if tangent is None:
+    best, tangent, top, m = item, None, -np.inf, item
+    for _ in range(TRIALS):
+        columns = like.closure((*rest, m)) + smooth
+        if (now := like.log_likelihood(columns)) <= top + 1e-9:
             break
-        change = like.fit((tangent.index, *columns(best))).beta[0] / tangent.norm
-        new = design.members[best].value * np.exp(np.clip(change, -0.3, 0.3))
-        items = members_at(design, member.form, np.array([np.clip(new, grid.min(), grid.max())]))
-        if not items:
+        best, tangent, top, member = m, None, now, design.members[m]
+        sizes = like.fit(columns).sizes(member)
+        items = design.members_at(form, member.value * np.exp([STEP, -STEP]))
+        if len(items) != 2:
             break
-        (m,) = add(design, member.candidate, items)
-        now = like.log_likelihood(columns(m))
-        if now <= top + 1e-9:
+        weights = sizes[: len(form.parameters)] / (2 * STEP)
+        slope = weights @ (items[0].columns - items[1].columns)[: len(weights)]
+        mean = weights @ (items[0].means - items[1].means)[: len(weights)]
+        (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None])
+        if index == NONE:
             break
-        best, tangent, top = m, _tangent(design, like.fit(columns(m)), m), now
+        tangent = Tangent(int(index), float(norm), sizes)
+        change = np.clip(like.fit((tangent.column, *columns)).beta[0] / tangent.norm, -0.3, 0.3)
+        value = np.clip(member.value * np.exp(change), form.grid.min(), form.grid.max())
+        if not (items := design.members_at(form, np.array([value]))):
+            break
+        (m,) = design.add(member.candidate, items)
     return best, tangent
-
-
-def _tangent(design: Design, fit: Fit, m: int) -> Tangent | None:
-    """The derivative of an effect by the logarithm of what is searched, at its sizes in a fit."""
-    member = design.members[m]
-    sizes = fit.sizes(member)
-    items = members_at(design, member.form, member.value * np.exp([STEP, -STEP]))
-    if len(items) != 2:
-        return None
-    weights = sizes[: len(member.form.parameters)] / (2 * STEP)
-    slope = weights @ (items[0].columns - items[1].columns)[: len(weights)]
-    mean = weights @ (items[0].means - items[1].means)[: len(weights)]
-    (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None])
-    if index == NONE:
-        return None
-    return Tangent(index=int(index), norm=float(norm), sizes=sizes)
 
 
 def estimates_of(models: ModelSet, model: Model) -> Estimates:
@@ -355,7 +318,7 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
     optima = [optimum_of(models, model, item) for item in items]
     smooth = (item for item in model if item < 0)
     closure = models.columns((*(best for best, _ in optima), *smooth))
-    tangents = [tangent.index for _, tangent in optima if tangent is not None]
+    tangents = [tangent.column for _, tangent in optima if tangent is not None]
     fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
     J, labels, starts = _map(design, fit.columns, optima)
     covariance, values = J @ fit.covariance @ J.T, J @ fit.beta
@@ -369,9 +332,14 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
     # What was searched does not leave its range; u is kept as if it could.
     cross = covariance[:, bounded]
     values = values - cross @ np.linalg.solve(cross[bounded], values[bounded])
-    # Degrees of freedom of a sum of sizes are those of the largest part in it.
-    parts = np.abs(J) * np.sqrt(np.diag(fit.covariance))
-    dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
+    # Degrees of freedom (Satterthwaite) by the share of a column's information that comes from each
+    # stratum; those of a sum of sizes are of the largest part in it.
+    V, X = fit.covariance, design.columns.dense(fit.columns)
+    G = design.columns.products(np.array(fit.columns, int), X)
+    shares = fit.weights[:, None] * np.einsum("ij,sjk,ki->si", V, G, V) / np.diag(V)
+    parts = np.abs(J) * np.sqrt(np.diag(V))
+    sums = [np.sum(shares[:, np.argmax(p)] ** 2 / fit.dof) if p.any() else 0.0 for p in parts]
+    dof = [float(1 / x) if x else np.inf for x in sums]
     for a, row in enumerate(range(starts[-1], len(labels))):
         mean, variance, nu = like.mean(fit, a)
         values[row] += mean
@@ -379,10 +347,10 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
         dof[row] = float(np.nan_to_num(nu, nan=np.inf))
     values, covariance = values * design.scale, covariance * design.scale**2
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    numbers = zip(values.tolist(), u.tolist(), dof, strict=True)
+    numbers = zip(labels, values.tolist(), u.tolist(), dof, strict=True)
     sizes = tuple(
         Parameter(name=name, unit=unit, role=role, value=value, u=s, dof=nu)
-        for (name, unit, role), (value, s, nu) in zip(labels, numbers, strict=True)
+        for (name, unit, role), value, s, nu in numbers
     )
     effects, members = [], [design.members[best] for best, _ in optima]
     for item, member, (_, tangent), ends in zip(
@@ -402,17 +370,11 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
                 searched=searched,
             )
         )
-    return Estimates(
-        effects=tuple(effects),
-        members=tuple(members),
-        levels=sizes[starts[-1] :],
-        covariance=covariance,
-        fit=fit,
-    )
+    return Estimates(tuple(effects), tuple(members), sizes[starts[-1] :], covariance, fit)
 
 
 def _map(
-    design: Design, columns: Columns, optima: Sequence[tuple[int, Tangent | None]]
+    design: Design, columns: Sequence[int], optima: Sequence[tuple[int, Tangent | None]]
 ) -> tuple[FloatArray, list[tuple[str, str, str]], list[int]]:
     """The linear map (n + A, k) from the sizes of the unit columns of a fit to those of the n
     parameters of effects and to the levels; name, unit and role of each of these; and where those
@@ -433,7 +395,7 @@ def _map(
             if (at := places.pop(index, None)) is not None:
                 # Columns alike but for their mean are one: that of the effect counts.
                 rows[-1][at], means[at] = 1 / factor, mean / factor
-        if tangent is not None and (at := places.pop(tangent.index, None)) is not None:
+        if tangent is not None and (at := places.pop(tangent.column, None)) is not None:
             rows.append(np.zeros(k))
             rows[-1][at] = float(np.linalg.norm(tangent.sizes)) / tangent.norm
             labels.append((f"{form.searched}_change", form.change_unit(), "searched"))

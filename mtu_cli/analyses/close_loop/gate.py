@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
-from mtu_cli.analyses.close_loop.design import Design, transposed
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood, lever_of
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART
 from mtu_cli.stats.least_squares import FloatArray, IntArray
@@ -36,8 +35,7 @@ class Gate:
 
     def __init__(self, likelihood: Likelihood, rng: np.random.Generator, B: int) -> None:
         self.likelihood, self.rng, self.B = likelihood, rng, B
-        self.design: Design = likelihood.design
-        self.strata = self.design.strata
+        self.design, self.strata = likelihood.design, likelihood.design.strata
         self.ratios: dict[Columns, dict[str, float]] = {}
         """Beside each model that was tested how many times the rest's a scatter effect's is."""
         self._cache: dict[Columns, tuple[list[str], FloatArray]] = {}
@@ -51,8 +49,16 @@ class Gate:
             self._cache[key] = self._tests(columns)
         names, T = self._cache[key]
         base = np.isin(names, scatter)
-        p = _adjusted_p(np.where(base, 0.0, T)).tolist()
-        return {n: x for n, x, in_base in zip(names, p, base, strict=True) if not in_base}
+        T = np.where(base, 0.0, T)
+        # The best of many members is calibrated by their effective number, as Sidak would.
+        number = np.maximum(1 / np.exp(-T[1:]).mean(axis=0) - 1, 0.2)
+        inner = np.log1p(-np.exp(-np.maximum(T, 1e-12)))
+        family = -np.log(-np.expm1(number * inner) + 1e-300)
+        family[:, T[0] == 0] = 0
+        null = np.sort(family[1:].max(axis=1, initial=0.0))
+        p = (self.B - np.searchsorted(null, family[0], side="left") + 1) / (self.B + 1)
+        tested = zip(names, p.tolist(), base, strict=True)
+        return {name: value for name, value, in_base in tested if not in_base}
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests of a model, and their -log p (B + 1, k), observed first."""
@@ -134,8 +140,9 @@ class Gate:
         """
         design, w = self.design, fit.weights
         # Of the null tables, which are random, single precision is enough.
-        U = design.columns.products(Y.astype(np.float32))
-        U[:, :, :1] = design.columns.products(Y[:1])
+        columns = np.arange(design.columns.count)
+        U = design.columns.products(columns, Y.astype(np.float32))
+        U[:, :, :1] = design.columns.products(columns, Y[:1])
         at: list[IntArray] = [np.zeros(0, int)]
         lps: list[FloatArray] = [np.zeros((len(Y), 0))]
         sums = [(Y[:, part] ** 2).sum(axis=1) for part in self.strata.slices]
@@ -166,7 +173,7 @@ class Gate:
                 score = w[s] * U[s][partials.terms[i]] - partials.slopes[i] @ y[s, m]
                 score = (score - partials.rest[s, i] @ sizes[m]) / size[i, :, None]
                 divisor = np.where(informative[s, i], values[s, i], np.inf)[:, :, None]
-                stat = np.sum((transposed(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
+                stat = np.sum((vectors[s, i].transpose(0, 2, 1) @ score) ** 2 / divisor, axis=1)
                 residual = np.maximum(squares[:, s] - explained[s, m], least[s])
                 ratio = np.clip(stat / residual, 1e-300, ALMOST_ONE)
                 power = np.maximum(self.likelihood.n[s] - leverage[s, m] - 1 - k / 2, 0.5)
@@ -245,20 +252,17 @@ class Gate:
         field, both; where the residual is more than rounding.
         """
         strata, like = self.strata, self.likelihood
-        P, H, A = strata.shape
+        P, H, _ = strata.shape
         checks = {}
         squares = np.array([np.sum(Y[0, part] ** 2) for part in strata.slices])
         rough = squares > fit.dof * like.least
         inner = [s for s in strata.of(INTERACTION) if rough[s]]
         if P > 3 and H > 3 and inner:
             # Singular values are the same in all orthonormal coordinates.
+            within = np.isin(strata.labels(), inner)
             share = np.zeros(len(Y))
             for rows in (slice(0, 1), *self._blocks()):
-                E = np.zeros((rows.stop - rows.start, A * P * H))
-                for s in inner:
-                    part = strata.slices[s]
-                    E[:, strata.place[part]] = Y[rows, part] * strata.spread[part]
-                E = E.reshape(-1, A, P, H)
+                E = strata.placed(np.where(within, Y[rows], 0.0))
                 E = E if P <= H else np.swapaxes(E, 2, 3)
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
@@ -308,17 +312,3 @@ def gamma_log_p(x: FloatArray) -> FloatArray:
     if mean <= low:
         return np.zeros(len(x))
     return -np.log(np.maximum(gammaincc(shape, np.maximum(x - low, 0.0) / scale), 1e-300))
-
-
-def _adjusted_p(T: FloatArray) -> FloatArray:
-    """Family-wise p of each column of -log p T (B + 1, k), the first row observed.
-
-    The best of many members is calibrated by their effective number, 1/mean(p) - 1, as Sidak would.
-    """
-    number = np.maximum(1 / np.exp(-T[1:]).mean(axis=0) - 1, 0.2)
-    inner = np.log1p(-np.exp(-np.maximum(T, 1e-12)))
-    family = -np.log(-np.expm1(number * inner) + 1e-300)
-    family[:, T[0] == 0] = 0
-    null = np.sort(family[1:].max(axis=1, initial=0.0))
-    B = len(null)
-    return np.asarray((B - np.searchsorted(null, family[0], side="left") + 1) / (B + 1))

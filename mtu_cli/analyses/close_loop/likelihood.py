@@ -17,6 +17,7 @@ from mtu_cli.analyses.close_loop.strata import (
     LINE,
     PADDING,
     PART,
+    Closures,
     Missing,
     Strata,
     interaction,
@@ -25,7 +26,7 @@ from mtu_cli.analyses.close_loop.strata import (
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.stats.least_squares import FloatArray
 
 QUANTILES = (np.arange(12) + 0.5) / 12
 ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
@@ -34,14 +35,12 @@ information of one observation (Zellner & Siow 1980)."""
 TINY = 1e-9
 
 Columns = tuple[int, ...]
-NO_COLUMNS = np.zeros((1, 0), int)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
     """Generalised least squares: sizes `beta` (k,) of unit columns, `covariance` (k, k), residual
-    (N,), weights (S,) = 1/variance and degrees of freedom (S,) of the strata. `shares` (S, k) is
-    how much of a column's information comes from each stratum.
+    (N,), weights (S,) = 1/variance and degrees of freedom (S,) of the strata.
     """
 
     columns: Columns
@@ -50,12 +49,6 @@ class Fit:
     residual: FloatArray
     weights: FloatArray
     dof: FloatArray
-    shares: FloatArray
-
-    def effective_dof(self, i: int) -> float:
-        """Satterthwaite's degrees of freedom of size i."""
-        share = self.shares[:, i]
-        return float(1 / np.sum(share**2 / self.dof)) if share.any() else np.inf
 
     def sizes(self, member: Member) -> FloatArray:
         """Of a member's parameters and then its margins'; 0 of one that is not estimable."""
@@ -130,13 +123,14 @@ class Likelihood:
         self.R0 = np.array([y[part] @ y[part] for part in strata.slices]) + self.extra
         self._b = np.zeros((len(n), 0))
         self._none: dict[Columns, FloatArray] = {}
+        self._nothing = np.zeros((1, 0), int), np.zeros((len(n), 1, 0, 0))
 
     @property
     def b(self) -> FloatArray:
         """Products (S, K) of the errors with all columns."""
         columns = self.design.columns
         if (count := self._b.shape[1]) < columns.count:
-            products = columns.products(self.y[None], count)[:, :, 0]
+            products = columns.products(np.arange(count, columns.count), self.y[None])[:, :, 0]
             self._b = np.concatenate([self._b, products], axis=1)
         return self._b
 
@@ -165,20 +159,16 @@ class Likelihood:
         return np.asarray(np.where(estimable, dof / np.maximum(R, dof * least + TINY**3), 0.0))
 
     def profile(
-        self,
-        columns: Columns,
-        smooth: Columns = (),
-        added: IntArray = NO_COLUMNS,
-        inner: FloatArray | None = None,
+        self, columns: Columns, smooth: Columns, added: Closures
     ) -> tuple[FloatArray, FloatArray]:
         """Residual sums of squares (S, M) of models, the strata's variances at the maximum of each,
         and the effective number of entries (M, w + k) that inform each column. All have the k
-        `columns` and those of `smooth` effects, each its `added` (M, w) ones, whose products are
-        `inner` (S, M, w, w). What a prior takes off a size counts as residual.
+        `columns` and those of `smooth` effects, each its `added` (M, w) ones. What a prior takes
+        off a size counts as residual.
         """
         shared = (*columns, *smooth, *self.design.common)
-        k = added.shape[1] + len(columns)
-        models, G = self.design.columns.crossed(added, shared, inner)
+        k = added[0].shape[1] + len(columns)
+        models, G = self.design.columns.crossed(added, shared)
         ridge = self.design.columns.precisions[models]
         b, squares = self.b[:, models], np.einsum("smii->smi", G)
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
@@ -199,29 +189,26 @@ class Likelihood:
 
     def log_likelihood(self, columns: Columns) -> float:
         """Largest log likelihood of a model against none, the strata's variances maximised."""
-        R, _ = self.profile(columns)
+        R, _ = self.profile(columns, (), self._nothing)
         least = self.least * self.n + TINY**2
         ratio = np.maximum(R[:, 0], least) / np.maximum(self.R0, least)
         return float(-0.5 * self.n @ np.log(ratio))
 
     def evidence(
-        self,
-        columns: Columns,
-        smooth: Columns = (),
-        added: IntArray = NO_COLUMNS,
-        inner: FloatArray | None = None,
+        self, columns: Columns, smooth: Columns = (), closures: Closures | None = None
     ) -> FloatArray:
-        """Log marginal likelihood (M,) of models against none: of the `columns` with each of those
-        `added` (M, w), their products `inner`, given the columns of `smooth` effects.
+        """Log marginal likelihood (M,) of models against none: of the `columns` with each of some
+        `closures` added, given the columns of `smooth` effects.
 
         Sizes have a g-prior with the Zellner-Siow law of g, so that the evidence is not bounded
         (Liang et al. 2008); the strata's variances are maximised; every column is paid for,
         margins too.
         """
+        added, inner = closures or self._nothing
         added = np.where(np.isin(added, columns), PADDING, added)
-        R, number = self.profile(columns, smooth, added, inner)
+        R, number = self.profile(columns, smooth, (added, inner))
         if smooth not in self._none:
-            self._none[smooth] = self.profile((), smooth)[0]
+            self._none[smooth] = self.profile((), smooth, self._nothing)[0]
         total = self._none[smooth][None]
         nonzero = np.pad(added != PADDING, ((0, 0), (0, len(columns))), constant_values=True)
         k = nonzero.sum(axis=1)
@@ -238,8 +225,8 @@ class Likelihood:
         residual degrees of freedom.
         """
         units, columns = self.design.columns, tuple(columns) + self.design.common
-        at = np.array(columns, int)
-        G, b, ridge = units.gram(at, at), self.b[:, at], np.diag(units.precisions[at])
+        at, X = np.array(columns, int), units.dense(columns)
+        G, b, ridge = units.products(at, X), self.b[:, at], np.diag(units.precisions[at])
         w, dof = self.weights(self.R0, self.n), self.n.copy()
         beta, V = np.zeros(0), np.zeros((0, 0))
         for _ in range(6 if columns else 1):
@@ -250,12 +237,8 @@ class Likelihood:
             leverage = w * np.einsum("ij,sji->s", V, G)
             dof = np.maximum(self.n - leverage, 1.0)
             w = self.weights(np.maximum(R, TINY * self.R0), dof)
-        shares = w[:, None] * np.einsum("ij,sjk,ki->si", V, G, V) / np.diag(V)[None, :]
-        residual = self.y - beta @ units.dense(columns) if columns else self.y
-        return Fit(
-            columns=columns, beta=beta, covariance=V, residual=residual, weights=w, dof=dof,
-            shares=shares,
-        )  # fmt: skip
+        residual = self.y - beta @ X
+        return Fit(columns=columns, beta=beta, covariance=V, residual=residual, weights=w, dof=dof)
 
     def mean(self, fit: Fit, a: int) -> tuple[float, float, float]:
         """The mean over the table along axis `a`, in units of the scale, its variance and degrees
@@ -350,7 +333,12 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
     """
     P, H, A = errors.shape
     readings = table.component is not None
-    lines = _lines(table)
+    # By axis orthonormal directions (H, k) along which whole parts move beside their level.
+    lines = [free_lines(table)[:, 1:]] * A if readings else []
+    for F in () if readings else np.moveaxis(table.of_part.mean(axis=0), 1, 0):
+        size = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
+        U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)
+        lines.append(U[:, s**2 > NOTABLE * size][:, :2])
     levers = (lever_of(name, table.axes, table.mean_places) for name in moving)
     for lever in (x for x in levers if x is not None):
         for a in range(A):
@@ -383,19 +371,6 @@ def _along(table: ResidualTable) -> FloatArray | None:
     spans = np.nan_to_num(np.ptp(places, axis=0))
     i = int(np.argmax(spans))
     return places[:, i] if spans[i] > 0 and len(np.unique(places[:, i])) > 3 else None
-
-
-def _lines(table: ResidualTable) -> list[FloatArray]:
-    """Orthonormal directions (H, k) by axis along which whole parts move beside their level."""
-    _, H, A = table.errors.shape
-    if table.component is not None:
-        return [free_lines(table)[:, 1:]] * A
-    result = []
-    for F in np.moveaxis(table.of_part.mean(axis=0), 1, 0):
-        size = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
-        U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)
-        result.append(U[:, s**2 > NOTABLE * size][:, :2])
-    return result
 
 
 def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:

@@ -125,7 +125,7 @@ class ModelSet:
         base = value - float(like.evidence(columns, smooth)[0])
         with np.errstate(divide="ignore"):
             logs = base + np.log(design.prior)
-        logs += like.evidence(columns, smooth, design.closures, design.inner)
+        logs += like.evidence(columns, smooth, design.closures)
         total = np.full(len(self.names), -np.inf)
         best = [0] * len(self.names)
         owned = {c: np.flatnonzero(design.owner == c) for c in np.unique(design.owner).tolist()}

@@ -137,14 +137,15 @@ class Strata:
         basis = self.of_features[self.axis[s]][:, j[shared]]
         return shared, basis / self.spread[self.slices[s]][shared]
 
-    def table(self, coordinates: FloatArray) -> FloatArray:
-        """Tables (..., P, H, A) of coordinates (..., N); those of no stratum are 0."""
-        P, H, A = self.shape
-        lead = coordinates.shape[:-1]
-        full = np.zeros((*lead, A * P * H))
+    def placed(self, coordinates: FloatArray) -> FloatArray:
+        """Coordinates (..., N) by axis and column of the bases (..., A, P, H), 0 of no stratum."""
+        full = np.zeros((*coordinates.shape[:-1], self.at.size))
         full[..., self.place] = coordinates * self.spread
-        full = full.reshape(*lead, A, P, H)
-        cells = self.of_parts @ full @ np.swapaxes(self.of_features, 1, 2)
+        return full.reshape(*coordinates.shape[:-1], *self.at.shape)
+
+    def table(self, coordinates: FloatArray) -> FloatArray:
+        """Tables (..., P, H, A) of coordinates (..., N)."""
+        cells = self.of_parts @ self.placed(coordinates) @ np.swapaxes(self.of_features, 1, 2)
         return np.moveaxis(cells, -3, -1)
 
 
@@ -171,13 +172,20 @@ def strata_of(
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
     first, shorts = 1 if features_scatter else 0, list[Short | None]()
     for a, directions in enumerate(lines):
-        bases[a], short = _full_basis(np.column_stack([np.full(H, 1 / np.sqrt(H)), directions]))
-        k = directions.shape[1] + 1
-        if roughness is not None and k < H:
+        begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), directions])
+        k = begin.shape[1]
+        basis, R = np.linalg.qr(begin, mode="complete")
+        signs = np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
+        bases[a], short = basis * signs, None
+        if roughness is None and k < H:
+            # k reflections: I - basis is of rank k, its first columns and rows make all of it.
+            change = np.eye(H) - basis
+            short = signs, change[:, :k] @ np.linalg.inv(change[:k, :k]), change[:k] * signs
+        elif roughness is not None and k < H:
             values, turn = np.linalg.eigh(bases[a, :, k:].T @ roughness @ bases[a, :, k:])
             bases[a, :, k:] = bases[a, :, k:] @ turn[:, ::-1]
             bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
-        shorts.append(short if roughness is None else None)
+        shorts.append(short)
         rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
         groups = [(PART, (rest, slice(0, 1)))]
         groups += [(FEATURE, (slice(0, 1), rest))] if features_scatter else []
@@ -208,20 +216,12 @@ def strata_of(
     )
 
 
-def _full_basis(begin: FloatArray) -> tuple[FloatArray, Short | None]:
-    """An orthonormal basis (H, H) whose first columns are `begin` (H, k), and its short form."""
-    H, k = begin.shape
-    basis, R = np.linalg.qr(begin, mode="complete")
-    # k reflections: I - basis is of rank k, its first columns and rows make all of it.
-    rest, signs = np.eye(H) - basis, np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
-    short = None
-    if k < H:
-        short = signs, rest[:, :k] @ np.linalg.inv(rest[:k, :k]), rest[:k] * signs
-    return basis * signs, short
-
-
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
+Closures = tuple[IntArray, FloatArray]
+"""The columns (M, w) of members and their margins, and their products (S, M, w, w) in each stratum:
+those before some columns became PADDING.
+"""
 FREE = 1e-9
 """Prior precision of the size of a unit column that is free."""
 DIGITS = 6
@@ -313,48 +313,33 @@ class Columns:
                 products[at] = np.einsum("kn,kn->k", *pairs)
         return result
 
-    def crossed(
-        self, added: IntArray, shared: Sequence[int] = (), inner: FloatArray | None = None
-    ) -> tuple[IntArray, FloatArray]:
-        """The columns (M, w + k) of models: those `added` (M, w) of each, and then those (k,) that
-        all of them share; and their products (S, M, w + k, w + k) in each stratum, `inner` those
-        among the former before some became PADDING.
+    def crossed(self, closures: Closures, shared: Sequence[int]) -> Closures:
+        """The columns (M, w + k) of models: those (M, w) of each, and then those (k,) that all of
+        them share; and their products.
         """
+        added, inner = closures
         w, common = added.shape[1], np.array(shared, int)
-        if inner is None:
-            inner = self.cross(added[:, :, None], added[:, None])
         nonzero = added != PADDING
-        across = self.gram(added, common)
+        shared_columns = self.dense(shared)
+        across = self.products(added, shared_columns)
         G = np.empty((*inner.shape[:2], w + len(common), w + len(common)))
         G[:, :, :w, :w], G[:, :, :w, w:], G[:, :, w:, :w] = inner, across, np.swapaxes(across, 2, 3)
         G[:, :, :w, :w] *= nonzero[:, :, None] & nonzero[:, None]
-        G[:, :, w:, w:] = self.gram(common, common)[:, None]
+        G[:, :, w:, w:] = self.products(common, shared_columns)[:, None]
         return np.hstack([added, np.tile(common, (len(added), 1))]), G
 
-    def gram(self, columns: IntArray, targets: IntArray) -> FloatArray:
-        """Products (S, ..., m) in each stratum of columns (...) with each of the `targets` (m,)."""
-        result = np.zeros((len(self._values), *columns.shape, len(targets)))
-        for s, rows in enumerate(self._rows[:, targets]):
-            if rows.any():
-                result[s] = self._times(s, columns, self._values[s][rows].T)
-        return result
-
-    def products(self, Y: FloatArray, first: int = 0) -> FloatArray:
-        """(S, K, B) products of the columns from the first on in each stratum with coordinates
-        Y (B, N), in Y's precision.
+    def products(self, columns: IntArray, Y: FloatArray) -> FloatArray:
+        """Products (S, ..., m) in each stratum of columns (...) with coordinates Y (m, N), in Y's
+        precision.
         """
-        columns = np.arange(first, self.count)
-        parts = enumerate(self.strata.slices)
-        return np.array([self._times(s, columns, Y[:, part].T) for s, part in parts], float)
-
-    def _times(self, s: int, columns: IntArray, Z: FloatArray) -> FloatArray:
-        """Products (..., m) in a stratum of columns (...) with Z (n, m), in Z's precision."""
-        values, rows = self._values[s][: self._used[s]], self._rows[s, columns]
-        nonzero = rows > 0
-        if 2 * nonzero.sum() > len(values):  # Of most of them: without a copy.
-            return np.asarray((values.astype(Z.dtype, copy=False) @ Z)[rows])
-        result = np.zeros((*rows.shape, Z.shape[1]))
-        result[nonzero] = values[rows[nonzero]].astype(Z.dtype) @ Z
+        result = np.zeros((len(self._values), *columns.shape, len(Y)))
+        for s, part in enumerate(self.strata.slices):
+            values, rows, Z = self._values[s][: self._used[s]], self._rows[s, columns], Y[:, part].T
+            nonzero = (rows > 0) & Z.any()
+            if 2 * nonzero.sum() > len(values):  # Of most of them: without a copy.
+                result[s] = (values.astype(Z.dtype, copy=False) @ Z)[rows]
+            else:
+                result[s, nonzero] = values[rows[nonzero]].astype(Z.dtype) @ Z
         return result
 
     def dense(self, indices: Sequence[int]) -> FloatArray:
@@ -386,8 +371,10 @@ class Missing:
         self.inverse = np.linalg.pinv(M, rcond=1e-9, hermitian=True) if len(p) else M
 
     def filled(self, table: FloatArray) -> FloatArray:
-        """Tables (..., P, H) with their missing cells filled in, whatever stood there."""
-        if self.measured.all():
+        """Tables (..., P, H) with their missing cells filled in, whatever stood there; those that
+        are alike in all parts, or features, as they are.
+        """
+        if self.measured.all() or table.shape[-2:] != self.measured.shape:
             return table
         p, h = self.cells
         Y = np.where(self.measured, table, 0.0)

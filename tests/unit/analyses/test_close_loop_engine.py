@@ -14,7 +14,6 @@ from scipy.stats import binom, invgamma
 
 from mtu_cli.analyses.close_loop import diagnosis as engine
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
-from mtu_cli.analyses.close_loop.design import members_at
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
@@ -313,14 +312,16 @@ def test_what_is_searched_is_compared_given_the_smooth_effects(
     base = like.fit(like.smooth(like.fit(()), walk))
     assert base.columns
     monkeypatch.setattr(like, "weights", lambda *_: base.weights)
-    items = members_at(design, design.members[0].form, np.array([20.0, 40.0, 80.0]))
+    items = design.members_at(design.members[0].form, np.array([20.0, 40.0, 80.0]))
     w = base.weights[design.strata.labels()]
     Z, sizes = design.columns.dense(base.columns), 1 / design.columns.precisions[list(base.columns)]
     live = w > 0
     V = np.diag(1 / w[live]) + Z[:, live].T @ (sizes[:, None] * Z[:, live])
-    for item, gain in zip(items, engine._gains(like, base, items), strict=True):
-        x = np.zeros(len(w))
+    X = np.zeros((len(items), len(w)))
+    for x, item in zip(X, items, strict=True):
         x[item.at] = item.columns[0]
+    gains = engine._gains(like, base, design.add(0, items))
+    for x, gain in zip(X, gains, strict=True):
         weighed = np.linalg.solve(V, x[live])
         assert gain == pytest.approx((weighed @ like.y[live]) ** 2 / (weighed @ x[live]), rel=1e-6)
 
