@@ -34,7 +34,6 @@ from mtu_cli.analyses.close_loop.result import (
     Scores,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.strata import INTERACTION
 from mtu_cli.files.effects import CHOSEN, EffectLibrary
 from mtu_cli.findings import Finding, counted, error, finding
 from mtu_cli.language import evaluate, parse
@@ -194,7 +193,7 @@ def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
     P, H, A = strata.shape
     axis, live = np.array(strata.axis), fit.weights > 0
     total = np.bincount(axis[live], strata.sizes[live] / fit.weights[live], minlength=A)
-    inner, steps = strata.of(INTERACTION), steps_of(design.table) / design.scale
+    inner, steps = strata.of("interaction"), steps_of(design.table) / design.scale
     mean_squares = [
         max(np.sum(fit.residual[strata.slices[s]] ** 2) / fit.dof[s], steps[axis[s]] ** 2 / 12)
         for s in inner

@@ -9,17 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.strata import (
-    FEATURE,
-    INTERACTION,
-    NONE,
-    PADDING,
-    PART,
-    Closures,
-    Columns,
-    Missing,
-    Strata,
-)
+from mtu_cli.analyses.close_loop.strata import NONE, PADDING, Closures, Columns, Missing, Strata
 from mtu_cli.model.effect_library import BoundTemplate, Candidate, Levers
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import wiener
@@ -213,15 +203,12 @@ class Design:
 
     def add(self, c: int, members: Sequence[Member]) -> tuple[int, ...]:
         """The indices of members of one form of candidate c, their columns added to all others."""
-        X, means = (
-            np.concatenate([getattr(m, name) for m in members]) for name in ("columns", "means")
-        )
+        X = np.concatenate([member.columns for member in members])
+        means = np.concatenate([member.means for member in members])
         indices, factors = self.columns.add(members[0].at, X, means)
         k, first, shape = len(members[0].form.parameters), len(self.members), (len(members), -1)
-        of_members = zip(
-            indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True
-        )
-        for member, (at, units) in zip(members, of_members, strict=True):
+        rows = zip(indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True)
+        for member, (at, units) in zip(members, rows, strict=True):
             member.indices, member.factors = tuple(at), tuple(units)
             terms, low = (dict.fromkeys(i for i in ids if i != NONE) for ids in (at[:k], at[k:]))
             member.terms, member.low = tuple(terms), tuple(i for i in low if i not in terms)
@@ -395,7 +382,7 @@ def kernels_of(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
     """Without a name a walk of the parts and a field over the features, of each axis and of all of
     them at once; and smooth profiles along each coordinate.
     """
-    parts, features = strata.of(PART), strata.of(FEATURE)
+    parts, features = strata.of("part"), strata.of("feature")
     lag, places = np.arange(len(table.parts)), table.mean_places
     axes = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
     nameless = list[tuple[list[int], FloatArray]]()
@@ -413,7 +400,7 @@ def kernels_of(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
             continue
         K, along = smooth_covariance(places[:, i]), "xyz"[i]
         for a, name in enumerate(table.axes):
-            of_axis = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
+            of_axis = [s for s in (*features, *strata.of("interaction")) if strata.axis[s] == a]
             positioning = along == name or table.component is not None
             for s in of_axis[:1]:
                 V, k = _directions(strata, s, K)

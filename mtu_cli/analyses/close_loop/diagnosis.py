@@ -18,10 +18,10 @@ from scipy.special import chdtri
 
 from mtu_cli.analyses.close_loop.design import Design, Kernel, Member, neighbours
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate
-from mtu_cli.analyses.close_loop.likelihood import TINY, Fit, Likelihood, free_lines, steps_of
+from mtu_cli.analyses.close_loop.likelihood import TINY, Fit, Likelihood, outliers
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet, Scatter
 from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, SmoothEffect
-from mtu_cli.analyses.close_loop.strata import NONE, PADDING, outliers
+from mtu_cli.analyses.close_loop.strata import NONE, PADDING
 from mtu_cli.language.tree import filled_text
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
@@ -91,8 +91,7 @@ def diagnosis_of(
     against `nulls` tables without effects, or as many more as a p below `alpha` takes.
     """
     nulls = max(nulls, math.ceil(2 / alpha) - 1)
-    measured = np.isfinite(table.errors).all(axis=2) & table.there
-    mask = outliers(table.errors, measured, free_lines(table), steps_of(table))
+    mask = outliers(table)
     errors = np.where(mask.any(axis=2, keepdims=True), np.nan, table.errors)
     table = replace(table, errors=errors)
     motion = list[Scatter]()

@@ -7,13 +7,11 @@ checks, on null tables made from the model's residual.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood, lever_of
-from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
@@ -39,6 +37,16 @@ class Gate:
         self.ratios: dict[Columns, dict[str, float]] = {}
         """Beside each model that was tested how many times the rest's a scatter effect's is."""
         self._cache: dict[Columns, tuple[list[str], FloatArray]] = {}
+        lag, places = np.arange(self.strata.shape[0]), self.design.table.mean_places
+        places = places[:, np.isfinite(places).all(axis=0)]
+        distance = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
+        field = np.exp(-distance / (0.15 * max(distance.max(), 1e-300)))
+        self.covariances = dict[str, dict[int, FloatArray]]()
+        """Covariances (n, n) in the strata if parts walk or features near one another err alike."""
+        for name, kind, K in (("walk", "part", walk), ("field", "feature", field)):
+            bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
+            self.covariances[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
 
     def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> dict[str, float]:
         """Adjusted p given a model of these columns and scatter effects, by name: of candidates,
@@ -90,8 +98,8 @@ class Gate:
         strata, like, rng = self.strata, self.likelihood, self.rng
         ratio = np.sqrt(like.n / fit.dof)
         Y = np.zeros((self.B + 1, len(fit.residual)))
-        crossed = bool(strata.of(FEATURE))
-        for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
+        crossed = bool(strata.of("feature"))
+        for kind in ("part", "line", "feature", *(() if crossed else ("interaction",))):
             group = strata.of(kind)
             # Strata of one size turn alike: an orthonormal basis of g vectors to a random g-frame.
             alike = len({int(strata.sizes[s]) for s in group}) == 1
@@ -109,7 +117,7 @@ class Gate:
                 rotations = np.swapaxes((frame * signs) @ R, 1, 2)
                 for i, s in enumerate(block):
                     Y[1:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
-        inner = np.isin(strata.labels(), strata.of(INTERACTION))
+        inner = np.isin(strata.labels(), strata.of("interaction"))
         cells = strata.table(np.where(inner, fit.residual * ratio[strata.labels()], 0.0))
         w = fit.weights[strata.labels()]
         X = self.design.columns.dense(fit.columns)
@@ -209,7 +217,7 @@ class Gate:
         """
         table, strata = self.design.table, self.strata
         P, H, A = strata.shape
-        inner = strata.of(INTERACTION)
+        inner = strata.of("interaction")
         levers = dict[str, FloatArray | None]()
         """Patterns (H A,) of what scatters from part to part; None: one operation."""
         for c in self.design.candidates if P >= 5 and len(inner) >= A else ():
@@ -256,7 +264,7 @@ class Gate:
         checks = {}
         squares = np.array([np.sum(Y[0, part] ** 2) for part in strata.slices])
         rough = squares > fit.dof * like.least
-        inner = [s for s in strata.of(INTERACTION) if rough[s]]
+        inner = [s for s in strata.of("interaction") if rough[s]]
         if P > 3 and H > 3 and inner:
             # Singular values are the same in all orthonormal coordinates.
             within = np.isin(strata.labels(), inner)
@@ -267,7 +275,7 @@ class Gate:
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
             checks["pattern"] = gamma_log_p(share)
-        for name, kernels in self._kernels.items():
+        for name, kernels in self.covariances.items():
             group = [s for s in kernels if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
                 continue
@@ -278,22 +286,6 @@ class Gate:
                 total += form / np.maximum(np.einsum("bn,bn->b", y, y), 1e-300)
             checks[name] = gamma_log_p(total)
         return checks
-
-    @cached_property
-    def _kernels(self) -> dict[str, dict[int, FloatArray]]:
-        """Covariances (n, n) of the coordinates of strata, if parts walk or features near one
-        another err alike.
-        """
-        lag, places = np.arange(self.strata.shape[0]), self.design.table.mean_places
-        places = places[:, np.isfinite(places).all(axis=0)]
-        distance = np.linalg.norm(places[:, None] - places[None], axis=-1)
-        walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
-        field = np.exp(-distance / (0.15 * max(distance.max(), 1e-300)))
-        result = dict[str, dict[int, FloatArray]]()
-        for name, kind, K in (("walk", PART, walk), ("field", FEATURE, field)):
-            bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
-            result[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
-        return result
 
 
 def one_sided(ratio: FloatArray) -> FloatArray:

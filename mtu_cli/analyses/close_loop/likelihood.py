@@ -11,22 +11,11 @@ import numpy as np
 from scipy.special import chdtri
 
 from mtu_cli.analyses.close_loop.design import Design, Kernel, Member, kernels_of, smooth_covariance
-from mtu_cli.analyses.close_loop.strata import (
-    FEATURE,
-    INTERACTION,
-    LINE,
-    PADDING,
-    PART,
-    Closures,
-    Missing,
-    Strata,
-    interaction,
-    strata_of,
-)
+from mtu_cli.analyses.close_loop.strata import PADDING, Closures, Missing, Strata, strata_of
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 QUANTILES = (np.arange(12) + 0.5) / 12
 ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
@@ -74,7 +63,7 @@ class Likelihood:
         gaps = Missing(measured, free_lines(table))
         errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
         steps = steps_of(table)
-        inner = max(float(np.std(interaction(E, gaps.lines))) for E in np.moveaxis(errors, 2, 0))
+        inner = max(float(np.std(gaps.interaction(E))) for E in np.moveaxis(errors, 2, 0))
         largest = float(np.abs(errors).max())
         sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
         scale = next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
@@ -83,7 +72,7 @@ class Likelihood:
         # Degrees of freedom: less the missing cells and what a datum freed.
         P, _, A = strata.shape
         n, axis, labels = strata.sizes.copy(), np.array(strata.axis), strata.labels()
-        n[strata.of(INTERACTION)] -= np.sum(~measured)
+        n[strata.of("interaction")] -= np.sum(~measured)
         of_axis, _, j = strata.cells
         lost = np.zeros(len(n))
         for motion in table.motions:
@@ -98,7 +87,7 @@ class Likelihood:
         self.kernels = {-1 - k: kernel for k, kernel in enumerate(kernels)}
         self.y = y = np.where(n[labels] > 0, strata.coordinates(errors), 0.0)
         variance = np.zeros(A)
-        for s in strata.of(INTERACTION):
+        for s in strata.of("interaction"):
             part = y[strata.slices[s]]
             variance[axis[s]] = part @ part / max(n[s], 1.0)
         least = steps[axis] ** 2 / 12
@@ -110,8 +99,8 @@ class Likelihood:
         # What the model's D tells of the parts' scatter, but for the lines of `scatter`.
         self.extra, self.extra_dof = np.zeros((2, len(n)))
         F, nu = table.of_part / scale, min(float(table.pass_dof), 1e4)
-        lines = [sum(axis[t] == a for t in strata.of(LINE)) - len(scatter) for a in range(A)]
-        for s in (*strata.of(PART), *strata.of(LINE)) if F.shape[3] else ():
+        lines = [sum(axis[t] == a for t in strata.of("line")) - len(scatter) for a in range(A)]
+        for s in (*strata.of("part"), *strata.of("line")) if F.shape[3] else ():
             a, line = strata.axis[s], int(strata.place[strata.slices[s].start]) % strata.shape[1]
             if n[s] == 0 or line > lines[a]:
                 continue
@@ -227,9 +216,8 @@ class Likelihood:
         units, columns = self.design.columns, tuple(columns) + self.design.common
         at, X = np.array(columns, int), units.dense(columns)
         G, b, ridge = units.products(at, X), self.b[:, at], np.diag(units.precisions[at])
-        w, dof = self.weights(self.R0, self.n), self.n.copy()
-        beta, V = np.zeros(0), np.zeros((0, 0))
-        for _ in range(6 if columns else 1):
+        w = self.weights(self.R0, self.n)
+        for _ in range(6):
             A = np.einsum("s,sij->ij", w, G)
             V = np.linalg.inv(A + ridge + TINY * np.diag(np.diag(A)))
             beta = V @ (w @ b)
@@ -249,13 +237,13 @@ class Likelihood:
         P, H, _ = strata.shape
         m: dict[str, tuple[float, float]] = {}
         for s, kind in enumerate(strata.kinds):
-            if strata.axis[s] == a and kind != LINE and fit.weights[s] > 0:
+            if strata.axis[s] == a and kind != "line" and fit.weights[s] > 0:
                 m[kind] = (1 / fit.weights[s], fit.dof[s])
         mean = float(self.grand[a])
-        if PART not in m:
+        if "part" not in m:
             return mean, np.nan, np.nan
-        outer = [m[kind] for kind in (PART, FEATURE) if kind in m]
-        inner = [m[INTERACTION]] if len(outer) > 1 and INTERACTION in m else []
+        outer = [m[kind] for kind in ("part", "feature") if kind in m]
+        inner = [m["interaction"]] if len(outer) > 1 and "interaction" in m else []
         v = max(sum(x for x, _ in outer) - sum(x for x, _ in inner), *(x for x, _ in outer))
         nu = v**2 / sum(x**2 / d for x, d in outer + inner)
         return mean, float(v / (P * H) + self.design.mean_variance[a]), float(nu)
@@ -296,6 +284,13 @@ class Likelihood:
 
 # A table as a likelihood.
 
+GROSS = 5.5
+"""Robust standard deviations of the interaction from which on an entry is excluded."""
+ROUNDS = 5
+FEWEST_FOR_OUTLIERS = 5
+"""Parts from which on one cell can be judged by the others of its feature."""
+MOST_SHARE = 0.1
+"""Share of the entries beyond which they are no outliers but heavy tails."""
 NOTABLE = 0.05
 """Share of the level's predicted variance from which a line's scatter is a stratum."""
 SAME = 1e-6
@@ -327,6 +322,31 @@ def free_lines(table: ResidualTable) -> FloatArray:
     return np.asarray(Q * np.sign(np.diag(R)))
 
 
+def outliers(table: ResidualTable) -> BoolArray:
+    """Where (P, H, A) single entries are further from what part and feature predict than `GROSS`
+    robust standard deviations of the interaction, at least that of rounding.
+
+    The search is repeated without them, as outliers hide others.
+    """
+    errors, lines, least = np.nan_to_num(table.errors), free_lines(table), steps_of(table)
+    measured = np.isfinite(table.errors).all(axis=2) & table.there
+    mask = np.zeros(errors.shape, bool)
+    if errors.shape[0] < FEWEST_FOR_OUTLIERS or errors.shape[1] < 2:
+        return mask
+    for a in range(errors.shape[2]):
+        for _ in range(ROUNDS):
+            gaps = Missing(measured & ~mask[..., a], lines)
+            filled = gaps.filled(errors[..., a])
+            fitted = filled - gaps.interaction(filled)
+            deviation = np.where(measured, errors[..., a] - fitted, 0.0)
+            spread = max(1.4826 * float(np.median(np.abs(deviation[measured]))), float(least[a]))
+            new = (np.abs(deviation) > GROSS * spread) & measured & ~mask[..., a]
+            if not new.any() or (mask[..., a] | new).sum() > MOST_SHARE * measured.sum():
+                break
+            mask[..., a] |= new
+    return mask
+
+
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
     """With a line for each motion of whole parts in `moving`, and of readings the bends of each
     pass: the REML estimate of their variance, from differences between passes.
@@ -356,7 +376,7 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
     rough = smooth_covariance(along)
     strata = strata_of(P, lines, features_scatter=False, roughness=rough)
     y, (_, i, j) = strata.coordinates(errors), strata.cells
-    inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
+    inner = np.isin(strata.labels(), strata.of("interaction")) & (i > 0)
     squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
     grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
     spread = 1 + grid[:, None] * strata.bends

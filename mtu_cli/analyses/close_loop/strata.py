@@ -19,7 +19,6 @@ from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
 Short = tuple[FloatArray, FloatArray, FloatArray]
 """Of an orthonormal basis diag(s) - L R with few columns L: s, L and R."""
-PART, LINE, FEATURE, INTERACTION = "part", "line", "feature", "interaction"
 NONE = -1
 
 
@@ -45,10 +44,10 @@ class Strata:
 
     `of_parts` (P, P), `of_features` (A, H, H) are orthonormal. `place` (N,) are the flat indices of
     the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
-    `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
-    deviations relative to the stratum's; `bends` (H,) the variance of each part's bends, by
-    direction of the features (mean 1). `short` is, by axis, a basis of the features in the form in
-    which rows are turned in less time.
+    `slices[s]`, along the axis `axis[s]`; its kind `kinds[s]` is part, line, feature or
+    interaction. `spread` (N,) are standard deviations relative to the stratum's; `bends` (H,) the
+    variance of each part's bends, by direction of the features (mean 1). `short` is, by axis, a
+    basis of the features in the form in which rows are turned in less time.
     """
 
     of_parts: FloatArray
@@ -123,15 +122,14 @@ class Strata:
     @property
     def cells(self) -> tuple[IntArray, ...]:
         """Axis, row and column (N,) of each coordinate."""
-        P, H, A = self.shape
-        return np.unravel_index(self.place, (A, P, H))
+        return np.unravel_index(self.place, self.at.shape)
 
     def directions(self, s: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) of a stratum that are of the parts, or else alike in all of them,
         and the basis over the parts (P, n), or over the features (H, n), in which these are.
         """
         _, i, j = (index[self.slices[s]] for index in self.cells)
-        if self.kinds[s] == PART:
+        if self.kinds[s] == "part":
             return np.arange(len(i)), self.of_parts[:, i]
         shared = np.flatnonzero(i == 0)
         basis = self.of_features[self.axis[s]][:, j[shared]]
@@ -187,11 +185,11 @@ def strata_of(
             bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
         shorts.append(short)
         rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
-        groups = [(PART, (rest, slice(0, 1)))]
-        groups += [(FEATURE, (slice(0, 1), rest))] if features_scatter else []
+        groups = [("part", (rest, slice(0, 1)))]
+        groups += [("feature", (slice(0, 1), rest))] if features_scatter else []
         numbers = range(1, k) if lines_known else ()
-        groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in numbers]
-        groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
+        groups += [("line", (slice(rows[j], None), slice(j, j + 1))) for j in numbers]
+        groups += [("interaction", (slice(first, None), slice(k, None)))]
         for kind, where in groups:
             if label[a][where].size:
                 label[a][where] = len(kinds)
@@ -348,15 +346,6 @@ class Columns:
         return np.concatenate([values[at] for values, at in pairs], axis=1)
 
 
-GROSS = 5.5
-"""Robust standard deviations of the interaction from which on an entry is excluded."""
-ROUNDS = 5
-FEWEST_FOR_OUTLIERS = 5
-"""Parts from which on one cell can be judged by the others of its feature."""
-MOST_SHARE = 0.1
-"""Share of the entries beyond which they are no outliers but heavy tails."""
-
-
 class Missing:
     """Cells without a value, by where there are values (P, H): those of a table are filled in so
     that the interaction there is 0 (Yates 1933), which is as if they were left out where parts and
@@ -378,38 +367,12 @@ class Missing:
             return table
         p, h = self.cells
         Y = np.where(self.measured, table, 0.0)
-        E = interaction(Y, self.lines)[..., p, h]
+        E = self.interaction(Y)[..., p, h]
         result = Y.copy()
         result[..., p, h] = -E @ self.inverse
         return result
 
-
-def interaction(table: FloatArray, lines: FloatArray) -> FloatArray:
-    """Tables (..., P, H) less the means of the features and what each part has of some lines."""
-    rest = table - table.mean(axis=-2, keepdims=True)
-    return np.asarray(rest - (rest @ lines) @ lines.T)
-
-
-def outliers(
-    errors: FloatArray, measured: BoolArray, lines: FloatArray, least: FloatArray
-) -> BoolArray:
-    """Where (P, H, A) single entries are further from what part and feature predict than `GROSS`
-    robust standard deviations of the interaction; `least` (A,) deviations that rounding gives.
-
-    The search is repeated without them, as outliers hide others.
-    """
-    mask = np.zeros(errors.shape, bool)
-    if errors.shape[0] < FEWEST_FOR_OUTLIERS or errors.shape[1] < 2:
-        return mask
-    for a in range(errors.shape[2]):
-        for _ in range(ROUNDS):
-            valid = measured & ~mask[..., a]
-            filled = Missing(valid, lines).filled(np.nan_to_num(errors[..., a]))
-            fitted = filled - interaction(filled, lines)
-            deviation = np.where(measured, np.nan_to_num(errors[..., a]) - fitted, 0.0)
-            spread = max(1.4826 * float(np.median(np.abs(deviation[measured]))), float(least[a]))
-            new = (np.abs(deviation) > GROSS * spread) & measured & ~mask[..., a]
-            if not new.any() or (mask[..., a] | new).sum() > MOST_SHARE * measured.sum():
-                break
-            mask[..., a] |= new
-    return mask
+    def interaction(self, table: FloatArray) -> FloatArray:
+        """Tables (..., P, H) less the means of the features and what each part has of the lines."""
+        rest = table - table.mean(axis=-2, keepdims=True)
+        return np.asarray(rest - (rest @ self.lines) @ self.lines.T)

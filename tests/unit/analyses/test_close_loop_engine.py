@@ -19,7 +19,7 @@ from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.strata import Missing, interaction
+from mtu_cli.analyses.close_loop.strata import Missing
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
 from mtu_cli.model.residuals import ResidualTable
@@ -90,7 +90,7 @@ def test_missing_cells_are_as_left_out(sloped: bool) -> None:
     lines = np.linalg.qr(np.vander(np.arange(8.0), 1 + sloped, increasing=True))[0]
     x, y = rng.standard_normal((2, 7, 8))
     gaps = Missing(there, lines)
-    x_in, y_in = (interaction(gaps.filled(np.where(there, v, 9.0)), lines) for v in (x, y))
+    x_in, y_in = (gaps.interaction(gaps.filled(np.where(there, v, 9.0))) for v in (x, y))
     parts, features = np.indices((7, 8))
     free = [(parts == i) * line[features] for i in range(7) for line in lines.T]
     X = np.array([*free, *(features == j for j in range(8)), x])[:, there].astype(float).T
