@@ -126,6 +126,7 @@ class Design:
         self.candidates, self.columns = tuple(candidates), Columns(strata)
         self.members = list[Member]()
         self._around: dict[int, tuple[int, ...]] = {}
+        self._fine: dict[int, tuple[tuple[int, ...], FloatArray]] = {}
         powers = fitted_powers(table).T
         at, X = strata.of_levers([{0: power[None, None]} for power in powers], 1)
         X = X[:, np.linalg.norm(X[0], axis=1) > EMPTY]
@@ -200,6 +201,16 @@ class Design:
             at = np.linspace(0, len(values) - 1, FINE * (len(values) - 1) + 1)
             values = np.asarray(back(np.interp(at, np.arange(len(values)), to(values))))
         return self.members_at(form, values)
+
+    def fine(self, member: Member) -> tuple[tuple[int, ...], FloatArray]:
+        """All members of the grid of a member's form, finer ones too, in their order, and the arc
+        (n,) that each stands for.
+        """
+        if (key := id(member.form)) not in self._fine:
+            items = sorted(self.grid_members(member.form), key=lambda item: item.value)
+            items, _, arcs = neighbours(items)
+            self._fine[key] = self.add(member.candidate, items), arcs
+        return self._fine[key]
 
     def add(self, c: int, members: Sequence[Member]) -> tuple[int, ...]:
         """The indices of members of one form of candidate c, their columns added to all others."""

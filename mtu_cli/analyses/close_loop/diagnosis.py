@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from mtu_cli.analyses.close_loop.design import Design, Kernel, Member, neighbours
+from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate
 from mtu_cli.analyses.close_loop.likelihood import TINY, Fit, Likelihood, outliers
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet, Scatter
@@ -194,9 +194,9 @@ def searched_set(models: ModelSet, model: Model, item: int, member: Member) -> S
     if not form.searched:
         return None
     base = like.fit(models.columns(tuple(x for x in model if x != item)))
-    items, _, arcs = neighbours(sorted(design.grid_members(form), key=lambda m: m.value))
-    values = np.array([m.value for m in items])
-    gains = _gains(like, base, design.add(member.candidate, items))
+    items, arcs = design.fine(member)
+    values = np.array([design.members[m].value for m in items])
+    gains = _gains(like, base, items)
     logs = gains / 2 + np.log(np.maximum(arcs, 1e-12))
     shares = np.exp(logs - np.logaddexp.reduce(logs))
     credible = gains.max() - gains <= chdtri(1, 1 - COVERED)
