@@ -1,12 +1,12 @@
 """What does the model lack? The residual traced to effects, with error rates that hold.
 
 1. Too small tables are left out; errors are split into strata, each with one variance (`strata`,
-   `diagnosis`); single entries far off are excluded.
+   `likelihood`); single entries far off are excluded.
 2. Every candidate of the library is evaluated as columns with its margins (`design`).
 3. One family-wise test says whether anything is there (`gate`); a set of models is searched through
    it, and evidence says what (`likelihood`, `model_set`, `diagnosis`). An offset that says no more
    than where an effect is counted from is none (`describe`).
-4. Sizes, margins, levels and what was searched are estimated together (`estimate`) and stated as
+4. Sizes, margins, levels and what was searched are estimated together (`diagnosis`) and stated as
    equations of the machine (`describe`).
 5. Everything is done again without each block of parts, which scores the written machine
    (`_held_out`); the experiment that would separate a class is chosen (`experiment`).
@@ -22,8 +22,9 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.design import fitted_powers
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, steps_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable, taken
+from mtu_cli.analyses.close_loop.likelihood import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -32,7 +33,6 @@ from mtu_cli.analyses.close_loop.result import (
     Scores,
     TableResult,
 )
-from mtu_cli.analyses.close_loop.strata import INTERACTION
 from mtu_cli.files.effects import CHOSEN, EffectLibrary
 from mtu_cli.findings import Finding, counted, error, finding
 from mtu_cli.language import evaluate, parse
@@ -192,7 +192,7 @@ def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
     P, H, A = strata.shape
     axis, live = np.array(strata.axis), fit.weights > 0
     total = np.bincount(axis[live], strata.sizes[live] / fit.weights[live], minlength=A)
-    inner, steps = strata.of(INTERACTION), steps_of(design.table) / design.scale
+    inner, steps = strata.of("interaction"), steps_of(design.table) / design.scale
     mean_squares = [
         max(np.sum(fit.residual[strata.slices[s]] ** 2) / fit.dof[s], steps[axis[s]] ** 2 / 12)
         for s in inner

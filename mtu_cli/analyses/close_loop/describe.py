@@ -16,8 +16,7 @@ import numpy as np
 from scipy.special import fdtri
 
 from mtu_cli.analyses.close_loop.design import Member
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.analyses.close_loop.estimate import COVERED, smooth_effect
+from mtu_cli.analyses.close_loop.diagnosis import COVERED, Diagnosis, smooth_effect
 from mtu_cli.analyses.close_loop.experiment import experiment
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect, Parameter, SmoothEffect
@@ -182,7 +181,9 @@ def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
     rivals = [m for m in members if m.candidate != member.candidate and len(m.terms) == k]
     if not rivals:
         return ()
-    _, products = design.columns.crossed(np.array([m.terms for m in rivals]), member.terms)
+    terms = np.array([m.terms for m in rivals])
+    inner = design.columns.cross(terms[:, :, None], terms[:, None])
+    _, products = design.columns.crossed((terms, inner), member.terms)
     G = np.tensordot(diagnosis.sizes.fit.weights, products, 1)
     both = G[:, :k, k:] @ np.linalg.solve(G[:, k:, k:], G[:, k:, :k])
     share = np.trace(np.linalg.solve(G[:, :k, :k], both), axis1=1, axis2=2)
@@ -192,7 +193,7 @@ def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
 
 def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
     design, like = diagnosis.design, diagnosis.models.likelihood
-    kernel = design.kernels[-1 - entry.item]
+    kernel = like.kernels[entry.item]
     rest = tuple(item for item in diagnosis.model if item != entry.item)
     table = smooth_effect(like, like.fit(diagnosis.models.columns(rest)), kernel)
     value = float(np.sqrt(np.mean(table.values**2)))

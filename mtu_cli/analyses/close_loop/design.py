@@ -9,16 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.strata import (
-    FEATURE,
-    INTERACTION,
-    NONE,
-    PADDING,
-    PART,
-    Columns,
-    Missing,
-    Strata,
-)
+from mtu_cli.analyses.close_loop.strata import NONE, PADDING, Closures, Columns, Missing, Strata
 from mtu_cli.model.effect_library import BoundTemplate, Candidate, Levers
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import wiener
@@ -116,7 +107,7 @@ class Partial(NamedTuple):
 
 
 class Design:
-    """Candidates, members and kernels of a table; errors are in units of `scale` (mm).
+    """Candidates and members of a table; errors are in units of `scale` (mm).
 
     The first members, which are `tested`, are those of the grid; finer ones follow them. `common`
     columns are in every model: the polynomial removed from the readings, and the coefficients;
@@ -135,20 +126,18 @@ class Design:
         self.candidates, self.columns = tuple(candidates), Columns(strata)
         self.members = list[Member]()
         self._around: dict[int, tuple[int, ...]] = {}
+        self._fine: dict[int, tuple[tuple[int, ...], FloatArray]] = {}
         powers = fitted_powers(table).T
         at, X = strata.of_levers([{0: power[None, None]} for power in powers], 1)
         X = X[:, np.linalg.norm(X[0], axis=1) > EMPTY]
         indices, _ = self.columns.add(at, X[0], np.zeros((X.shape[1], len(table.axes))))
         common = indices.tolist()
-        factors = [
-            {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
-            for k in range(table.common.shape[3])
-        ]
-        if factors:
-            at, X = strata.of_levers(factors, 1)
+        factors = np.moveaxis(table.common, (3, 2), (0, 1))
+        if len(factors):
+            at, X = strata.of_levers([dict(enumerate(factor[:, None])) for factor in factors], 1)
             U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
             uncertain = sizes > LEAST_KNOWN * scale
-            means = (U[:, uncertain] / sizes[uncertain]).T @ _means(factors, 1, table)[0][0]
+            means = (U[:, uncertain] / sizes[uncertain]).T @ factors.copy().mean(axis=(2, 3))
             precisions = (scale / sizes[uncertain]) ** 2
             common += self.columns.add_alone(at, units[uncertain], means, precisions).tolist()
         self.common = tuple(common)
@@ -156,28 +145,97 @@ class Design:
         for c, candidate in enumerate(candidates):
             if candidate.kind == "offset":
                 continue
-            found = (members_at(self, form, grid_values(form)) for form in candidate.forms)
+            found = (self.grid_members(form) for form in candidate.forms)
             distinct = _distinct_members([x for items in found for x in _at_equal_angles(items)])
             total = sum(item.prior for item in distinct)
             for _, group in groupby(distinct, key=lambda item: id(item.form)):
-                for m in add(self, c, list(group)):
+                for m in self.add(c, list(group)):
                     self.members[m].prior /= total
         tested = self.members[:]
         self.tested = len(tested)
         self.owner = np.array([member.candidate for member in tested], int)
         self.prior = np.array([member.prior for member in tested])
         self.closures = self.closures_of(range(self.tested))
-        _, self.inner = self.columns.crossed(self.closures)
         self._widths = np.array([(len(x.terms), len(x.low)) for x in tested], int).reshape(-1, 2)
-        self.kernels = tuple(_kernels(table, strata))
 
-    def closures_of(self, members: Sequence[int]) -> IntArray:
-        """The columns (M, w) of members and their margins, filled up with those of zeros."""
+    def members_at(self, form: BoundTemplate, values: FloatArray) -> list[Member]:
+        """The members of a form at some values, but for those that are not estimable."""
+        levers = [lever for x in (form, *form.margins) for lever in x.columns(values)]
+        k, G = len(form.parameters), len(values if form.chosen is None else form.chosen)
+        table, (P, H, A) = self.table, self.strata.shape
+        means, squares = np.zeros((G, len(levers), A)), np.zeros((G, len(levers)))
+        for i, lever in enumerate(levers):
+            for a, v in lever.items():
+                means[:, i, a] = v.mean(axis=(1, 2))
+                squares[:, i] += np.mean(v**2, axis=(1, 2)) * P * H
+            lever = _freed_lever(lever, table) if table.motions else lever
+            levers[i] = {a: self.gaps.filled(v) for a, v in lever.items()}
+        at, X = self.strata.of_levers(levers, G)
+        X[np.linalg.norm(X, axis=2) <= EMPTY * np.sqrt(squares)] = 0.0
+        # What no column has is no direction: most columns are of one stratum.
+        live = X.any(axis=(0, 1))
+        at, X = at[live], X[:, :, live]
+        sound, inner = _bases(X[:, :k], X[:, k:])
+        width = np.any(inner, axis=2).sum(axis=1)
+        # Periods: columns are of the same size for all of them.
+        if form.scale == "frequency":
+            sizes = np.linalg.norm(X[:, :k], axis=2)
+            sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
+        return [
+            Member(
+                form=form,
+                value=float(values[g if form.chosen is None else 0]),
+                chosen=int(g),
+                at=at,
+                columns=X[g],
+                means=means[g],
+                basis=inner[g, -width[g] :],
+            )
+            for g in np.flatnonzero(sound)
+        ]
+
+    def grid_members(self, form: BoundTemplate) -> list[Member]:
+        """The members at the values of a form's grid, finer where members may lie between."""
+        values, (to, back) = form.grid, SCALES.get(form.scale, (np.asarray, np.asarray))
+        if form.scale != "between":
+            at = np.linspace(0, len(values) - 1, FINE * (len(values) - 1) + 1)
+            values = np.asarray(back(np.interp(at, np.arange(len(values)), to(values))))
+        return self.members_at(form, values)
+
+    def fine(self, member: Member) -> tuple[tuple[int, ...], FloatArray]:
+        """All members of the grid of a member's form, finer ones too, in their order, and the arc
+        (n,) that each stands for.
+        """
+        if (key := id(member.form)) not in self._fine:
+            items = sorted(self.grid_members(member.form), key=lambda item: item.value)
+            items, _, arcs = neighbours(items)
+            self._fine[key] = self.add(member.candidate, items), arcs
+        return self._fine[key]
+
+    def add(self, c: int, members: Sequence[Member]) -> tuple[int, ...]:
+        """The indices of members of one form of candidate c, their columns added to all others."""
+        X = np.concatenate([member.columns for member in members])
+        means = np.concatenate([member.means for member in members])
+        indices, factors = self.columns.add(members[0].at, X, means)
+        k, first, shape = len(members[0].form.parameters), len(self.members), (len(members), -1)
+        rows = zip(indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True)
+        for member, (at, units) in zip(members, rows, strict=True):
+            member.indices, member.factors = tuple(at), tuple(units)
+            terms, low = (dict.fromkeys(i for i in ids if i != NONE) for ids in (at[:k], at[k:]))
+            member.terms, member.low = tuple(terms), tuple(i for i in low if i not in terms)
+            member.candidate = c
+            # Thousands of members would fill the memory with what the columns hold.
+            member.columns = member.basis = np.zeros((0, 0))
+        self.members += members
+        return tuple(range(first, len(self.members)))
+
+    def closures_of(self, members: Sequence[int]) -> Closures:
+        """Those of some members, filled up with columns of zeros."""
         closures = [(*self.members[m].terms, *self.members[m].low) for m in members]
         result = np.full((len(closures), max(map(len, closures), default=0)), PADDING)
         for row, columns in zip(result, closures, strict=True):
             row[: len(columns)] = columns
-        return result
+        return result, self.columns.cross(result[:, :, None], result[:, None])
 
     def axis(self, candidate: Candidate) -> int:
         """The axis of a candidate of one; the first of errors that have none."""
@@ -188,17 +246,18 @@ class Design:
         columns: less what those of the model, the common ones and their margins explain, with the
         weights w (S,) of the strata.
         """
+        all_closures, all_inner = self.closures
         for k, width in np.unique(self._widths, axis=0).tolist():
             members = np.flatnonzero((self._widths == (k, width)).all(axis=1))
-            members = members[~np.isin(self.closures[members, :k], base).all(axis=1)]
+            members = members[~np.isin(all_closures[members, :k], base).all(axis=1)]
             if not len(members):
                 continue
-            closures = self.closures[members, : k + width]
+            closures = all_closures[members, : k + width]
             # Views: what is padded in `low` is so in the closures.
             terms, low = closures[:, :k], closures[:, k:]
             low[np.isin(low, base)] = PADDING
-            inner = self.inner[:, members, : k + width, : k + width]
-            models, G = self.columns.crossed(closures, (*base, *self.common), inner)
+            inner = all_inner[:, members, : k + width, : k + width]
+            models, G = self.columns.crossed((closures, inner), (*base, *self.common))
             G *= w[:, None, None, None]
             # Margins that are alike are partialled out once.
             once = slice(1 if (low == low[0]).all() else None)
@@ -209,7 +268,8 @@ class Design:
             inverse = np.linalg.inv(A + diagonal[:, None] * np.eye(z.shape[1]))
             slopes = xz.sum(axis=0) @ inverse
             rest = xz - slopes @ zz
-            information = xx - rest @ transposed(slopes) - transposed(xz @ transposed(slopes))
+            across = slopes.transpose(0, 2, 1)
+            information = xx - rest @ across - (xz @ across).transpose(0, 1, 3, 2)
             unadjusted = np.einsum("smkk->mk", xx)
             yield Partial(members, terms, z, slopes, information, unadjusted, rest, zz, inverse)
 
@@ -217,14 +277,9 @@ class Design:
         """Finer members around one of the grid."""
         if m not in self._around:
             parent = self.members[m]
-            finer = members_at(self, parent.form, np.array(parent.around)) if parent.around else []
-            self._around[m] = add(self, parent.candidate, finer) if finer else ()
+            finer = self.members_at(parent.form, np.array(parent.around)) if parent.around else []
+            self._around[m] = self.add(parent.candidate, finer) if finer else ()
         return self._around[m]
-
-
-def transposed(matrices: FloatArray) -> FloatArray:
-    """Matrices (..., m, n) as (..., n, m)."""
-    return np.asarray(np.swapaxes(matrices, -1, -2))
 
 
 def fitted_powers(table: ResidualTable) -> FloatArray:
@@ -238,56 +293,6 @@ def fitted_powers(table: ResidualTable) -> FloatArray:
     return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
 
 
-def members_at(design: Design, form: BoundTemplate, values: FloatArray) -> list[Member]:
-    """The members of a form at some values; those that the data cannot estimate are left out."""
-    terms = form.columns(values)
-    levers: list[Levers] = [*terms, *(lever for x in form.margins for lever in x.columns(values))]
-    G = len(values if form.chosen is None else form.chosen)
-    gaps = design.gaps
-    means, norms = _means(levers, G, design.table)
-    if design.table.motions:
-        levers = [_freed_lever(lever, design.table) for lever in levers]
-    shape = gaps.measured.shape
-    levers = [
-        {a: gaps.filled(v) if v.shape[-2:] == shape else v for a, v in lever.items()}
-        for lever in levers
-    ]
-    at, X = design.strata.of_levers(levers, G)
-    X[np.linalg.norm(X, axis=2) <= EMPTY * norms] = 0.0
-    # What no column has is no direction: most columns are of one stratum.
-    live = X.any(axis=(0, 1))
-    at, X = at[live], X[:, :, live]
-    sound, inner = _bases(X[:, : len(terms)], X[:, len(terms) :])
-    width = np.any(inner, axis=2).sum(axis=1)
-    # Periods: columns are of the same size for all of them.
-    if form.scale == "frequency":
-        sizes = np.linalg.norm(X[:, : len(terms)], axis=2)
-        sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
-    return [
-        Member(
-            form=form,
-            value=float(values[g if form.chosen is None else 0]),
-            chosen=int(g),
-            at=at,
-            columns=X[g],
-            means=means[g],
-            basis=inner[g, -width[g] :],
-        )
-        for g in np.flatnonzero(sound)
-    ]
-
-
-def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[FloatArray, FloatArray]:
-    """The means (G, k, A) of columns over the table, and their norms (G, k)."""
-    P, H, A = table.errors.shape
-    mean, square = np.zeros((G, len(levers), A)), np.zeros((G, len(levers)))
-    for k, lever in enumerate(levers):
-        for a, values in lever.items():
-            mean[:, k, a] = values.mean(axis=(1, 2))
-            square[:, k] += np.mean(values**2, axis=(1, 2)) * P * H
-    return mean, np.sqrt(square)
-
-
 def _freed_lever(lever: Levers, table: ResidualTable) -> Levers:
     """What a table's datum leaves of a column."""
     _, H, A = table.errors.shape
@@ -296,27 +301,6 @@ def _freed_lever(lever: Levers, table: ResidualTable) -> Levers:
     for a, values in lever.items():
         full[:, :, a] = np.moveaxis(np.broadcast_to(values, (G, p, H)), 0, -1)
     return dict(enumerate(np.moveaxis(table.without_datum(full), (2, 3), (0, 1))))
-
-
-def add(design: Design, c: int, members: Sequence[Member]) -> tuple[int, ...]:
-    """The indices of members of one form of candidate c among those of the design, their columns
-    among its.
-    """
-    X, means = (
-        np.concatenate([getattr(m, name) for m in members]) for name in ("columns", "means")
-    )
-    indices, factors = design.columns.add(members[0].at, X, means)
-    k, first, shape = len(members[0].form.parameters), len(design.members), (len(members), -1)
-    of_members = zip(indices.reshape(shape).tolist(), factors.reshape(shape).tolist(), strict=True)
-    for member, (at, units) in zip(members, of_members, strict=True):
-        member.indices, member.factors = tuple(at), tuple(units)
-        terms, low = (dict.fromkeys(i for i in ids if i != NONE) for ids in (at[:k], at[k:]))
-        member.terms, member.low = tuple(terms), tuple(i for i in low if i not in terms)
-        member.candidate = c
-        # Thousands of members would fill the memory with what the columns hold.
-        member.columns = member.basis = np.zeros((0, 0))
-    design.members += members
-    return tuple(range(first, len(design.members)))
 
 
 def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
@@ -344,15 +328,6 @@ def _angles(products: FloatArray) -> FloatArray:
     """The largest principal angles of pairs of subspaces, by the products (g, k, k) of bases."""
     s = np.linalg.svd(products, compute_uv=False)
     return np.asarray(np.arccos(np.clip(s[:, -1], -1.0, 1.0)))
-
-
-def grid_values(form: BoundTemplate) -> FloatArray:
-    """The values of a form's grid, finer where members may lie between."""
-    grid, (to, back) = form.grid, SCALES.get(form.scale, (np.asarray, np.asarray))
-    if form.scale == "between":
-        return grid
-    at = np.linspace(0, len(grid) - 1, FINE * (len(grid) - 1) + 1)
-    return np.asarray(back(np.interp(at, np.arange(len(grid)), to(grid))))
 
 
 def neighbours(items: Sequence[Member]) -> tuple[list[Member], FloatArray, FloatArray]:
@@ -414,11 +389,11 @@ def _distinct_members(members: list[Member]) -> list[Member]:
 # Kernels.
 
 
-def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
+def kernels_of(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
     """Without a name a walk of the parts and a field over the features, of each axis and of all of
     them at once; and smooth profiles along each coordinate.
     """
-    parts, features = strata.of(PART), strata.of(FEATURE)
+    parts, features = strata.of("part"), strata.of("feature")
     lag, places = np.arange(len(table.parts)), table.mean_places
     axes = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
     nameless = list[tuple[list[int], FloatArray]]()
@@ -436,7 +411,7 @@ def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
             continue
         K, along = smooth_covariance(places[:, i]), "xyz"[i]
         for a, name in enumerate(table.axes):
-            of_axis = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
+            of_axis = [s for s in (*features, *strata.of("interaction")) if strata.axis[s] == a]
             positioning = along == name or table.component is not None
             for s in of_axis[:1]:
                 V, k = _directions(strata, s, K)

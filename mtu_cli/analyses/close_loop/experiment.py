@@ -18,7 +18,7 @@ from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Experiment
-from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, strata_of
+from mtu_cli.analyses.close_loop.strata import strata_of
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
 from mtu_cli.model.machine_model import AXES
@@ -55,9 +55,9 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
     best = Experiment("", 0.0)
     for do, table in follow_ups(design.table, rivals):
         P, H, A = table.errors.shape
-        strata = strata_of(P, [np.zeros((H, 0))] * A, features_scatter=(FEATURE, 0) in variance)
+        strata = strata_of(P, [np.zeros((H, 0))] * A, features_scatter=("feature", 0) in variance)
         keys = zip(strata.kinds, strata.axis, strict=True)
-        of_strata = [variance.get((k, a), variance.get((INTERACTION, a), 1.0)) for k, a in keys]
+        of_strata = [variance.get((k, a), variance.get(("interaction", a), 1.0)) for k, a in keys]
         root = 1 / np.sqrt(of_strata)[strata.labels()]
         data, signal, distances = TableData(table), np.zeros(len(root)), list[float]()
         for m in items:

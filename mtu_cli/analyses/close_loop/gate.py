@@ -7,15 +7,11 @@ checks, on null tables made from the model's residual.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import cached_property
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
-from mtu_cli.analyses.close_loop.design import Design, transposed
-from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
-from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART
-from mtu_cli.model.machine_model import AXES
+from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood, lever_of
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
@@ -37,11 +33,20 @@ class Gate:
 
     def __init__(self, likelihood: Likelihood, rng: np.random.Generator, B: int) -> None:
         self.likelihood, self.rng, self.B = likelihood, rng, B
-        self.design: Design = likelihood.design
-        self.strata = self.design.strata
+        self.design, self.strata = likelihood.design, likelihood.design.strata
         self.ratios: dict[Columns, dict[str, float]] = {}
         """Beside each model that was tested how many times the rest's a scatter effect's is."""
         self._cache: dict[Columns, tuple[list[str], FloatArray]] = {}
+        lag, places = np.arange(self.strata.shape[0]), self.design.table.mean_places
+        places = places[:, np.isfinite(places).all(axis=0)]
+        distance = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
+        field = np.exp(-distance / (0.15 * max(distance.max(), 1e-300)))
+        self.covariances = dict[str, dict[int, FloatArray]]()
+        """Covariances (n, n) in the strata if parts walk or features near one another err alike."""
+        for name, kind, K in (("walk", "part", walk), ("field", "feature", field)):
+            bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
+            self.covariances[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
 
     def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> dict[str, float]:
         """Adjusted p given a model of these columns and scatter effects, by name: of candidates,
@@ -52,8 +57,16 @@ class Gate:
             self._cache[key] = self._tests(columns)
         names, T = self._cache[key]
         base = np.isin(names, scatter)
-        p = _adjusted_p(np.where(base, 0.0, T)).tolist()
-        return {n: x for n, x, in_base in zip(names, p, base, strict=True) if not in_base}
+        T = np.where(base, 0.0, T)
+        # The best of many members is calibrated by their effective number, as Sidak would.
+        number = np.maximum(1 / np.exp(-T[1:]).mean(axis=0) - 1, 0.2)
+        inner = np.log1p(-np.exp(-np.maximum(T, 1e-12)))
+        family = -np.log(-np.expm1(number * inner) + 1e-300)
+        family[:, T[0] == 0] = 0
+        null = np.sort(family[1:].max(axis=1, initial=0.0))
+        p = (self.B - np.searchsorted(null, family[0], side="left") + 1) / (self.B + 1)
+        tested = zip(names, p.tolist(), base, strict=True)
+        return {name: value for name, value, in_base in tested if not in_base}
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests of a model, and their -log p (B + 1, k), observed first."""
@@ -62,7 +75,7 @@ class Gate:
         at, lp = self._members(columns, fit, Y)
         of = design.owner[at]
         tests = {design.candidates[c].name: lp[:, of == c].max(axis=1) for c in np.unique(of)}
-        for kernel in design.kernels:
+        for kernel in self.likelihood.kernels.values():
             if kernel.name:
                 ratios = self.likelihood.kernel_deviance(fit, kernel, Y, AMPLITUDES)
                 tests[kernel.name] = one_sided(ratios.max(axis=0))
@@ -85,8 +98,8 @@ class Gate:
         strata, like, rng = self.strata, self.likelihood, self.rng
         ratio = np.sqrt(like.n / fit.dof)
         Y = np.zeros((self.B + 1, len(fit.residual)))
-        crossed = bool(strata.of(FEATURE))
-        for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
+        crossed = bool(strata.of("feature"))
+        for kind in ("part", "line", "feature", *(() if crossed else ("interaction",))):
             group = strata.of(kind)
             # Strata of one size turn alike: an orthonormal basis of g vectors to a random g-frame.
             alike = len({int(strata.sizes[s]) for s in group}) == 1
@@ -104,7 +117,7 @@ class Gate:
                 rotations = np.swapaxes((frame * signs) @ R, 1, 2)
                 for i, s in enumerate(block):
                     Y[1:, strata.slices[s]] = rotations[:, i, : int(strata.sizes[s])]
-        inner = np.isin(strata.labels(), strata.of(INTERACTION))
+        inner = np.isin(strata.labels(), strata.of("interaction"))
         cells = strata.table(np.where(inner, fit.residual * ratio[strata.labels()], 0.0))
         w = fit.weights[strata.labels()]
         X = self.design.columns.dense(fit.columns)
@@ -135,8 +148,9 @@ class Gate:
         """
         design, w = self.design, fit.weights
         # Of the null tables, which are random, single precision is enough.
-        U = design.columns.products(Y.astype(np.float32))
-        U[:, :, :1] = design.columns.products(Y[:1])
+        columns = np.arange(design.columns.count)
+        U = design.columns.products(columns, Y.astype(np.float32))
+        U[:, :, :1] = design.columns.products(columns, Y[:1])
         at: list[IntArray] = [np.zeros(0, int)]
         lps: list[FloatArray] = [np.zeros((len(Y), 0))]
         sums = [(Y[:, part] ** 2).sum(axis=1) for part in self.strata.slices]
@@ -167,7 +181,7 @@ class Gate:
                 score = w[s] * U[s][partials.terms[i]] - partials.slopes[i] @ y[s, m]
                 score = (score - partials.rest[s, i] @ sizes[m]) / size[i, :, None]
                 divisor = np.where(informative[s, i], values[s, i], np.inf)[:, :, None]
-                stat = np.sum((transposed(vectors[s, i]) @ score) ** 2 / divisor, axis=1)
+                stat = np.sum((vectors[s, i].transpose(0, 2, 1) @ score) ** 2 / divisor, axis=1)
                 residual = np.maximum(squares[:, s] - explained[s, m], least[s])
                 ratio = np.clip(stat / residual, 1e-300, ALMOST_ONE)
                 power = np.maximum(self.likelihood.n[s] - leverage[s, m] - 1 - k / 2, 0.5)
@@ -187,10 +201,10 @@ class Gate:
             if candidate.kind != "offset" or candidate.unavailable:
                 continue
             a = self.design.axis(candidate)
-            mean, variance, nu = mean_of(self.likelihood, fit, a)
+            mean, variance, nu = self.likelihood.mean(fit, a)
             if not np.isfinite(variance):
                 continue
-            level, u = level_of(self.likelihood, fit, a)
+            level, u = self.likelihood.level(fit, a)
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
             lp = self.rng.exponential(size=rows)
             lp[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
@@ -203,7 +217,7 @@ class Gate:
         """
         table, strata = self.design.table, self.strata
         P, H, A = strata.shape
-        inner = strata.of(INTERACTION)
+        inner = strata.of("interaction")
         levers = dict[str, FloatArray | None]()
         """Patterns (H A,) of what scatters from part to part; None: one operation."""
         for c in self.design.candidates if P >= 5 and len(inner) >= A else ():
@@ -246,25 +260,22 @@ class Gate:
         field, both; where the residual is more than rounding.
         """
         strata, like = self.strata, self.likelihood
-        P, H, A = strata.shape
+        P, H, _ = strata.shape
         checks = {}
         squares = np.array([np.sum(Y[0, part] ** 2) for part in strata.slices])
         rough = squares > fit.dof * like.least
-        inner = [s for s in strata.of(INTERACTION) if rough[s]]
+        inner = [s for s in strata.of("interaction") if rough[s]]
         if P > 3 and H > 3 and inner:
             # Singular values are the same in all orthonormal coordinates.
+            within = np.isin(strata.labels(), inner)
             share = np.zeros(len(Y))
             for rows in (slice(0, 1), *self._blocks()):
-                E = np.zeros((rows.stop - rows.start, A * P * H))
-                for s in inner:
-                    part = strata.slices[s]
-                    E[:, strata.place[part]] = Y[rows, part] * strata.spread[part]
-                E = E.reshape(-1, A, P, H)
+                E = strata.placed(np.where(within, Y[rows], 0.0))
                 E = E if P <= H else np.swapaxes(E, 2, 3)
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
             checks["pattern"] = gamma_log_p(share)
-        for name, kernels in self._kernels.items():
+        for name, kernels in self.covariances.items():
             group = [s for s in kernels if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
                 continue
@@ -275,67 +286,6 @@ class Gate:
                 total += form / np.maximum(np.einsum("bn,bn->b", y, y), 1e-300)
             checks[name] = gamma_log_p(total)
         return checks
-
-    @cached_property
-    def _kernels(self) -> dict[str, dict[int, FloatArray]]:
-        """Covariances (n, n) of the coordinates of strata, if parts walk or features near one
-        another err alike.
-        """
-        lag, places = np.arange(self.strata.shape[0]), self.design.table.mean_places
-        places = places[:, np.isfinite(places).all(axis=0)]
-        distance = np.linalg.norm(places[:, None] - places[None], axis=-1)
-        walk = np.exp(-np.abs(np.subtract.outer(lag, lag)) / 2)
-        field = np.exp(-distance / (0.15 * max(distance.max(), 1e-300)))
-        result = dict[str, dict[int, FloatArray]]()
-        for name, kind, K in (("walk", PART, walk), ("field", FEATURE, field)):
-            bases = {s: self.strata.directions(s)[1] for s in self.strata.of(kind)}
-            result[name] = {s: basis.T @ K @ basis for s, basis in bases.items()}
-        return result
-
-
-def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
-    """The unit pattern (H, A) of a small turn or growth of a whole part."""
-    if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
-        return None
-    q = places[:, [AXES.index(axis) for axis in axes]]
-    q = q - q.mean(axis=0)
-    if "rotation" in name:
-        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
-        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
-        q = rotation
-    size = np.linalg.norm(q)
-    return q / size if size > 0 else None
-
-
-def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float]:
-    """What a fit leaves of the mean over the table along axis `a`, in units of the scale, with u
-    (nan: not testable).
-    """
-    mean, u2, _ = mean_of(likelihood, fit, a)
-    slopes = likelihood.design.columns.means[np.array(fit.columns, int), a]
-    u2 += float(slopes @ fit.covariance @ slopes)
-    return mean - float(slopes @ fit.beta), float(np.sqrt(u2))
-
-
-def mean_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
-    """The mean over the table along axis `a`, in units of the scale, its variance and degrees of
-    freedom: parts and features both scatter, v = m_part + m_feature - m_interaction over P H
-    (Satterthwaite 1946), and the coefficients are uncertain.
-    """
-    strata = likelihood.design.strata
-    P, H, _ = strata.shape
-    m: dict[str, tuple[float, float]] = {}
-    for s, kind in enumerate(strata.kinds):
-        if strata.axis[s] == a and kind != LINE and fit.weights[s] > 0:
-            m[kind] = (1 / fit.weights[s], fit.dof[s])
-    mean = float(likelihood.grand[a])
-    if PART not in m:
-        return mean, np.nan, np.nan
-    outer = [m[kind] for kind in (PART, FEATURE) if kind in m]
-    inner = [m[INTERACTION]] if len(outer) > 1 and INTERACTION in m else []
-    v = max(sum(x for x, _ in outer) - sum(x for x, _ in inner), *(x for x, _ in outer))
-    nu = v**2 / sum(x**2 / d for x, d in outer + inner)
-    return mean, float(v / (P * H) + likelihood.design.mean_variance[a]), float(nu)
 
 
 def one_sided(ratio: FloatArray) -> FloatArray:
@@ -354,17 +304,3 @@ def gamma_log_p(x: FloatArray) -> FloatArray:
     if mean <= low:
         return np.zeros(len(x))
     return -np.log(np.maximum(gammaincc(shape, np.maximum(x - low, 0.0) / scale), 1e-300))
-
-
-def _adjusted_p(T: FloatArray) -> FloatArray:
-    """Family-wise p of each column of -log p T (B + 1, k), the first row observed.
-
-    The best of many members is calibrated by their effective number, 1/mean(p) - 1, as Sidak would.
-    """
-    number = np.maximum(1 / np.exp(-T[1:]).mean(axis=0) - 1, 0.2)
-    inner = np.log1p(-np.exp(-np.maximum(T, 1e-12)))
-    family = -np.log(-np.expm1(number * inner) + 1e-300)
-    family[:, T[0] == 0] = 0
-    null = np.sort(family[1:].max(axis=1, initial=0.0))
-    B = len(null)
-    return np.asarray((B - np.searchsorted(null, family[0], side="left") + 1) / (B + 1))

@@ -1,16 +1,21 @@
-"""Likelihood of models of mean effects on one table: fits and marginal likelihoods."""
+"""A table as a likelihood: its errors in their strata, with what was known of their scatter; fits
+and marginal likelihoods of models.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import chdtri
 
-from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
-from mtu_cli.analyses.close_loop.strata import PADDING
-from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.analyses.close_loop.design import Design, Kernel, Member, kernels_of, smooth_covariance
+from mtu_cli.analyses.close_loop.strata import PADDING, Closures, Missing, Strata, strata_of
+from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 QUANTILES = (np.arange(12) + 0.5) / 12
 ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
@@ -19,14 +24,12 @@ information of one observation (Zellner & Siow 1980)."""
 TINY = 1e-9
 
 Columns = tuple[int, ...]
-NO_COLUMNS = np.zeros((1, 0), int)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
     """Generalised least squares: sizes `beta` (k,) of unit columns, `covariance` (k, k), residual
-    (N,), weights (S,) = 1/variance and degrees of freedom (S,) of the strata. `shares` (S, k) is
-    how much of a column's information comes from each stratum.
+    (N,), weights (S,) = 1/variance and degrees of freedom (S,) of the strata.
     """
 
     columns: Columns
@@ -35,12 +38,6 @@ class Fit:
     residual: FloatArray
     weights: FloatArray
     dof: FloatArray
-    shares: FloatArray
-
-    def effective_dof(self, i: int) -> float:
-        """Satterthwaite's degrees of freedom of size i."""
-        share = self.shares[:, i]
-        return float(1 / np.sum(share**2 / self.dof)) if share.any() else np.inf
 
     def sizes(self, member: Member) -> FloatArray:
         """Of a member's parameters and then its margins'; 0 of one that is not estimable."""
@@ -50,43 +47,85 @@ class Fit:
 
 
 class Likelihood:
-    """Errors `y` (N,) of a design and their means `grand` (A,), in units of its scale.
+    """The errors of a table in its strata, `y` (N,), and their means `grand` (A,), in units of the
+    design's scale, with the columns of its candidates; given motions of whole parts that `scatter`,
+    each a line, the last of each axis.
 
-    `n` (S,) are the degrees of freedom of the strata, with those of what is known beforehand;
-    `R0` (S,) the sums of squares; `least` (S,) variances that rounding alone gives.
+    `n` (S,) are the degrees of freedom of the strata, with those (`extra_dof`) of what is known
+    beforehand, of which `extra` are the sums of squares; `R0` (S,) all sums of squares; `least`
+    (S,) variances that rounding alone gives. `kernels`: random functions -1, -2 ...
     """
 
     def __init__(
-        self,
-        design: Design,
-        y: FloatArray,
-        grand: FloatArray,
-        n: FloatArray,
-        prior: tuple[FloatArray, FloatArray],
-        least: FloatArray,
+        self, table: ResidualTable, candidates: Sequence[Candidate], scatter: Sequence[str] = ()
     ) -> None:
-        self.design, self.y, self.grand = design, y, grand
-        strata = design.strata
-        squares = np.array([y[part] @ y[part] for part in strata.slices])
-        self.extra, self.extra_dof = prior
-        self.n = n + self.extra_dof
-        self.R0 = squares + self.extra
-        self.least = np.maximum(least, TINY**2)
+        measured = np.isfinite(table.errors).all(axis=2) & table.there
+        gaps = Missing(measured, free_lines(table))
+        errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
+        steps = steps_of(table)
+        inner = max(float(np.std(gaps.interaction(E))) for E in np.moveaxis(errors, 2, 0))
+        largest = float(np.abs(errors).max())
+        sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
+        scale = next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
+        errors, steps = errors / scale, steps / scale
+        strata = _strata(table, errors, scatter)
+        # Degrees of freedom: less the missing cells and what a datum freed.
+        P, _, A = strata.shape
+        n, axis, labels = strata.sizes.copy(), np.array(strata.axis), strata.labels()
+        n[strata.of("interaction")] -= np.sum(~measured)
+        of_axis, _, j = strata.cells
+        lost = np.zeros(len(n))
+        for motion in table.motions:
+            Q = motion.Q.reshape(len(motion.columns), A, -1)
+            of_basis = np.einsum("hak,ahj->akj", Q, strata.of_features[:, motion.columns])
+            share = np.sum(of_basis**2, axis=1)[of_axis, j]
+            lost += np.bincount(labels, share, len(n)) * len(motion.rows) / P
+        # A stratum that the datum takes whole is rounding.
+        n = np.where(n - lost > 1e-6 * n, np.maximum(n - lost, 1.0), 0.0)
+        self.design = Design(table, strata, candidates, scale, gaps)
+        kernels = (k for k in kernels_of(table, strata) if all(n[s] > 0 for s in k.directions))
+        self.kernels = {-1 - k: kernel for k, kernel in enumerate(kernels)}
+        self.y = y = np.where(n[labels] > 0, strata.coordinates(errors), 0.0)
+        variance = np.zeros(A)
+        for s in strata.of("interaction"):
+            part = y[strata.slices[s]]
+            variance[axis[s]] = part @ part / max(n[s], 1.0)
+        least = steps[axis] ** 2 / 12
+        # Repeats that scatter less than half a step share their rounding: so do means of features.
+        first = strata.at[:, 0]
+        means = np.isin(np.arange(len(axis)), labels[first[first >= 0]])
+        shared = means & (variance[axis] < steps[axis] ** 2 / 4)
+        self.least = np.maximum(np.where(shared, P * least, least), TINY**2)
+        # What the model's D tells of the parts' scatter, but for the lines of `scatter`.
+        self.extra, self.extra_dof = np.zeros((2, len(n)))
+        F, nu = table.of_part / scale, min(float(table.pass_dof), 1e4)
+        lines = [sum(axis[t] == a for t in strata.of("line")) - len(scatter) for a in range(A)]
+        for s in (*strata.of("part"), *strata.of("line")) if F.shape[3] else ():
+            a, line = strata.axis[s], int(strata.place[strata.slices[s].start]) % strata.shape[1]
+            if n[s] == 0 or line > lines[a]:
+                continue
+            direction = strata.of_features[a][:, line]
+            size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
+            if size > 0:
+                self.extra_dof[s], self.extra[s] = nu, nu * (variance[a] + size)
+        self.n, self.grand = n + self.extra_dof, errors.mean(axis=(0, 1))
+        self.R0 = np.array([y[part] @ y[part] for part in strata.slices]) + self.extra
         self._b = np.zeros((len(n), 0))
         self._none: dict[Columns, FloatArray] = {}
+        self._nothing = np.zeros((1, 0), int), np.zeros((len(n), 1, 0, 0))
 
     @property
     def b(self) -> FloatArray:
         """Products (S, K) of the errors with all columns."""
         columns = self.design.columns
         if (count := self._b.shape[1]) < columns.count:
-            products = columns.products(self.y[None], count)[:, :, 0]
+            products = columns.products(np.arange(count, columns.count), self.y[None])[:, :, 0]
             self._b = np.concatenate([self._b, products], axis=1)
         return self._b
 
-    def closure(self, members: Sequence[int]) -> Columns:
+    def closure(self, model: Sequence[int]) -> Columns:
         """Columns of a model: those of its members, then those of their margins."""
-        items = [self.design.members[m] for m in members]
+        items = [self.design.members[m] for m in model if m >= 0]
         terms = dict.fromkeys(i for item in items for i in item.terms)
         return tuple(terms | dict.fromkeys(i for item in items for i in item.low))
 
@@ -109,20 +148,16 @@ class Likelihood:
         return np.asarray(np.where(estimable, dof / np.maximum(R, dof * least + TINY**3), 0.0))
 
     def profile(
-        self,
-        columns: Columns,
-        smooth: Columns = (),
-        added: IntArray = NO_COLUMNS,
-        inner: FloatArray | None = None,
+        self, columns: Columns, smooth: Columns, added: Closures
     ) -> tuple[FloatArray, FloatArray]:
         """Residual sums of squares (S, M) of models, the strata's variances at the maximum of each,
         and the effective number of entries (M, w + k) that inform each column. All have the k
-        `columns` and those of `smooth` effects, each its `added` (M, w) ones, whose products are
-        `inner` (S, M, w, w). What a prior takes off a size counts as residual.
+        `columns` and those of `smooth` effects, each its `added` (M, w) ones. What a prior takes
+        off a size counts as residual.
         """
         shared = (*columns, *smooth, *self.design.common)
-        k = added.shape[1] + len(columns)
-        models, G = self.design.columns.crossed(added, shared, inner)
+        k = added[0].shape[1] + len(columns)
+        models, G = self.design.columns.crossed(added, shared)
         ridge = self.design.columns.precisions[models]
         b, squares = self.b[:, models], np.einsum("smii->smi", G)
         n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
@@ -143,29 +178,26 @@ class Likelihood:
 
     def log_likelihood(self, columns: Columns) -> float:
         """Largest log likelihood of a model against none, the strata's variances maximised."""
-        R, _ = self.profile(columns)
+        R, _ = self.profile(columns, (), self._nothing)
         least = self.least * self.n + TINY**2
         ratio = np.maximum(R[:, 0], least) / np.maximum(self.R0, least)
         return float(-0.5 * self.n @ np.log(ratio))
 
     def evidence(
-        self,
-        columns: Columns,
-        smooth: Columns = (),
-        added: IntArray = NO_COLUMNS,
-        inner: FloatArray | None = None,
+        self, columns: Columns, smooth: Columns = (), closures: Closures | None = None
     ) -> FloatArray:
-        """Log marginal likelihood (M,) of models against none: of the `columns` with each of those
-        `added` (M, w), their products `inner`, given the columns of `smooth` effects.
+        """Log marginal likelihood (M,) of models against none: of the `columns` with each of some
+        `closures` added, given the columns of `smooth` effects.
 
         Sizes have a g-prior with the Zellner-Siow law of g, so that the evidence is not bounded
         (Liang et al. 2008); the strata's variances are maximised; every column is paid for,
         margins too.
         """
+        added, inner = closures or self._nothing
         added = np.where(np.isin(added, columns), PADDING, added)
-        R, number = self.profile(columns, smooth, added, inner)
+        R, number = self.profile(columns, smooth, (added, inner))
         if smooth not in self._none:
-            self._none[smooth] = self.profile((), smooth)[0]
+            self._none[smooth] = self.profile((), smooth, self._nothing)[0]
         total = self._none[smooth][None]
         nonzero = np.pad(added != PADDING, ((0, 0), (0, len(columns))), constant_values=True)
         k = nonzero.sum(axis=1)
@@ -182,11 +214,10 @@ class Likelihood:
         residual degrees of freedom.
         """
         units, columns = self.design.columns, tuple(columns) + self.design.common
-        at = np.array(columns, int)
-        G, b, ridge = units.gram(at, at), self.b[:, at], np.diag(units.precisions[at])
-        w, dof = self.weights(self.R0, self.n), self.n.copy()
-        beta, V = np.zeros(0), np.zeros((0, 0))
-        for _ in range(6 if columns else 1):
+        at, X = np.array(columns, int), units.dense(columns)
+        G, b, ridge = units.products(at, X), self.b[:, at], np.diag(units.precisions[at])
+        w = self.weights(self.R0, self.n)
+        for _ in range(6):
             A = np.einsum("s,sij->ij", w, G)
             V = np.linalg.inv(A + ridge + TINY * np.diag(np.diag(A)))
             beta = V @ (w @ b)
@@ -194,12 +225,35 @@ class Likelihood:
             leverage = w * np.einsum("ij,sji->s", V, G)
             dof = np.maximum(self.n - leverage, 1.0)
             w = self.weights(np.maximum(R, TINY * self.R0), dof)
-        shares = w[:, None] * np.einsum("ij,sjk,ki->si", V, G, V) / np.diag(V)[None, :]
-        residual = self.y - beta @ units.dense(columns) if columns else self.y
-        return Fit(
-            columns=columns, beta=beta, covariance=V, residual=residual, weights=w, dof=dof,
-            shares=shares,
-        )  # fmt: skip
+        residual = self.y - beta @ X
+        return Fit(columns=columns, beta=beta, covariance=V, residual=residual, weights=w, dof=dof)
+
+    def mean(self, fit: Fit, a: int) -> tuple[float, float, float]:
+        """The mean over the table along axis `a`, in units of the scale, its variance and degrees
+        of freedom: parts and features both scatter, v = m_part + m_feature - m_interaction over P H
+        (Satterthwaite 1946), and the coefficients are uncertain.
+        """
+        strata = self.design.strata
+        P, H, _ = strata.shape
+        m: dict[str, tuple[float, float]] = {}
+        for s, kind in enumerate(strata.kinds):
+            if strata.axis[s] == a and kind != "line" and fit.weights[s] > 0:
+                m[kind] = (1 / fit.weights[s], fit.dof[s])
+        mean = float(self.grand[a])
+        if "part" not in m:
+            return mean, np.nan, np.nan
+        outer = [m[kind] for kind in ("part", "feature") if kind in m]
+        inner = [m["interaction"]] if len(outer) > 1 and "interaction" in m else []
+        v = max(sum(x for x, _ in outer) - sum(x for x, _ in inner), *(x for x, _ in outer))
+        nu = v**2 / sum(x**2 / d for x, d in outer + inner)
+        return mean, float(v / (P * H) + self.design.mean_variance[a]), float(nu)
+
+    def level(self, fit: Fit, a: int) -> tuple[float, float]:
+        """What a fit leaves of the mean along axis `a`, with u (nan: not testable)."""
+        mean, u2, _ = self.mean(fit, a)
+        slopes = self.design.columns.means[np.array(fit.columns, int), a]
+        u2 += float(slopes @ fit.covariance @ slopes)
+        return mean - float(slopes @ fit.beta), float(np.sqrt(u2))
 
     def kernel_deviance(
         self, fit: Fit, kernel: Kernel, Y: FloatArray, variances: FloatArray
@@ -226,3 +280,128 @@ class Likelihood:
         c = np.tan(np.pi / 2 * QUANTILES) ** 2 * kernel.informed
         logs = 0.5 * self.kernel_deviance(fit, kernel, fit.residual[None], c)[:, 0]
         return float(np.logaddexp.reduce(logs) - np.log(len(c))), float(c[int(np.argmax(logs))])
+
+
+# A table as a likelihood.
+
+GROSS = 5.5
+"""Robust standard deviations of the interaction from which on an entry is excluded."""
+ROUNDS = 5
+FEWEST_FOR_OUTLIERS = 5
+"""Parts from which on one cell can be judged by the others of its feature."""
+MOST_SHARE = 0.1
+"""Share of the entries beyond which they are no outliers but heavy tails."""
+NOTABLE = 0.05
+"""Share of the level's predicted variance from which a line's scatter is a stratum."""
+SAME = 1e-6
+"""Of a direction; less is rounding."""
+
+
+def steps_of(table: ResidualTable) -> FloatArray:
+    """The resolution (A,) of errors, mm."""
+    steps = np.zeros(table.errors.shape[2])
+    steps[: len(table.resolution)] = table.resolution
+    return steps
+
+
+def free_lines(table: ResidualTable) -> FloatArray:
+    """Orthonormal directions (H, k) in which each part is free: its level, and of readings the
+    slope, direction, and both, along which passes move.
+    """
+    columns = [np.ones(len(table.features))]
+    if table.component is not None:
+        along = _along(table)
+        columns += [] if along is None else [along]
+        sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
+        if sign is not None and sign.shape == (1, len(table.features)):
+            columns.append(np.asarray(sign[0], float))
+            columns += [] if along is None else [sign[0] * (along - along.mean())]
+    X = np.column_stack(columns)
+    rest = np.abs(np.diag(np.linalg.qr(X, mode="r")))
+    Q, R = np.linalg.qr(X[:, rest > 1e-8 * np.linalg.norm(X, axis=0)])
+    return np.asarray(Q * np.sign(np.diag(R)))
+
+
+def outliers(table: ResidualTable) -> BoolArray:
+    """Where (P, H, A) single entries are further from what part and feature predict than `GROSS`
+    robust standard deviations of the interaction, at least that of rounding.
+
+    The search is repeated without them, as outliers hide others.
+    """
+    errors, lines, least = np.nan_to_num(table.errors), free_lines(table), steps_of(table)
+    measured = np.isfinite(table.errors).all(axis=2) & table.there
+    mask = np.zeros(errors.shape, bool)
+    if errors.shape[0] < FEWEST_FOR_OUTLIERS or errors.shape[1] < 2:
+        return mask
+    for a in range(errors.shape[2]):
+        for _ in range(ROUNDS):
+            gaps = Missing(measured & ~mask[..., a], lines)
+            filled = gaps.filled(errors[..., a])
+            fitted = filled - gaps.interaction(filled)
+            deviation = np.where(measured, errors[..., a] - fitted, 0.0)
+            spread = max(1.4826 * float(np.median(np.abs(deviation[measured]))), float(least[a]))
+            new = (np.abs(deviation) > GROSS * spread) & measured & ~mask[..., a]
+            if not new.any() or (mask[..., a] | new).sum() > MOST_SHARE * measured.sum():
+                break
+            mask[..., a] |= new
+    return mask
+
+
+def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
+    """With a line for each motion of whole parts in `moving`, and of readings the bends of each
+    pass: the REML estimate of their variance, from differences between passes.
+    """
+    P, H, A = errors.shape
+    readings = table.component is not None
+    # By axis orthonormal directions (H, k) along which whole parts move beside their level.
+    lines = [free_lines(table)[:, 1:]] * A if readings else []
+    for F in () if readings else np.moveaxis(table.of_part.mean(axis=0), 1, 0):
+        size = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
+        U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)
+        lines.append(U[:, s**2 > NOTABLE * size][:, :2])
+    levers = (lever_of(name, table.axes, table.mean_places) for name in moving)
+    for lever in (x for x in levers if x is not None):
+        for a in range(A):
+            rest = lever[:, a] - lever[:, a].mean()
+            rest = rest - lines[a] @ (lines[a].T @ rest)
+            if (size := float(np.linalg.norm(rest))) > SAME:
+                lines[a] = np.column_stack([lines[a], rest / size])
+    along = _along(table) if readings and P >= 3 else None
+    if along is None:
+        # Along a line of a single part nothing is separable from its scatter, unless that is known.
+        estimable = P > 1 or table.of_part.shape[3] > 0
+        return strata_of(
+            P, lines, features_scatter=not readings, moving=len(moving), lines_known=estimable
+        )
+    rough = smooth_covariance(along)
+    strata = strata_of(P, lines, features_scatter=False, roughness=rough)
+    y, (_, i, j) = strata.coordinates(errors), strata.cells
+    inner = np.isin(strata.labels(), strata.of("interaction")) & (i > 0)
+    squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
+    grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
+    spread = 1 + grid[:, None] * strata.bends
+    rss = np.maximum((squares / spread).sum(axis=1), 1e-300)
+    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(rss)
+    return replace(strata, spread=np.sqrt(spread[int(np.argmin(deviance)), j]))
+
+
+def _along(table: ResidualTable) -> FloatArray | None:
+    """Places (H,) along the axis that the readings of a component were taken along."""
+    places = table.mean_places
+    spans = np.nan_to_num(np.ptp(places, axis=0))
+    i = int(np.argmax(spans))
+    return places[:, i] if spans[i] > 0 and len(np.unique(places[:, i])) > 3 else None
+
+
+def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
+    """The unit pattern (H, A) of a small turn or growth of a whole part."""
+    if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
+        return None
+    q = places[:, [AXES.index(axis) for axis in axes]]
+    q = q - q.mean(axis=0)
+    if "rotation" in name:
+        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
+        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
+        q = rotation
+    size = np.linalg.norm(q)
+    return q / size if size > 0 else None

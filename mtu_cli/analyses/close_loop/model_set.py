@@ -31,7 +31,7 @@ ODDS = 3.0
 ROUNDS = 4
 
 Item = int
-"""A member m of a candidate, or -1 - k for random function k."""
+"""A member of a candidate (from 0 on), or a random function (below 0)."""
 Model = tuple[Item, ...]
 Scatter = tuple[str, float, float]
 """Name of a scatter effect, its p, and how many times the rest's its deviation is."""
@@ -59,10 +59,11 @@ class ModelSet:
     def __init__(self, gate: Gate, *, alpha: float, most: int) -> None:
         self.gate, self.likelihood, self.design = gate, gate.likelihood, gate.design
         self.alpha, self.most = alpha, most
-        self.named = [k for k, kernel in enumerate(self.design.kernels) if kernel.name]
-        self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.name]
+        kernels = self.likelihood.kernels
+        self.named = [item for item, kernel in kernels.items() if kernel.name]
+        self.nameless = [item for item, kernel in kernels.items() if not kernel.name]
         self.names = [c.name for c in self.design.candidates]
-        self.names += [self.design.kernels[k].name for k in self.named]
+        self.names += [kernels[item].name for item in self.named]
         self.stopped = False
         self._smooth: dict[tuple[int, ...], Columns] = {}
         self._values: dict[Model, float] = {}
@@ -74,7 +75,7 @@ class ModelSet:
         """Index of an item's candidate among `names`."""
         if item >= 0:
             return self.design.members[item].candidate
-        return len(self.design.candidates) + self.named.index(-1 - item)
+        return len(self.design.candidates) + self.named.index(item)
 
     def members(self, model: Model) -> tuple[int, ...]:
         """The mean effects of a model."""
@@ -82,35 +83,30 @@ class ModelSet:
 
     def columns(self, model: Model) -> Columns:
         """The columns of a model, and the directions of its random functions."""
-        result = self.likelihood.closure(self.members(model))
+        result = self.likelihood.closure(model)
         for item in sorted(item for item in model if item < 0):
             key = (*result, item)
             if key not in self._smooth:
                 fit = self.likelihood.fit(result)
-                kernel = self.design.kernels[-1 - item]
-                self._smooth[key] = self.likelihood.smooth(fit, kernel)
+                self._smooth[key] = self.likelihood.smooth(fit, self.likelihood.kernels[item])
             result += self._smooth[key]
         return result
-
-    def evidence(self, model: Model) -> float:
-        """Log marginal likelihood times prior, against no effect."""
-        return self.value(model) - float(np.log(len(self.names))) * len(model)
 
     def value(self, model: Model) -> float:
         """Log marginal likelihood of a model, in the units of its additions."""
         model = tuple(sorted(model))
         if model not in self._values:
-            columns = self.likelihood.closure(self.members(model))
-            gains = self._gains(columns, [-1 - item for item in model if item < 0])
+            columns = self.likelihood.closure(model)
+            gains = self._gains(columns, [item for item in model if item < 0])
             self._values[model] = float(self.likelihood.evidence(columns)[0]) + sum(gains)
         return self._values[model]
 
-    def _gains(self, columns: Columns, kernels: Sequence[int]) -> list[float]:
+    def _gains(self, columns: Columns, kernels: Sequence[Item]) -> list[float]:
         """Log Bayes factors of random functions given a model of these columns."""
         if not kernels:
             return []
         like, fit = self.likelihood, self.likelihood.fit(columns)
-        return [like.kernel_gain(fit, self.design.kernels[k])[0] for k in kernels]
+        return [like.kernel_gain(fit, like.kernels[item])[0] for item in kernels]
 
     # Additions.
 
@@ -123,60 +119,56 @@ class ModelSet:
         if model in self._added:
             return self._added[model]
         design, like = self.design, self.likelihood
-        columns = like.closure(self.members(model))
+        columns = like.closure(model)
         smooth = self.columns(model)[len(columns) :]
         value = self.value(model)
         base = value - float(like.evidence(columns, smooth)[0])
         with np.errstate(divide="ignore"):
             logs = base + np.log(design.prior)
-        logs += like.evidence(columns, smooth, design.closures, design.inner)
+        logs += like.evidence(columns, smooth, design.closures)
         total = np.full(len(self.names), -np.inf)
         best = [0] * len(self.names)
-        owners, starts = np.unique(design.owner, return_index=True)
-        total[owners] = np.logaddexp.reduceat(logs, starts)
-        for c, start, of_owner in zip(owners, starts, np.split(logs, starts[1:]), strict=False):
-            best[c] = int(start + np.argmax(of_owner))
+        owned = {c: np.flatnonzero(design.owner == c) for c in np.unique(design.owner).tolist()}
+        for c, at in owned.items():
+            total[c], best[c] = np.logaddexp.reduce(logs[at]), int(at[np.argmax(logs[at])])
         present = {self.place(item) for item in model}
-        for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE):
+        for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE).tolist():
             m = best[c]
-            fine = design.around(m) if c not in present else ()
-            if fine:
+            if c not in present and (fine := design.around(m)):
                 share = np.log(design.members[m].prior / len(fine))
                 finer = like.evidence(columns, smooth, design.closures_of(fine)) + base + share
-                rest = logs[(design.owner == c) & (np.arange(design.tested) != m)]
+                rest = logs[owned[c][owned[c] != m]]
                 total[c] = np.logaddexp.reduce(np.concatenate([rest, finer]))
                 best[c] = fine[int(np.argmax(finer))]
         first = len(design.candidates)
         total[first:] = value + np.array(self._gains(columns, self.named))
-        best[first:] = [-1 - k for k in self.named]
+        best[first:] = self.named
         self._added[model] = total, best
         return total, best
 
     def without_name(self, model: Model) -> FloatArray:
         """Log marginal likelihood, with their odds, of nameless random functions given a model."""
-        gains = self._gains(self.likelihood.closure(self.members(model)), self.nameless)
+        gains = self._gains(self.likelihood.closure(model), self.nameless)
         return self.value(model) + np.array(gains) + np.log(ODDS)
 
-    def _new_additions(self, model: Model) -> tuple[FloatArray, list[Item]]:
-        """The additions to a model that are not in it yet."""
+    def _choices(self, model: Model) -> tuple[FloatArray, list[Item], FloatArray]:
+        """The additions to a model that are not in it yet (-inf of those that are), and the p of
+        each in the gate; 1 of what is not tested.
+        """
+        p = self.gate(self.columns(model))
         total, best = self.additions(model)
         total = total.copy()
         total[[self.place(item) for item in model]] = -np.inf
-        return total, list(best)
+        return total, list(best), np.array([p.get(name, 1.0) for name in self.names])
 
     def _entrants(self, model: Model) -> list[Item]:
         """Items that pass the gate given a model, the likeliest first; unless it is empty only
         those that make it likelier, their prior counted: each of them is one more test.
         """
-        p = self.gate(self.columns(model))
-        total, best = self._new_additions(model)
+        total, best, p = self._choices(model)
         least = self.value(model) + np.log(len(self.names)) if model else -np.inf
-        order = [
-            i
-            for i in np.argsort(-total, kind="stable")
-            if total[i] > least and p.get(self.names[i], 1.0) <= self.alpha
-        ]
-        return [best[i] for i in order]
+        order = np.argsort(-total, kind="stable")
+        return [best[i] for i in order if total[i] > least and p[i] <= self.alpha]
 
     # Search.
 
@@ -202,7 +194,8 @@ class ModelSet:
             stack += [((*model, item), key) for item in items]
             if not items:
                 ends.add(key)
-        return max(sorted(ends), key=self.evidence, default=())
+        prior = float(np.log(len(self.names)))
+        return max(sorted(ends), key=lambda x: self.value(x) - prior * len(x), default=())
 
     def _refine(self, model: Model) -> Model:
         """Drops what no longer passes the gate and swaps single effects for the likeliest that
@@ -211,9 +204,8 @@ class ModelSet:
         for _ in range(ROUNDS):
             for item in model:
                 rest = tuple(x for x in model if x != item)
-                p = self.gate(self.columns(rest))
-                total, best = self._new_additions(rest)
-                total[[p.get(name, 1.0) > self.alpha for name in self.names]] = -np.inf
+                total, best, p = self._choices(rest)
+                total[p > self.alpha] = -np.inf
                 c = int(np.argmax(total))
                 if not np.isfinite(total[c]):
                     model = rest
@@ -236,17 +228,15 @@ class ModelSet:
         result = []
         for item in model:
             rest = tuple(x for x in model if x != item)
-            total, best = self._new_additions(rest)
-            smooth = self.without_name(rest) if self.nameless else np.zeros(0)
-            without, c = self.value(rest), self.place(item)
+            total, best, p = self._choices(rest)
+            smooth, without, c = self.without_name(rest), self.value(rest), self.place(item)
             # What is less likely than no effect explains nothing.
             total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
             # One that holds the effect as a margin says more than it: it has to pass by itself.
-            p = self.gate(self.columns(rest))
             terms = set(self.design.members[item].terms) if item >= 0 else {PADDING}
             for i in np.flatnonzero(np.isfinite(total)):
                 low = set(self.design.members[best[i]].low if best[i] >= 0 else ())
-                if terms <= low and p.get(self.names[i], 1.0) > self.alpha:
+                if terms <= low and p[i] > self.alpha:
                     total[i] = -np.inf
             logs = np.concatenate([total, smooth])
             posterior = np.exp(logs - np.logaddexp.reduce(logs))
@@ -257,7 +247,7 @@ class ModelSet:
                 Entry(
                     item=item,
                     name=self.names[c],
-                    p=p.get(self.names[c], 1.0),
+                    p=float(p[c]),
                     gain=float(total[c] - without),
                     posterior=float(posterior[c]),
                     credible=tuple(
@@ -271,11 +261,10 @@ class ModelSet:
 
     def nameless_wins(self, model: Model) -> bool:
         """Whether a nameless effect in the place of several of a model's is likelier than it."""
-        if not self.nameless:
-            return False
-        prior = -np.log(len(self.names))
+        prior, value = np.log(len(self.names)), self.value(model)
         return any(
-            self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > self.value(model)
+            self.without_name(rest).max(initial=-np.inf)
+            > value + (1 + len(rest) - len(model)) * prior
             for n in range(len(model) - 1)
             for rest in combinations(model, n)
         )

@@ -19,7 +19,6 @@ from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
 Short = tuple[FloatArray, FloatArray, FloatArray]
 """Of an orthonormal basis diag(s) - L R with few columns L: s, L and R."""
-PART, LINE, FEATURE, INTERACTION = "part", "line", "feature", "interaction"
 NONE = -1
 
 
@@ -45,10 +44,10 @@ class Strata:
 
     `of_parts` (P, P), `of_features` (A, H, H) are orthonormal. `place` (N,) are the flat indices of
     the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
-    `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
-    deviations relative to the stratum's; `bends` (H,) the variance of each part's bends, by
-    direction of the features (mean 1). `short` is, by axis, a basis of the features in the form in
-    which rows are turned in less time.
+    `slices[s]`, along the axis `axis[s]`; its kind `kinds[s]` is part, line, feature or
+    interaction. `spread` (N,) are standard deviations relative to the stratum's; `bends` (H,) the
+    variance of each part's bends, by direction of the features (mean 1). `short` is, by axis, a
+    basis of the features in the form in which rows are turned in less time.
     """
 
     of_parts: FloatArray
@@ -123,28 +122,28 @@ class Strata:
     @property
     def cells(self) -> tuple[IntArray, ...]:
         """Axis, row and column (N,) of each coordinate."""
-        P, H, A = self.shape
-        return np.unravel_index(self.place, (A, P, H))
+        return np.unravel_index(self.place, self.at.shape)
 
     def directions(self, s: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) of a stratum that are of the parts, or else alike in all of them,
         and the basis over the parts (P, n), or over the features (H, n), in which these are.
         """
         _, i, j = (index[self.slices[s]] for index in self.cells)
-        if self.kinds[s] == PART:
+        if self.kinds[s] == "part":
             return np.arange(len(i)), self.of_parts[:, i]
         shared = np.flatnonzero(i == 0)
         basis = self.of_features[self.axis[s]][:, j[shared]]
         return shared, basis / self.spread[self.slices[s]][shared]
 
-    def table(self, coordinates: FloatArray) -> FloatArray:
-        """Tables (..., P, H, A) of coordinates (..., N); those of no stratum are 0."""
-        P, H, A = self.shape
-        lead = coordinates.shape[:-1]
-        full = np.zeros((*lead, A * P * H))
+    def placed(self, coordinates: FloatArray) -> FloatArray:
+        """Coordinates (..., N) by axis and column of the bases (..., A, P, H), 0 of no stratum."""
+        full = np.zeros((*coordinates.shape[:-1], self.at.size))
         full[..., self.place] = coordinates * self.spread
-        full = full.reshape(*lead, A, P, H)
-        cells = self.of_parts @ full @ np.swapaxes(self.of_features, 1, 2)
+        return full.reshape(*coordinates.shape[:-1], *self.at.shape)
+
+    def table(self, coordinates: FloatArray) -> FloatArray:
+        """Tables (..., P, H, A) of coordinates (..., N)."""
+        cells = self.of_parts @ self.placed(coordinates) @ np.swapaxes(self.of_features, 1, 2)
         return np.moveaxis(cells, -3, -1)
 
 
@@ -171,19 +170,26 @@ def strata_of(
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
     first, shorts = 1 if features_scatter else 0, list[Short | None]()
     for a, directions in enumerate(lines):
-        bases[a], short = _full_basis(np.column_stack([np.full(H, 1 / np.sqrt(H)), directions]))
-        k = directions.shape[1] + 1
-        if roughness is not None and k < H:
+        begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), directions])
+        k = begin.shape[1]
+        basis, R = np.linalg.qr(begin, mode="complete")
+        signs = np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
+        bases[a], short = basis * signs, None
+        if roughness is None and k < H:
+            # k reflections: I - basis is of rank k, its first columns and rows make all of it.
+            change = np.eye(H) - basis
+            short = signs, change[:, :k] @ np.linalg.inv(change[:k, :k]), change[:k] * signs
+        elif roughness is not None and k < H:
             values, turn = np.linalg.eigh(bases[a, :, k:].T @ roughness @ bases[a, :, k:])
             bases[a, :, k:] = bases[a, :, k:] @ turn[:, ::-1]
             bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
-        shorts.append(short if roughness is None else None)
+        shorts.append(short)
         rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
-        groups = [(PART, (rest, slice(0, 1)))]
-        groups += [(FEATURE, (slice(0, 1), rest))] if features_scatter else []
+        groups = [("part", (rest, slice(0, 1)))]
+        groups += [("feature", (slice(0, 1), rest))] if features_scatter else []
         numbers = range(1, k) if lines_known else ()
-        groups += [(LINE, (slice(rows[j], None), slice(j, j + 1))) for j in numbers]
-        groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
+        groups += [("line", (slice(rows[j], None), slice(j, j + 1))) for j in numbers]
+        groups += [("interaction", (slice(first, None), slice(k, None)))]
         for kind, where in groups:
             if label[a][where].size:
                 label[a][where] = len(kinds)
@@ -208,20 +214,12 @@ def strata_of(
     )
 
 
-def _full_basis(begin: FloatArray) -> tuple[FloatArray, Short | None]:
-    """An orthonormal basis (H, H) whose first columns are `begin` (H, k), and its short form."""
-    H, k = begin.shape
-    basis, R = np.linalg.qr(begin, mode="complete")
-    # k reflections: I - basis is of rank k, its first columns and rows make all of it.
-    rest, signs = np.eye(H) - basis, np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
-    short = None
-    if k < H:
-        short = signs, rest[:, :k] @ np.linalg.inv(rest[:k, :k]), rest[:k] * signs
-    return basis * signs, short
-
-
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
+Closures = tuple[IntArray, FloatArray]
+"""The columns (M, w) of members and their margins, and their products (S, M, w, w) in each stratum:
+those before some columns became PADDING.
+"""
 FREE = 1e-9
 """Prior precision of the size of a unit column that is free."""
 DIGITS = 6
@@ -313,63 +311,39 @@ class Columns:
                 products[at] = np.einsum("kn,kn->k", *pairs)
         return result
 
-    def crossed(
-        self, added: IntArray, shared: Sequence[int] = (), inner: FloatArray | None = None
-    ) -> tuple[IntArray, FloatArray]:
-        """The columns (M, w + k) of models: those `added` (M, w) of each, and then those (k,) that
-        all of them share; and their products (S, M, w + k, w + k) in each stratum, `inner` those
-        among the former before some became PADDING.
+    def crossed(self, closures: Closures, shared: Sequence[int]) -> Closures:
+        """The columns (M, w + k) of models: those (M, w) of each, and then those (k,) that all of
+        them share; and their products.
         """
+        added, inner = closures
         w, common = added.shape[1], np.array(shared, int)
-        if inner is None:
-            inner = self.cross(added[:, :, None], added[:, None])
         nonzero = added != PADDING
-        across = self.gram(added, common)
+        shared_columns = self.dense(shared)
+        across = self.products(added, shared_columns)
         G = np.empty((*inner.shape[:2], w + len(common), w + len(common)))
         G[:, :, :w, :w], G[:, :, :w, w:], G[:, :, w:, :w] = inner, across, np.swapaxes(across, 2, 3)
         G[:, :, :w, :w] *= nonzero[:, :, None] & nonzero[:, None]
-        G[:, :, w:, w:] = self.gram(common, common)[:, None]
+        G[:, :, w:, w:] = self.products(common, shared_columns)[:, None]
         return np.hstack([added, np.tile(common, (len(added), 1))]), G
 
-    def gram(self, columns: IntArray, targets: IntArray) -> FloatArray:
-        """Products (S, ..., m) in each stratum of columns (...) with each of the `targets` (m,)."""
-        result = np.zeros((len(self._values), *columns.shape, len(targets)))
-        for s, rows in enumerate(self._rows[:, targets]):
-            if rows.any():
-                result[s] = self._times(s, columns, self._values[s][rows].T)
-        return result
-
-    def products(self, Y: FloatArray, first: int = 0) -> FloatArray:
-        """(S, K, B) products of the columns from the first on in each stratum with coordinates
-        Y (B, N), in Y's precision.
+    def products(self, columns: IntArray, Y: FloatArray) -> FloatArray:
+        """Products (S, ..., m) in each stratum of columns (...) with coordinates Y (m, N), in Y's
+        precision.
         """
-        columns = np.arange(first, self.count)
-        parts = enumerate(self.strata.slices)
-        return np.array([self._times(s, columns, Y[:, part].T) for s, part in parts], float)
-
-    def _times(self, s: int, columns: IntArray, Z: FloatArray) -> FloatArray:
-        """Products (..., m) in a stratum of columns (...) with Z (n, m), in Z's precision."""
-        values, rows = self._values[s][: self._used[s]], self._rows[s, columns]
-        nonzero = rows > 0
-        if 2 * nonzero.sum() > len(values):  # Of most of them: without a copy.
-            return np.asarray((values.astype(Z.dtype, copy=False) @ Z)[rows])
-        result = np.zeros((*rows.shape, Z.shape[1]))
-        result[nonzero] = values[rows[nonzero]].astype(Z.dtype) @ Z
+        result = np.zeros((len(self._values), *columns.shape, len(Y)))
+        for s, part in enumerate(self.strata.slices):
+            values, rows, Z = self._values[s][: self._used[s]], self._rows[s, columns], Y[:, part].T
+            nonzero = (rows > 0) & Z.any()
+            if 2 * nonzero.sum() > len(values):  # Of most of them: without a copy.
+                result[s] = (values.astype(Z.dtype, copy=False) @ Z)[rows]
+            else:
+                result[s, nonzero] = values[rows[nonzero]].astype(Z.dtype) @ Z
         return result
 
     def dense(self, indices: Sequence[int]) -> FloatArray:
         """Columns as coordinates (k, N)."""
         pairs = zip(self._values, self._rows[:, list(indices)], strict=True)
         return np.concatenate([values[at] for values, at in pairs], axis=1)
-
-
-GROSS = 5.5
-"""Robust standard deviations of the interaction from which on an entry is excluded."""
-ROUNDS = 5
-FEWEST_FOR_OUTLIERS = 5
-"""Parts from which on one cell can be judged by the others of its feature."""
-MOST_SHARE = 0.1
-"""Share of the entries beyond which they are no outliers but heavy tails."""
 
 
 class Missing:
@@ -386,43 +360,19 @@ class Missing:
         self.inverse = np.linalg.pinv(M, rcond=1e-9, hermitian=True) if len(p) else M
 
     def filled(self, table: FloatArray) -> FloatArray:
-        """Tables (..., P, H) with their missing cells filled in, whatever stood there."""
-        if self.measured.all():
+        """Tables (..., P, H) with their missing cells filled in, whatever stood there; those that
+        are alike in all parts, or features, as they are.
+        """
+        if self.measured.all() or table.shape[-2:] != self.measured.shape:
             return table
         p, h = self.cells
         Y = np.where(self.measured, table, 0.0)
-        E = interaction(Y, self.lines)[..., p, h]
+        E = self.interaction(Y)[..., p, h]
         result = Y.copy()
         result[..., p, h] = -E @ self.inverse
         return result
 
-
-def interaction(table: FloatArray, lines: FloatArray) -> FloatArray:
-    """Tables (..., P, H) less the means of the features and what each part has of some lines."""
-    rest = table - table.mean(axis=-2, keepdims=True)
-    return np.asarray(rest - (rest @ lines) @ lines.T)
-
-
-def outliers(
-    errors: FloatArray, measured: BoolArray, lines: FloatArray, least: FloatArray
-) -> BoolArray:
-    """Where (P, H, A) single entries are further from what part and feature predict than `GROSS`
-    robust standard deviations of the interaction; `least` (A,) deviations that rounding gives.
-
-    The search is repeated without them, as outliers hide others.
-    """
-    mask = np.zeros(errors.shape, bool)
-    if errors.shape[0] < FEWEST_FOR_OUTLIERS or errors.shape[1] < 2:
-        return mask
-    for a in range(errors.shape[2]):
-        for _ in range(ROUNDS):
-            valid = measured & ~mask[..., a]
-            filled = Missing(valid, lines).filled(np.nan_to_num(errors[..., a]))
-            fitted = filled - interaction(filled, lines)
-            deviation = np.where(measured, np.nan_to_num(errors[..., a]) - fitted, 0.0)
-            spread = max(1.4826 * float(np.median(np.abs(deviation[measured]))), float(least[a]))
-            new = (np.abs(deviation) > GROSS * spread) & measured & ~mask[..., a]
-            if not new.any() or (mask[..., a] | new).sum() > MOST_SHARE * measured.sum():
-                break
-            mask[..., a] |= new
-    return mask
+    def interaction(self, table: FloatArray) -> FloatArray:
+        """Tables (..., P, H) less the means of the features and what each part has of the lines."""
+        rest = table - table.mean(axis=-2, keepdims=True)
+        return np.asarray(rest - (rest @ self.lines) @ self.lines.T)

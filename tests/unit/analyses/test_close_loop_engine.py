@@ -12,15 +12,14 @@ from loop_examples import effect, parameter, searched
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma
 
-from mtu_cli.analyses.close_loop import estimate
+from mtu_cli.analyses.close_loop import diagnosis as engine
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
-from mtu_cli.analyses.close_loop.design import members_at
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of, likelihood_of
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.strata import Missing, interaction
+from mtu_cli.analyses.close_loop.strata import Missing
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
 from mtu_cli.model.residuals import ResidualTable
@@ -50,7 +49,7 @@ def candidates(own: ResidualTable, *families: str) -> tuple[Candidate, ...]:
 
 
 def posed_of(own: ResidualTable, *families: str) -> Likelihood:
-    return likelihood_of(own, candidates(own, *families))
+    return Likelihood(own, candidates(own, *families))
 
 
 def diagnosis(own: ResidualTable, *families: str) -> Diagnosis:
@@ -91,7 +90,7 @@ def test_missing_cells_are_as_left_out(sloped: bool) -> None:
     lines = np.linalg.qr(np.vander(np.arange(8.0), 1 + sloped, increasing=True))[0]
     x, y = rng.standard_normal((2, 7, 8))
     gaps = Missing(there, lines)
-    x_in, y_in = (interaction(gaps.filled(np.where(there, v, 9.0)), lines) for v in (x, y))
+    x_in, y_in = (gaps.interaction(gaps.filled(np.where(there, v, 9.0))) for v in (x, y))
     parts, features = np.indices((7, 8))
     free = [(parts == i) * line[features] for i in range(7) for line in lines.T]
     X = np.array([*free, *(features == j for j in range(8)), x])[:, there].astype(float).T
@@ -309,18 +308,20 @@ def test_what_is_searched_is_compared_given_the_smooth_effects(
     own = replace(own, covariates={"time_min": time})
     own.errors[..., 0] -= 4 * NOISE_MM * np.exp(-time / 40.0)
     like = posed_of(own, "warm-up")
-    design, walk = like.design, next(k for k in like.design.kernels if len(k.directions) == 1)
+    design, walk = like.design, next(k for k in like.kernels.values() if len(k.directions) == 1)
     base = like.fit(like.smooth(like.fit(()), walk))
     assert base.columns
     monkeypatch.setattr(like, "weights", lambda *_: base.weights)
-    items = members_at(design, design.members[0].form, np.array([20.0, 40.0, 80.0]))
+    items = design.members_at(design.members[0].form, np.array([20.0, 40.0, 80.0]))
     w = base.weights[design.strata.labels()]
     Z, sizes = design.columns.dense(base.columns), 1 / design.columns.precisions[list(base.columns)]
     live = w > 0
     V = np.diag(1 / w[live]) + Z[:, live].T @ (sizes[:, None] * Z[:, live])
-    for item, gain in zip(items, estimate._gains(like, base, items), strict=True):
-        x = np.zeros(len(w))
+    X = np.zeros((len(items), len(w)))
+    for x, item in zip(X, items, strict=True):
         x[item.at] = item.columns[0]
+    gains = engine._gains(like, base, design.add(0, items))
+    for x, gain in zip(X, gains, strict=True):
         weighed = np.linalg.solve(V, x[live])
         assert gain == pytest.approx((weighed @ like.y[live]) ** 2 / (weighed @ x[live]), rel=1e-6)
 
@@ -328,17 +329,17 @@ def test_what_is_searched_is_compared_given_the_smooth_effects(
 def test_a_profile_in_the_place_of_a_wave_stands_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where several pitches fit, and the profile may have been found before the wave."""
     several = searched("pitch_mm", 12.5, (9.0, 9.1), (12.3, 12.7))
-    monkeypatch.setattr(estimate, "searched_set", lambda *_: several)
+    monkeypatch.setattr(engine, "searched_set", lambda *_: several)
     of_x, wave, profile = SimpleNamespace(axis="x"), 0, -1
     member = SimpleNamespace(candidate=0)
-    design = SimpleNamespace(candidates=[of_x], members=[member], kernels=[of_x])
+    design = SimpleNamespace(candidates=[of_x], members=[member])
     added = (np.array([5.0, 4.0]), [wave, profile])
     models: Any = SimpleNamespace(
-        design=design, likelihood=None, named=[0], additions=lambda model: added,
-        members=lambda model: [item for item in model if item >= 0],
+        design=design, likelihood=SimpleNamespace(kernels={profile: of_x}), named=[profile],
+        additions=lambda model: added, members=lambda model: [item for item in model if item >= 0],
     )  # fmt: skip
-    assert estimate.without_aliases(models, (wave,)) == (profile,)
-    assert estimate.without_aliases(models, (profile, wave)) == (profile,)
+    assert engine.without_aliases(models, (wave,)) == (profile,)
+    assert engine.without_aliases(models, (profile, wave)) == (profile,)
 
 
 def test_a_step_is_averaged_over_the_places_that_fit() -> None:
