@@ -175,20 +175,6 @@ def drawn(nominal: FloatArray, noise: float, trials: int = TRIALS) -> list[Float
     return [point[:, None] + noise * rng.normal(size=(3, trials)) for point in nominal]
 
 
-def circle(points: list[FloatArray], nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    centre, radius = transitions.circle_through(nominal)(*points)
-    return centre, radius
-
-
-def sphere(points: list[FloatArray], nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    centre, radius = transitions.sphere_through(nominal)(*points)
-    return centre, radius
-
-
-def one(points: list[FloatArray], trial: int) -> FloatArray:
-    return np.array([point[:, trial] for point in points])
-
-
 @pytest.mark.parametrize("width", [10.0, 0.1, 0.01, 0.003])
 def test_plane_of_a_strip(width: float) -> None:
     """Two edges 1 m long, `width` mm apart, 1 um noise: the narrowest turn about freely.
@@ -216,7 +202,7 @@ def test_circle_has_the_uncertainty_of_its_arc(degrees: float) -> None:
     """
     m, u = 20_000, 1e-4
     nominal = arc_in_space(8, degrees, 100.0)
-    _, found = circle(drawn(nominal, u, m), nominal)
+    _, found = transitions.circle_through(nominal)(*drawn(nominal, u, m))
     t = np.radians(np.linspace(0, degrees, 8))
     X = np.column_stack([np.cos(t), np.sin(t), np.ones(8)])
     expected = u * np.sqrt(np.linalg.inv(X.T @ X)[2, 2])
@@ -232,7 +218,7 @@ def test_sphere_of_radius_against_an_optimiser(n: int, reach: float, noise: floa
     radius = 12.5 + noise * np.linspace(-1, 1, TRIALS)
     centre = np.asarray(transitions.sphere_of_radius_through(nominal)(*points, radius))
     for trial in range(TRIALS):
-        p = one(points, trial)
+        p = np.array([point[:, trial] for point in points])
 
         def gaps(c: FloatArray, p: FloatArray = p, r: float = float(radius[trial])) -> FloatArray:
             away: FloatArray = np.linalg.norm(p - c, axis=1) - r
@@ -250,7 +236,7 @@ def test_what_cannot_be_fitted_is_not_a_number() -> None:
     for i, point in enumerate(points):
         point[:, 1] = [float(i), 0.0, 0.0]
     with np.errstate(all="ignore"):
-        centre, _ = sphere(points, nominal)
+        centre, _ = transitions.sphere_through(nominal)(*points)
     assert np.isfinite(centre).tolist() == [[True, False, True]] * 3
 
 

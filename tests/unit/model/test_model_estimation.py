@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from machine_trials import COMPONENTS, POINTS, Drift, machine, read_machine
 from model_examples import Segment, estimate, loaded, model_of, readings, stated
 from scipy import stats
+from scipy.linalg import block_diag
 from support import read_components
 
 from mtu_cli.analyses.fit_components import fit_result
@@ -439,48 +440,30 @@ def case(seed: int, components: int, points: int, joint: bool) -> Case:
 
 
 def slow_covariance(found: Case) -> FloatArray:
-    """x_p'(C + D)x_q + [p = q] s^2 over all pairs of rows and components, one at a time."""
-    n = len(found.points)
-    total = np.zeros((2 * n, 2 * n))
-    for p in range(n):
-        for q in range(n):
-            for i, one in enumerate("xy"):
-                for j, other in enumerate("xy"):
-                    total[2 * p + i, 2 * q + j] = _pair(found, p, q, one, other)
-    return total
-
-
-def _pair(found: Case, p: int, q: int, one: str, other: str) -> float:
-    total = 0.0
-    start = np.cumsum([0] + [len(item.coefficients) for item in found.estimates])
-    for c, first in enumerate(found.estimates):
-        for d, second in enumerate(found.estimates):
-            if one not in found.levers[c] or other not in found.levers[d]:
-                continue
-            if found.group is not None:
-                rows, columns = slice(start[c], start[c + 1]), slice(start[d], start[d + 1])
-                S = (found.group.covariance + found.group.pass_covariance)[rows, columns]
-            elif c == d:
-                S = first.covariance + first.pass_covariance
-            else:
-                continue
-            u = _arm(found, c, one, p) * _powers(first, found.points[p])
-            v = _arm(found, d, other, q) * _powers(second, found.points[q])
-            total += float(u @ S @ v)
-            if c == d and p == q:
-                total += _arm(found, c, one, p) * _arm(found, c, other, p) * first.s_repeat**2
-    return total
-
-
-def _arm(found: Case, c: int, axis: str, p: int) -> float:
-    a, b, d = found.levers[c][axis]
-    x, y, _ = found.points[p]
-    return float(a + b * x + d * y)
-
-
-def _powers(item: ComponentEstimate, place: FloatArray) -> FloatArray:
-    position = 0.0 if item.of is None else place["xyz".index(item.of)]
-    return np.array([position**k for k in range(len(item.coefficients))])
+    """x_p'(C + D)x_q + [p = q] s^2: a row of lever arms times powers for each point and axis."""
+    S = block_diag(*(item.covariance + item.pass_covariance for item in found.estimates))
+    if found.group is not None:
+        S = found.group.covariance + found.group.pass_covariance
+    rows, visits = [], []
+    for place in found.points:
+        for axis in "xy":
+            arms = [
+                np.dot(own[axis], [1, *place[:2]]) if axis in own else 0.0 for own in found.levers
+            ]
+            powers = [
+                [
+                    (0.0 if e.of is None else place["xyz".index(e.of)]) ** k
+                    for k in range(len(e.coefficients))
+                ]
+                for e in found.estimates
+            ]
+            rows.append(
+                np.concatenate([a * np.array(p) for a, p in zip(arms, powers, strict=True)])
+            )
+            visits.append([a * e.s_repeat for a, e in zip(arms, found.estimates, strict=True)])
+    G, s = np.array(rows), np.array(visits)
+    same = np.kron(np.eye(len(found.points)), np.ones((2, 2)))
+    return np.asarray(G @ S @ G.T + same * (s @ s.T))
 
 
 @STEADY
