@@ -17,6 +17,7 @@ from residual_examples import (
     check_against_loop,
     check_factors,
     codes,
+    column_of,
     measured,
     moved,
     residuals,
@@ -171,7 +172,7 @@ def test_candidates_are_projected_as_errors_are(
     )
     effect[2] *= 3
     index = {name: h for h, name in enumerate(plain.features)}
-    own = np.array([index[_name(points, i, operations)] for i in range(len(points))])
+    own = np.array([index[column_of(points, i)] for i in range(len(points))])
     added = points.measured.copy()
     added[:, :2] += effect[points.part, own]
     after, _ = residual_table(model, replace(points, measured=added), {}, datum)
@@ -182,11 +183,6 @@ def test_candidates_are_projected_as_errors_are(
     np.testing.assert_allclose(difference[there], freed[there], rtol=0, atol=1e-13)
     # What is free already is not freed twice.
     np.testing.assert_allclose(before.without_datum(freed[..., None])[..., 0], freed, atol=1e-15)
-
-
-def _name(points: Points, i: int, operations: int) -> str:
-    name = points.features[points.feature[i]]
-    return name if operations == 1 else f"{points.operations[points.operation[i]]} {name}"
 
 
 @pytest.mark.parametrize("datum", FREE)
