@@ -184,38 +184,25 @@ def with_temperature(found: Readings, values: FloatArray | None = None) -> Readi
     return replace(found, covariates={"T_a_degC": T})
 
 
-def test_known_drift_goes_where_its_temperatures_are(tmp_path: Path) -> None:
-    known = drift("px", "x", ("T_a_degC",), np.array([[1.5], [0.01]]))
+@pytest.mark.parametrize("tau", [0.0, 7.0])
+def test_known_drift_goes_where_its_temperatures_are(tmp_path: Path, tau: float) -> None:
+    """A ramp of 0.2 degC a minute from rest: T - 20 - g tau (1 - exp(-t/tau))."""
+    known = drift("px", "x", ("T_a_degC",), np.array([[1.5], [0.01]]), time_constants=(tau,))
     estimates = Estimates(
         components={"px": estimate("px", "x", [0.0, 1e-4])}, thermal={"px": known}
     )
     found = with_temperature(readings([run(3)]))
     table = only(tables_of(machine(tmp_path), estimates, found))
-    rise = found.covariates["T_a_degC"].astype(float) - 20
-    left = found.error - 1e-4 * found.position_mm - UM * (1.5 + 0.01 * found.position_mm) * rise
+    t, p = found.time_min, found.position_mm
+    rise = 0.2 * t - (0.2 * tau * (1 - np.exp(-t / tau)) if tau else 0.0)
+    left = found.error - 1e-4 * p - UM * (1.5 + 0.01 * p) * rise
     order = in_table_order(found)
-    np.testing.assert_allclose(table.errors.ravel(), left[order], atol=1e-15)
+    np.testing.assert_allclose(table.errors.ravel(), left[order], atol=1e-14)
     assert table.covariates["T_a_degC"].shape == (3, 8)
     for bare in (readings([run(3)]), with_temperature(found, np.full(24, np.nan))):
         (table,), warned = tables_of(machine(tmp_path), estimates, bare)
         assert [item.code for item in warned] == ["drift-not-removed"]
-        np.testing.assert_allclose(
-            table.errors.ravel(), (bare.error - 1e-4 * bare.position_mm)[order], atol=1e-15
-        )
-
-
-def test_lags_follow_the_readings_times(tmp_path: Path) -> None:
-    slow = drift("px", "x", ("T_a_degC",), np.array([[1.5]]), time_constants=(7.0,))
-    estimates = Estimates(components={"px": estimate("px", "x", [0, 0])}, thermal={"px": slow})
-    found = with_temperature(readings([run(3)]))
-    table = only(tables_of(machine(tmp_path), estimates, found))
-    # A ramp of 0.2 degC a minute from rest: T - 20 - g tau (1 - exp(-t/tau)).
-    t = found.time_min
-    rise = 0.2 * t - 0.2 * 7 * (1 - np.exp(-t / 7))
-    order = in_table_order(found)
-    np.testing.assert_allclose(
-        table.errors.ravel(), (found.error - 1.5 * UM * rise)[order], atol=1e-14
-    )
+        np.testing.assert_allclose(table.errors.ravel(), (bare.error - 1e-4 * p)[order], atol=1e-15)
 
 
 # Readings less what declared effects say of them, against the effect's equation by hand.
