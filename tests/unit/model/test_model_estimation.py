@@ -350,16 +350,6 @@ def test_scatter_that_cannot_be_split_is_warned_of(tmp_path: Path) -> None:
     assert not any(name in item.message for name in COMPONENTS if name != "dx_x")
 
 
-def test_as_many_readings_as_coefficients_have_no_uncertainty(tmp_path: Path) -> None:
-    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
-    two = Segment(name="a", position=np.array([0.0, 10.0]), error=np.array([1e-3, 2e-3]))
-    fit = fit_machine(known, readings([two]))
-    with pytest.raises(InputError) as error:
-        build_model(known, estimates_from_fit(known, fit))
-    wanted = "machine.yaml:3: components.a: too little data: as many readings"
-    assert wanted in str(error.value)
-
-
 def test_readings_without_any_scatter_are_warned_of(tmp_path: Path) -> None:
     known = machine(tmp_path)
     given = read_machine(np.random.default_rng(7), Drift(1.0))
