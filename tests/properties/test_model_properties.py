@@ -166,15 +166,11 @@ def place(kind: str, rng: np.random.Generator) -> FloatArray:
 
 def round_points(count: int, flat: bool, rng: np.random.Generator) -> list[FloatArray]:
     """Points about a circle or sphere, 1 % off it, the same turn in all trials."""
-    if flat:
-        t = np.linspace(0, 5, count)
-        nominal = np.stack([np.cos(t), np.sin(t), np.zeros(count)])
-    else:
-        golden = np.arange(count) * 2.39996
+    golden, z = np.arange(count) * 2.39996, 0.0 * np.arange(count)
+    if not flat:
         z = np.linspace(-0.9, 0.95, count)
-        nominal = np.stack(
-            [np.cos(golden) * np.sqrt(1 - z**2), np.sin(golden) * np.sqrt(1 - z**2), z]
-        )
+    r = np.sqrt(1 - z**2)
+    nominal = np.stack([r * np.cos(golden), r * np.sin(golden), z])
     nominal = 20 * np.linalg.qr(rng.normal(size=(3, 3)))[0] @ nominal
     return [nominal[:, [i]] + 0.2 * rng.normal(size=(3, TRIALS)) for i in range(count)]
 

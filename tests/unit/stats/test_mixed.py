@@ -16,6 +16,7 @@ from pass_designs import (
     dense_covariance,
     dense_variance,
     drawn,
+    fitted,
     plain_passes,
 )
 from scipy.special import stdtrit
@@ -24,10 +25,6 @@ from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed_model import PassFit, fit_passes
 from mtu_cli.stats.pass_tests import pass_scatter, pass_trend, reversal
-
-
-def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
-    return fit_passes(y, design.position, degree, design.group, design.direction)
 
 
 @pytest.mark.parametrize("name", UNBALANCED)

@@ -13,6 +13,7 @@ from pass_designs import (
     balanced,
     dense_covariance,
     drawn,
+    fitted,
     plain_passes,
 )
 from scipy import stats
@@ -51,10 +52,6 @@ with warnings.catch_warnings():
 IntArray = NDArray[np.int64]
 
 DESIGNS = {"balanced": balanced(6), "balanced, both ways": balanced(6, both=True), **UNBALANCED}
-
-
-def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
-    return fit_passes(y, design.position, degree, design.group, design.direction)
 
 
 def dummies(codes: IntArray | FloatArray) -> FloatArray:
