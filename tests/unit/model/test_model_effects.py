@@ -11,7 +11,7 @@ import pytest
 import yaml
 from effect_tables import grid_places, readings_table, shop_covariates, table
 from model_examples import loaded, part_of, stated
-from support import read_components
+from support import read_components, written_effect
 
 from mtu_cli.analyses.predictions import predict_lengths, predict_orthogonality, predict_points
 from mtu_cli.files.effects import Search
@@ -342,14 +342,12 @@ def test_a_machine_file_takes_the_forms_and_predicts_their_columns(
         "components": {"a0": {"unit": "um", "coefficients": [0.0]}},
         "equations": {f"E{axis}": "a0" for axis in own.axes},
         "effects": [
-            {
-                "name": name,
-                "covariate": form.covariate,
-                "parameters": {
-                    n: {"value": 1, "u": 0.1, "unit": u} for n, u in form.parameters.items()
-                },
-                "equations": form.texts(first[name][0]),
-            }
+            written_effect(
+                {n: (1, 0.1, u) for n, u in form.parameters.items()},
+                name=name,
+                covariate=form.covariate,
+                equations=form.texts(first[name][0]),
+            )
             for name, form in named.items()
         ],
     }
