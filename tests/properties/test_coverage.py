@@ -8,10 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from correct_examples import codes, ring_part, ring_places, ring_points
+from correct_examples import ring_part, ring_places, ring_points
 from machine_trials import Drift, coverage_by_machine, machine, make_parts, read_machine
 from model_examples import Segment, loaded, model_of, readings
 from scipy.stats import binom
+from support import codes
 from synthetic_drift import REFERENCE, UM, Plan, one, sensor_names
 
 from mtu_cli.analyses.correct import CorrectResult, Size, correct

@@ -5,17 +5,14 @@ a load cell whose deflection is all but a straight line of the load. The ring ga
 Giacomo & Paziani, Table 3, diameter errors (calibrated minus measured) at 20 and 26 degC.
 """
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from model_examples import run_command
 from test_strd import PONTIUS_Y, REFERENCES, numbers
 
-MTU = Path(sys.executable).parent / "mtu"
 LOADS_KLB = 150.0 * np.arange(1, 21)
 DIGITS = 7.0
 
@@ -23,14 +20,12 @@ TABLE_3 = {20: (12, 9, 16, 13, 9), 26: (32, 32, 34, 28, 16)}
 """Errors in um at positions 1, 2, 3, 4 and 9."""
 
 
-def report(folder: Path, *args: object) -> dict[str, Any]:
-    out = folder / "out.json"
-    done = subprocess.run(
-        [MTU, *map(str, args), "-q", "-o", out], cwd=folder, capture_output=True, check=False
-    )
-    assert done.returncode == 0, done.stderr.decode()
-    found: dict[str, Any] = json.loads(out.read_text())["results"]
-    return found
+def report(folder: Path, *args: str) -> dict[str, Any]:
+    with pytest.MonkeyPatch.context() as patch:
+        code, found, said = run_command(patch, folder, *args, "-q")
+    assert code == 0, said
+    results: dict[str, Any] = found["results"]
+    return results
 
 
 @pytest.fixture(scope="module")

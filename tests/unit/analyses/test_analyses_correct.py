@@ -11,7 +11,6 @@ from correct_examples import (
     DIAMETER,
     ROUNDING,
     ROUNDING_MM,
-    codes,
     error_at,
     machine,
     ring_part,
@@ -23,6 +22,7 @@ from correct_examples import (
 from made_tables import made_points
 from model_examples import part_of, stated
 from numpy.typing import NDArray
+from support import codes
 
 from mtu_cli.analyses.correct import correct, unused_warmth
 from mtu_cli.analyses.correct.sizes import REACH

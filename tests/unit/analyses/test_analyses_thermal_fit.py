@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from made_tables import made_readings
 from plain_selection import by_full_refits
+from support import codes
 from synthetic_drift import (
     LINE,
     METHODS,
@@ -23,7 +24,7 @@ from synthetic_drift import (
     sensor_names,
 )
 
-from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit, design, thermal_fit
+from mtu_cli.analyses.thermal_fit import ComponentDrift, design, thermal_fit
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
@@ -37,10 +38,6 @@ def gradients(drift: ComponentDrift, sensors: int) -> FloatArray:
     by_place = {(x.position, x.sensors[0]): x.value / UM for x in drift.gradients}
     names, places = sensor_names(sensors), drift.positions or (None,)
     return np.array([[by_place.get((p, name), 0.0) for name in names] for p in places])
-
-
-def codes(found: ThermalFit) -> list[str]:
-    return [warned.code for warned in found.warnings]
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from measured_examples import points, study, with_measured
 from scipy.stats import ncx2
+from support import codes
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
 from mtu_cli.analyses.anova.tables import noncentrality, radial_quantile
@@ -21,10 +22,6 @@ SETTINGS = Settings()
 
 def analysed(found: Points, method: Method = "reml") -> AnovaResult:
     return analyse_variance(found, None, method, SETTINGS)
-
-
-def codes(result: AnovaResult) -> list[str]:
-    return [item.code for item in result.warnings]
 
 
 UNEVEN = (6, 6, 1, 1, 1, 1, 1, 2)
