@@ -15,6 +15,7 @@ from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
+from mtu_cli.model.graph.net import load_graph
 from mtu_cli.model.graph.transitions import TRANSITIONS, formula_unit
 
 
@@ -58,6 +59,16 @@ def test_every_transition_is_in_the_contract_and_in_the_help() -> None:
     assert json_schema("graph")["$defs"]["Transition"]["properties"]["do"]["enum"] == [*TRANSITIONS]
     text = (Path(__file__).parents[3] / "mtu_cli" / "help" / "graph.md").read_text("utf-8")
     assert [do for do in TRANSITIONS if f"`{do}`" not in text] == []
+
+
+BAD = Path(__file__).parents[2] / "cli" / "invalid"
+
+
+@pytest.mark.parametrize("folder", ["net", "places", "transitions", "degenerate", "formulas"])
+def test_every_fault_of_a_bad_file_has_its_line(folder: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_graph(BAD / f"graph-{folder}" / "graph.yaml")
+    assert all(item.line for item in caught.value.findings)
 
 
 FORMULA = """
