@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from budget_examples import loaded
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from machine_trials import POINTS, Drift, machine, read_machine
 from model_examples import permuted
+from property_settings import tried
 
 from mtu_cli.analyses.budget import FirstOrder, first_order
 from mtu_cli.analyses.budget.inputs import inputs_of
@@ -22,13 +23,6 @@ from mtu_cli.model.prediction import predict
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import Shift
 
-STEADY = settings(
-    derandomize=True,
-    deadline=None,
-    database=None,
-    max_examples=12,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -41,7 +35,7 @@ def figures(known: LoadedMachine, given: Readings) -> tuple[FloatArray, FloatArr
     return A @ found.mean, variance.total, variance.dof
 
 
-@STEADY
+@tried(12)
 @given(seeds, st.floats(1e-3, 1e3))
 def test_order_and_size_of_readings_do_not_matter(tmp_path: Path, seed: int, size: float) -> None:
     """Larger readings make larger predictions."""
@@ -55,7 +49,7 @@ def test_order_and_size_of_readings_do_not_matter(tmp_path: Path, seed: int, siz
     assert found[2] == pytest.approx(dof, rel=1e-8)
 
 
-@STEADY
+@tried(12)
 @given(seeds)
 def test_directions_may_change_their_names(tmp_path: Path, seed: int) -> None:
     """Forward for reverse: the reversal changes its sign, nothing else changes. Times say which was

@@ -60,20 +60,14 @@ def test_pontius_bends_and_nothing_else(pontius: tuple[Path, dict[str, Any]]) ->
     assert effect["posterior"] > 0.99
     # um/m^2 are 1e-9 mm/mm^2; the certified coefficient is in inch/lb^2.
     bend = effect["parameters"]["bend"]
-    certified, deviation = REFERENCES["Pontius"].certified[2], REFERENCES["Pontius"].deviations[2]
-    assert bend["value"] == pytest.approx(1e15 * certified, rel=10**-DIGITS)
-    assert bend["u"] == pytest.approx(1e15 * deviation, rel=0.3)
+    item = REFERENCES["Pontius"]
+    assert bend["value"] == pytest.approx(1e15 * item.certified[2], rel=10**-DIGITS)
+    assert bend["u"] == pytest.approx(1e15 * item.deviations[2], rel=0.3)
     assert not found["unexplained"]["found"]
     # NIST's residual standard deviation of the quadratic is 0.205 um here.
-    s = 1e3 * float(np.sqrt(_residual_variance()))
+    s = 1e3 * np.linalg.norm(item.y - item.X @ item.certified) / np.sqrt(37)
     assert found["in_sample"]["after"]["rms_um"] == pytest.approx(s * np.sqrt(37 / 40), rel=0.3)
     assert found["after"]["rms_um"] < 2 * s < 0.5 * found["before"]["rms_um"]
-
-
-def _residual_variance() -> float:
-    item = REFERENCES["Pontius"]
-    left = item.y - item.X @ item.certified
-    return float(left @ left) / 37
 
 
 def test_the_extended_load_cell_is_the_certified_quadratic(

@@ -98,13 +98,9 @@ def test_table_3(points: PointsResult, place: tuple[str, str]) -> None:
     assert points.variance[row] / UM**2 == pytest.approx(variance, abs=0.05)
 
 
-def by_id(result: LengthsResult) -> dict[str, tuple[float, float]]:
-    figures = zip(result.error / UM, result.variance / UM**2, strict=True)
-    return dict(zip(result.ids, figures, strict=True))
-
-
 def test_table_4_lengths(lengths: LengthsResult) -> None:
-    found = by_id(lengths)
+    figures = zip(lengths.error / UM, lengths.variance / UM**2, strict=True)
+    found = dict(zip(lengths.ids, figures, strict=True))
     # Variances add two of Table 3, each printed to 0.1 um^2.
     assert found["3-9"][1] == pytest.approx(87.3, abs=0.1 + 0.05)
     assert found["9-15"][1] == pytest.approx(49.1, abs=0.1 + 0.05)

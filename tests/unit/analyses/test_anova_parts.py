@@ -200,16 +200,12 @@ def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     assert rms == pytest.approx(0.003, rel=4 / np.sqrt(2 * 21))
 
 
-def rounded(found: Points, step: float) -> Points:
-    return with_measured(found, np.round(found.measured / step) * step)
-
-
 def test_no_outlier_and_no_u_is_made_of_rounding() -> None:
     """Parts far more alike than the last digit, one of which is rounded the other way; and errors
     of which the datum leaves nothing but the rounding of the arithmetic.
     """
     alike = study(12, 2, 1, 1e-6, 1e-6)
-    coarse = rounded(alike, 1e-3)
+    coarse = with_measured(alike, np.round(alike.measured, 3))
     measured = coarse.measured.copy()
     measured[coarse.part == 4, 0] += 1e-3
     measured[coarse.part == 5, 1] += 1e-3

@@ -63,13 +63,6 @@ POINTS = np.array([[10.0, 20, 0], [70.0, -5, 0], [40.0, 8, 0]])
 DIRECTION = np.array([1.0, -1, 1])
 
 
-def jacobian() -> FloatArray:
-    J = np.zeros((6, 3))
-    J[0::2, 0], J[0::2, 1] = DIRECTION, -(POINTS[:, 1] - 3)
-    J[1::2, 1], J[1::2, 2] = POINTS[:, 0], 1
-    return J
-
-
 def reported(folder: Path, machine: LoadedMachine, effects: dict[str, Any]) -> Estimates:
     path = folder / "c.json"
     document = {"schema": "mtu/fit-components/1", "results": {"components": {}, "effects": effects}}
@@ -99,7 +92,9 @@ def test_the_joint_covariance_of_a_report_counts(tmp_path: Path) -> None:
     bare = predicted(loaded(tmp_path, MACHINE), estimates_from_fit(machine, None))
     estimates = reported(tmp_path, machine, together())
     found = predicted(machine, estimates)
-    J = jacobian()
+    J = np.zeros((6, 3))
+    J[0::2, 0], J[0::2, 1] = DIRECTION, -(POINTS[:, 1] - 3)
+    J[1::2, 1], J[1::2, 2] = POINTS[:, 0], 1
     assert found.mean - bare.mean == pytest.approx(J @ (np.array([2.0, 5, 1]) * F), rel=1e-9)
     more = J @ (np.array(C) * np.outer(F, F)) @ J.T
     assert found.covariance - bare.covariance == pytest.approx(more, rel=1e-9)

@@ -283,17 +283,13 @@ def drift_test(drifts: list[ThermalEstimate], plan: DriftPlan, seed: int) -> Col
     return simulate_drift(drifts, plan, sensors_for(drifts, plan, seed), seed)
 
 
-def rises(found: Columns, rows: np.ndarray) -> list[np.ndarray]:
-    return [found[name][rows] - 20 for name in (A, B)]
-
-
 @pytest.mark.parametrize("tau", [0.0, 40.0])
 def test_noise_free_readings_are_the_drift_of_the_temperatures_in_the_file(tau: float) -> None:
     """Of a sensor with a time constant, of the lagged temperature."""
     found = drift_test([drift(tau=tau)], replace(NOISY, sensor_noise=0.0, cycles=1), 1)
     for position in (0.0, 200.0):
         rows = found["position_mm"] == position
-        a, b = rises(found, rows)
+        a, b = (found[name][rows] - 20 for name in (A, B))
         lagged = first_order_lag(a[:, None], found["time_min"][rows], np.array([tau]))[0, :, 0]
         expected = 5 * lagged + (-2 + 0.01 * position) * b
         assert found["error"][rows] == pytest.approx(expected, abs=1e-9)
