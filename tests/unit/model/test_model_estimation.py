@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compare_trials import fitted
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from machine_trials import COMPONENTS, POINTS, Drift, machine, read_machine
 from model_examples import Segment, estimate, loaded, model_of, readings, stated
+from property_settings import tried
 from scipy import stats
 from scipy.linalg import block_diag
 from support import read_components
@@ -351,7 +352,6 @@ def test_readings_without_any_scatter_are_warned_of(tmp_path: Path) -> None:
 # Propagation with covariance against loops over pairs of points.
 
 
-STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -449,7 +449,7 @@ def slow_covariance(found: Case) -> FloatArray:
     return np.asarray(G @ S @ G.T + same * (s @ s.T))
 
 
-@STEADY
+@tried(40)
 @given(seeds, st.integers(1, 4), st.integers(1, 4), st.booleans())
 def test_against_the_slow_sum(seed: int, components: int, points: int, joint: bool) -> None:
     found = case(seed, components, points, joint and components > 1)
@@ -475,7 +475,7 @@ def test_against_the_slow_sum(seed: int, components: int, points: int, joint: bo
         np.testing.assert_array_equal(getattr(own, name), getattr(multiplied, name))
 
 
-@STEADY
+@tried(40)
 @given(seeds, st.booleans())
 def test_mean_squares_add_up_to_what_they_stand_behind(seed: int, joint: bool) -> None:
     found = case(seed, 3, 3, joint)
