@@ -231,6 +231,13 @@ HALD_ROWS = compress(np.column_stack([np.ones(13), HALD]))
 HALD_ROWS = replace(HALD_ROWS, lag=np.zeros_like(HALD_ROWS.lag))
 
 
+def test_hald_residual_sums_of_squares() -> None:
+    printed = {(4,): 883.87, (1, 4): 74.76, (1, 2, 4): 47.97, (1, 2): 57.90, (1, 2, 3, 4): 47.86}
+    for chosen, rss in printed.items():
+        X = np.column_stack([np.ones(13), HALD[:, np.array(chosen) - 1]])
+        assert least_squares(X, HALD[:, 4]).rss == pytest.approx(rss, abs=0.0051)
+
+
 @pytest.mark.parametrize(
     ("enter", "remove", "chosen"),
     [
