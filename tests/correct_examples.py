@@ -9,7 +9,6 @@ from made_tables import made_points
 from model_examples import part_of, stated
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.correct import CorrectResult
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.readings import Points
 from mtu_cli.model.machine_model import MachineModel
@@ -112,8 +111,3 @@ def rings(count: int, warm: float = 1.5) -> tuple[FloatArray, FloatArray, FloatA
     true = np.tile(ring_places(diameter=DIAMETER), (count, 1))
     temperature = 20.0 + warm * np.repeat(np.arange(count), 11) + 0.01 * np.arange(11 * count)
     return true, seen(true, error_at, temperature), temperature
-
-
-def codes(result: CorrectResult) -> list[str]:
-    """The codes of its warnings."""
-    return [item.code for item in result.warnings]

@@ -47,6 +47,11 @@ def read_components(path: Path) -> ComponentsReport:
     return found
 
 
+def codes(result: Any) -> list[str]:
+    """The codes of a result's warnings."""
+    return [item.code for item in result.warnings]
+
+
 def leaves(value: Any, path: str = "") -> dict[str, Any]:
     """What a report or a record holds, by its place."""
     if isinstance(value, dict | list):

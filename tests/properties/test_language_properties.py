@@ -53,16 +53,9 @@ def bracketed(node: Node) -> str:
 
 def python(text: str) -> float:
     """Python's value of the text, its literals taken as floats with IEEE infinities."""
-    scope = {
-        "F": np.float64,
-        "sin": np.sin,
-        "cos": np.cos,
-        "exp": np.exp,
-        "log": np.log,
-        "sqrt": np.sqrt,
-        "abs": abs,
-        "step": lambda value: np.float64(not value < 0),
-    } | {name: np.float64(value) for name, value in VALUES.items()}
+    functions = {name: getattr(np, name) for name in ("sin", "cos", "exp", "log", "sqrt", "abs")}
+    scope = {"F": np.float64, "step": lambda value: np.float64(not value < 0)} | functions
+    scope |= {name: np.float64(value) for name, value in VALUES.items()}
     with np.errstate(all="ignore"):
         return float(eval(text, {"__builtins__": {}}, scope))
 

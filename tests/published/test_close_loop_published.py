@@ -5,17 +5,14 @@ a load cell whose deflection is all but a straight line of the load. The ring ga
 Giacomo & Paziani, Table 3, diameter errors (calibrated minus measured) at 20 and 26 degC.
 """
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from model_examples import run_command
 from test_strd import PONTIUS_Y, REFERENCES, numbers
 
-MTU = Path(sys.executable).parent / "mtu"
 LOADS_KLB = 150.0 * np.arange(1, 21)
 DIGITS = 7.0
 
@@ -23,14 +20,12 @@ TABLE_3 = {20: (12, 9, 16, 13, 9), 26: (32, 32, 34, 28, 16)}
 """Errors in um at positions 1, 2, 3, 4 and 9."""
 
 
-def report(folder: Path, *args: object) -> dict[str, Any]:
-    out = folder / "out.json"
-    done = subprocess.run(
-        [MTU, *map(str, args), "-q", "-o", out], cwd=folder, capture_output=True, check=False
-    )
-    assert done.returncode == 0, done.stderr.decode()
-    found: dict[str, Any] = json.loads(out.read_text())["results"]
-    return found
+def report(folder: Path, *args: str) -> dict[str, Any]:
+    with pytest.MonkeyPatch.context() as patch:
+        code, found, said = run_command(patch, folder, *args, "-q")
+    assert code == 0, said
+    results: dict[str, Any] = found["results"]
+    return results
 
 
 @pytest.fixture(scope="module")
@@ -65,20 +60,14 @@ def test_pontius_bends_and_nothing_else(pontius: tuple[Path, dict[str, Any]]) ->
     assert effect["posterior"] > 0.99
     # um/m^2 are 1e-9 mm/mm^2; the certified coefficient is in inch/lb^2.
     bend = effect["parameters"]["bend"]
-    certified, deviation = REFERENCES["Pontius"].certified[2], REFERENCES["Pontius"].deviations[2]
-    assert bend["value"] == pytest.approx(1e15 * certified, rel=10**-DIGITS)
-    assert bend["u"] == pytest.approx(1e15 * deviation, rel=0.3)
+    item = REFERENCES["Pontius"]
+    assert bend["value"] == pytest.approx(1e15 * item.certified[2], rel=10**-DIGITS)
+    assert bend["u"] == pytest.approx(1e15 * item.deviations[2], rel=0.3)
     assert not found["unexplained"]["found"]
     # NIST's residual standard deviation of the quadratic is 0.205 um here.
-    s = 1e3 * float(np.sqrt(_residual_variance()))
+    s = 1e3 * np.linalg.norm(item.y - item.X @ item.certified) / np.sqrt(37)
     assert found["in_sample"]["after"]["rms_um"] == pytest.approx(s * np.sqrt(37 / 40), rel=0.3)
     assert found["after"]["rms_um"] < 2 * s < 0.5 * found["before"]["rms_um"]
-
-
-def _residual_variance() -> float:
-    item = REFERENCES["Pontius"]
-    left = item.y - item.X @ item.certified
-    return float(left @ left) / 37
 
 
 def test_the_extended_load_cell_is_the_certified_quadratic(

@@ -11,7 +11,6 @@ from correct_examples import (
     DIAMETER,
     ROUNDING,
     ROUNDING_MM,
-    codes,
     error_at,
     machine,
     ring_part,
@@ -23,10 +22,10 @@ from correct_examples import (
 from made_tables import made_points
 from model_examples import part_of, stated
 from numpy.typing import NDArray
+from support import codes
 
 from mtu_cli.analyses.correct import correct, unused_warmth
 from mtu_cli.analyses.correct.sizes import REACH
-from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.geometry import fit_circle
 from mtu_cli.model.machine_model import MachineModel, drift_terms
@@ -230,19 +229,10 @@ def test_a_squareness_that_the_model_lacks_is_left_as_form(tmp_path: Path, angle
 # Covariates, and drifts that lag behind temperatures.
 
 
-def refused(model: MachineModel, part: object, points: object, **at: float) -> list[str]:
-    with pytest.raises(InputError) as caught:
-        correct(model, part, points, SETTINGS, at)  # type: ignore[arg-type]  # as given
-    return [str(problem) for problem in caught.value.findings]
-
-
 def test_covariates_come_from_the_rows_else_from_the_call(tmp_path: Path) -> None:
     _, measured, temperature = rings(1)
     model, part = machine(tmp_path), ring_part(tmp_path)
     bare = ring_points(measured, ["a"])
-    (message,) = refused(model, part, bare)
-    assert "cmm.csv, column 'T_scale_degC': a value of T_scale_degC for the machine 'm'" in message
-    assert "--at T_scale_degC=VALUE" in message
     given = correct(model, part, bare, SETTINGS, {"T_scale_degC": 20.0})
     assert given.error[:, :2] == pytest.approx(error_at(measured, np.full(11, 20.0))[:, :2])
     own = ring_points(measured, ["a"], None, {"T_scale_degC": temperature})

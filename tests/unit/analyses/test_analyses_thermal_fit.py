@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from made_tables import made_readings
 from plain_selection import by_full_refits
+from support import codes
 from synthetic_drift import (
     LINE,
     METHODS,
@@ -23,7 +24,7 @@ from synthetic_drift import (
     sensor_names,
 )
 
-from mtu_cli.analyses.thermal_fit import ComponentDrift, ThermalFit, design, thermal_fit
+from mtu_cli.analyses.thermal_fit import ComponentDrift, design, thermal_fit
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
@@ -37,10 +38,6 @@ def gradients(drift: ComponentDrift, sensors: int) -> FloatArray:
     by_place = {(x.position, x.sensors[0]): x.value / UM for x in drift.gradients}
     names, places = sensor_names(sensors), drift.positions or (None,)
     return np.array([[by_place.get((p, name), 0.0) for name in names] for p in places])
-
-
-def codes(found: ThermalFit) -> list[str]:
-    return [warned.code for warned in found.warnings]
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -368,13 +365,6 @@ def drawn(plan: Plan, draws: int, method: str = "ridge") -> list[ThermalEstimate
     ]
 
 
-def moments(found: list[ThermalEstimate]) -> tuple[FloatArray, FloatArray]:
-    """Covariance of the coefficients as seen, and the mean of the reported ones; um^2."""
-    b = np.array([item.coefficients.ravel() for item in found]) / UM
-    C = np.array([item.covariance for item in found]) / UM**2
-    return np.cov(b.T), C.mean(axis=0)
-
-
 @pytest.mark.parametrize("method", ["stepwise", "ridge"])
 def test_coefficients_scatter_as_their_covariance_says(method: str) -> None:
     """Independent noise, one cycle (no penalty), all sensors far beyond doubt."""
@@ -382,14 +372,14 @@ def test_coefficients_scatter_as_their_covariance_says(method: str) -> None:
     plan = Plan(gradients=STRONG, positions=ENDS, cycles=1, n=60, noise=0.3)
     found = drawn(plan, draws, method)
     assert {item.degree for item in found} == {1}
-    seen, reported = moments(found)
+    b = np.array([item.coefficients.ravel() for item in found]) / UM
+    seen, reported = np.cov(b.T), np.mean([item.covariance for item in found], axis=0) / UM**2
     # Each element of a sample covariance has the variance (C_ij^2 + C_ii C_jj)/draws.
     error = np.sqrt((reported**2 + np.outer(np.diag(reported), np.diag(reported))) / draws)
     # The residuals' own autocorrelation, -used/n on average, is taken as 0 where negative only:
     # their scale is too large by E max(r, 0), which is 0.4/sqrt(n).
     assert (np.abs(seen - reported) < 4.5 * error + 0.8 / np.sqrt(120) * np.abs(reported)).all()
     planted = np.array([STRONG[0] - 0.25 * (STRONG[1] - STRONG[0]), (STRONG[1] - STRONG[0]) / 200])
-    b = np.array([item.coefficients.ravel() for item in found]) / UM
     assert (np.abs(b.mean(axis=0) - planted.ravel()) < 4.5 * np.sqrt(np.diag(seen) / draws)).all()
 
 

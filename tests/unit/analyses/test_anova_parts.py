@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from measured_examples import points, study, with_measured
 from scipy.stats import ncx2
+from support import codes
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
 from mtu_cli.analyses.anova.tables import noncentrality, radial_quantile
@@ -21,10 +22,6 @@ SETTINGS = Settings()
 
 def analysed(found: Points, method: Method = "reml") -> AnovaResult:
     return analyse_variance(found, None, method, SETTINGS)
-
-
-def codes(result: AnovaResult) -> list[str]:
-    return [item.code for item in result.warnings]
 
 
 UNEVEN = (6, 6, 1, 1, 1, 1, 1, 2)
@@ -203,16 +200,12 @@ def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     assert rms == pytest.approx(0.003, rel=4 / np.sqrt(2 * 21))
 
 
-def rounded(found: Points, step: float) -> Points:
-    return with_measured(found, np.round(found.measured / step) * step)
-
-
 def test_no_outlier_and_no_u_is_made_of_rounding() -> None:
     """Parts far more alike than the last digit, one of which is rounded the other way; and errors
     of which the datum leaves nothing but the rounding of the arithmetic.
     """
     alike = study(12, 2, 1, 1e-6, 1e-6)
-    coarse = rounded(alike, 1e-3)
+    coarse = with_measured(alike, np.round(alike.measured, 3))
     measured = coarse.measured.copy()
     measured[coarse.part == 4, 0] += 1e-3
     measured[coarse.part == 5, 1] += 1e-3

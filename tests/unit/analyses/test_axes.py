@@ -16,7 +16,6 @@ from scipy import stats
 from mtu_cli.analyses.circular import CircularResult, diagnose
 from mtu_cli.analyses.iso230 import (
     ISO,
-    Axis,
     corrected,
     evaluate,
     figures_of,
@@ -128,16 +127,12 @@ def test_readings_are_taken_to_20_degc_where_the_budget_says_so() -> None:
     assert corrected(test, InstrumentBudget(already_at_20=True, **given)) == (test, [])
 
 
-def there(axis: Axis) -> str:
-    """Figures of ISO 230-2 that exist."""
-    return " ".join(name for name in ISO if not math.isnan(axis.figures[name].value))
-
-
 def test_one_direction_has_one_way_figures_alone() -> None:
     targets, readings = published(3)
     readings[1] = np.nan
     axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
-    assert there(axis) == "A_forward E_forward R_forward"
+    there = [name for name in ISO if not math.isnan(axis.figures[name].value)]
+    assert there == ["A_forward", "E_forward", "R_forward"]
     assert axis.figures["A_forward"].value / UM == pytest.approx(19.0975, abs=1e-4)
     assert axis.figures["A_forward"].u_sampling > 0
     note = next(x for x in warnings_of(axis) if x.code == "not-estimable")

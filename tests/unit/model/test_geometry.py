@@ -38,21 +38,23 @@ def arc(n: int, radius: float, noise: float, seed: int, angle: float = 5.0) -> F
     return found
 
 
-def tilted(flat: FloatArray, seed: int, lift: float) -> FloatArray:
-    """The points of a plane, turned into space, `lift` off the plane."""
-    rng = np.random.default_rng(seed)
-    turn = np.linalg.qr(rng.standard_normal((3, 3)))[0]
-    heights = lift * rng.standard_normal(len(flat))
-    turned: FloatArray = np.column_stack([flat, heights]) @ turn
-    turned += np.array([310.0, -45.0, 120.0])
-    return turned
+TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
+SHIFT = np.array([310.0, -45.0, 120.0])
 
 
-def ball(n: int, radius: float, noise: float, seed: int) -> FloatArray:
-    rng = np.random.default_rng(seed)
-    out = rng.standard_normal((n, 3))
-    out /= np.linalg.norm(out, axis=1)[:, None]
-    return radius * out + noise * rng.standard_normal((n, 3)) + [5.0, -7.0, 300.0]
+def tilted(flat: FloatArray, lift: float = 0.0) -> FloatArray:
+    """The points of a plane, turned into space and far from the origin, `lift` off the plane."""
+    heights = lift * np.random.default_rng(2).standard_normal(len(flat))
+    return np.asarray(np.column_stack([flat, heights]) @ TURN.T + SHIFT)
+
+
+def cap(n: int, radius: float, reach: float = np.pi, noise: float = 0.0) -> FloatArray:
+    """Points (n, 3) of a spherical cap: a spiral from the pole down to the angle `reach`."""
+    t = np.arccos(np.linspace(1, np.cos(0.95 * reach), n))
+    a = 2.39996 * np.arange(n)
+    q = np.column_stack([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)])
+    error = noise * np.random.default_rng(n).standard_normal((n, 3))
+    return np.asarray(radius * q @ TURN.T + SHIFT + error)
 
 
 def test_circle_of_gander_golub_and_strebel() -> None:
@@ -78,7 +80,7 @@ def bow(height: float) -> FloatArray:
         # The normal equations lose the fourth power of its height over its length: 1e-20.
         (fit_circle, bow(1e-5), "hardly bend"),
         (fit_round, np.insert(arc(9, 90.0, 3.0, 1), 2, 4.0, axis=1), "plane or a circle"),
-        (fit_round, ball(3, 1.0, 0.0, 1), "plane or a circle"),
+        (fit_round, cap(3, 1.0), "plane or a circle"),
     ],
 )
 def test_points_without_a_figure(
@@ -93,7 +95,7 @@ def test_points_without_a_figure(
 def test_circle_and_sphere_against_an_optimiser(seed: int) -> None:
     for points, fit in (
         (arc(9, 90.0, 2.0, seed) + np.array([500.0, 200.0]), fit_circle),
-        (ball(14, 12.5, 0.4, seed), fit_round),
+        (cap(14 + seed, 12.5, noise=0.4), fit_round),
     ):
         start = np.append(points.mean(axis=0), 10.0)
 
@@ -111,8 +113,8 @@ CASES: dict[str, tuple[Callable[[FloatArray], RoundFit], FloatArray]] = {
     "circle": (fit_circle, arc(9, 90.0, 3.0, 1)),
     "short arc": (fit_circle, arc(9, 90.0, 0.5, 2, angle=1.0)),
     "gander": (fit_circle, GANDER),
-    "circle in space": (fit_circle, tilted(arc(9, 90.0, 3.0, 1), 2, 1e-6)),
-    "sphere": (fit_round, ball(12, 12.5, 0.5, 1)),
+    "circle in space": (fit_circle, tilted(arc(9, 90.0, 3.0, 1), 1e-6)),
+    "sphere": (fit_round, cap(12, 12.5, noise=0.5)),
 }
 
 
@@ -150,42 +152,11 @@ def test_circles_of_any_roundness_are_fitted(angle: float, noise: float) -> None
 
 
 TRIALS = 12
-TURN = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))[0]
-SHIFT = np.array([310.0, -45.0, 120.0])
-
-
-def arc_in_space(n: int, degrees: float, radius: float) -> FloatArray:
-    """Points (n, 3) of an arc that is turned and far from the origin."""
-    t = np.radians(np.linspace(0, degrees, n))
-    q = np.column_stack([np.cos(t), np.sin(t), 0 * t])
-    return np.asarray(radius * q @ TURN.T + SHIFT)
-
-
-def cap(n: int, radius: float, reach: float = np.pi) -> FloatArray:
-    """Points (n, 3) of a spherical cap: a spiral from the pole down to the angle `reach`."""
-    t = np.arccos(np.linspace(1, np.cos(0.95 * reach), n))
-    a = 2.39996 * np.arange(n)
-    q = np.column_stack([np.sin(t) * np.cos(a), np.sin(t) * np.sin(a), np.cos(t)])
-    return np.asarray(radius * q @ TURN.T + SHIFT)
 
 
 def drawn(nominal: FloatArray, noise: float, trials: int = TRIALS) -> list[FloatArray]:
     rng = np.random.default_rng(len(nominal))
     return [point[:, None] + noise * rng.normal(size=(3, trials)) for point in nominal]
-
-
-def circle(points: list[FloatArray], nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    centre, radius = transitions.circle_through(nominal)(*points)
-    return centre, radius
-
-
-def sphere(points: list[FloatArray], nominal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    centre, radius = transitions.sphere_through(nominal)(*points)
-    return centre, radius
-
-
-def one(points: list[FloatArray], trial: int) -> FloatArray:
-    return np.array([point[:, trial] for point in points])
 
 
 @pytest.mark.parametrize("width", [10.0, 0.1, 0.01, 0.003])
@@ -214,8 +185,8 @@ def test_circle_has_the_uncertainty_of_its_arc(degrees: float) -> None:
     squares in the plane to first order (Gilsinn & Ling 2004, eq. (6), with these rows).
     """
     m, u = 20_000, 1e-4
-    nominal = arc_in_space(8, degrees, 100.0)
-    _, found = circle(drawn(nominal, u, m), nominal)
+    nominal = tilted(arc(8, 100.0, 0.0, 1, np.radians(degrees)))
+    _, found = transitions.circle_through(nominal)(*drawn(nominal, u, m))
     t = np.radians(np.linspace(0, degrees, 8))
     X = np.column_stack([np.cos(t), np.sin(t), np.ones(8)])
     expected = u * np.sqrt(np.linalg.inv(X.T @ X)[2, 2])
@@ -231,7 +202,7 @@ def test_sphere_of_radius_against_an_optimiser(n: int, reach: float, noise: floa
     radius = 12.5 + noise * np.linspace(-1, 1, TRIALS)
     centre = np.asarray(transitions.sphere_of_radius_through(nominal)(*points, radius))
     for trial in range(TRIALS):
-        p = one(points, trial)
+        p = np.array([point[:, trial] for point in points])
 
         def gaps(c: FloatArray, p: FloatArray = p, r: float = float(radius[trial])) -> FloatArray:
             away: FloatArray = np.linalg.norm(p - c, axis=1) - r
@@ -249,7 +220,7 @@ def test_what_cannot_be_fitted_is_not_a_number() -> None:
     for i, point in enumerate(points):
         point[:, 1] = [float(i), 0.0, 0.0]
     with np.errstate(all="ignore"):
-        centre, _ = sphere(points, nominal)
+        centre, _ = transitions.sphere_through(nominal)(*points)
     assert np.isfinite(centre).tolist() == [[True, False, True]] * 3
 
 

@@ -11,13 +11,12 @@ import pytest
 import yaml
 from effect_tables import grid_places, readings_table, shop_covariates, table
 from model_examples import loaded, part_of, stated
-from support import read_components
+from support import read_components, written_effect
 
 from mtu_cli.analyses.predictions import predict_lengths, predict_orthogonality, predict_points
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.reports_read import Matrix
-from mtu_cli.findings import InputError
 from mtu_cli.model.effect_library import (
     CONSTANT,
     BoundTemplate,
@@ -64,13 +63,6 @@ POINTS = np.array([[10.0, 20, 0], [70.0, -5, 0], [40.0, 8, 0]])
 DIRECTION = np.array([1.0, -1, 1])
 
 
-def jacobian() -> FloatArray:
-    J = np.zeros((6, 3))
-    J[0::2, 0], J[0::2, 1] = DIRECTION, -(POINTS[:, 1] - 3)
-    J[1::2, 1], J[1::2, 2] = POINTS[:, 0], 1
-    return J
-
-
 def reported(folder: Path, machine: LoadedMachine, effects: dict[str, Any]) -> Estimates:
     path = folder / "c.json"
     document = {"schema": "mtu/fit-components/1", "results": {"components": {}, "effects": effects}}
@@ -100,7 +92,9 @@ def test_the_joint_covariance_of_a_report_counts(tmp_path: Path) -> None:
     bare = predicted(loaded(tmp_path, MACHINE), estimates_from_fit(machine, None))
     estimates = reported(tmp_path, machine, together())
     found = predicted(machine, estimates)
-    J = jacobian()
+    J = np.zeros((6, 3))
+    J[0::2, 0], J[0::2, 1] = DIRECTION, -(POINTS[:, 1] - 3)
+    J[1::2, 1], J[1::2, 2] = POINTS[:, 0], 1
     assert found.mean - bare.mean == pytest.approx(J @ (np.array([2.0, 5, 1]) * F), rel=1e-9)
     more = J @ (np.array(C) * np.outer(F, F)) @ J.T
     assert found.covariance - bare.covariance == pytest.approx(more, rel=1e-9)
@@ -343,14 +337,12 @@ def test_a_machine_file_takes_the_forms_and_predicts_their_columns(
         "components": {"a0": {"unit": "um", "coefficients": [0.0]}},
         "equations": {f"E{axis}": "a0" for axis in own.axes},
         "effects": [
-            {
-                "name": name,
-                "covariate": form.covariate,
-                "parameters": {
-                    n: {"value": 1, "u": 0.1, "unit": u} for n, u in form.parameters.items()
-                },
-                "equations": form.texts(first[name][0]),
-            }
+            written_effect(
+                {n: (1, 0.1, u) for n, u in form.parameters.items()},
+                name=name,
+                covariate=form.covariate,
+                equations=form.texts(first[name][0]),
+            )
             for name, form in named.items()
         ],
     }
@@ -455,8 +447,6 @@ effects:
 def test_what_is_excluded_begins_with_a_family() -> None:
     left = candidates_of(PLANE, effect_library(), ["cyclic", "backlash-x", "backlash-z"])
     assert {"cyclic-x", "backlash-x", "backlash-y"} & {x.name for x in left} == {"backlash-y"}
-    with pytest.raises(InputError, match="did you mean 'backlash'"):
-        candidates_of(PLANE, effect_library(), ["backlahs"])
 
 
 def test_families_of_the_user(tmp_path: Path) -> None:

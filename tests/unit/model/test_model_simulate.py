@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from model_examples import estimate, model_of, part_of, stated
+from thermal_machines import drift as of_sensors
 
 from mtu_cli.findings import InputError
 from mtu_cli.language import parse
@@ -27,7 +28,6 @@ from mtu_cli.model.simulate import (
 )
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
-from mtu_cli.units import UNITS
 
 IDS = ["a", "b", "c", "d"]
 POINTS = np.array([[0.0, 0, 0], [100, 0, 0], [100, 80, 0], [0, 80, 0]])
@@ -165,21 +165,15 @@ VALUE = "the equation has no finite value at"
 @pytest.mark.parametrize(
     ("what", "equation", "words"),
     [
-        (
-            "effects",
-            "dir_q",
-            "--effect Ex: unknown name at column 1: 'dir_q'; did you mean 'dir_y'?",
-        ),
+        ("effects", "dir_q",
+         "--effect Ex: unknown name at column 1: 'dir_q'; did you mean 'dir_y'?"),
         ("effects", "1/(2-sequence)", f"{VALUE} sequence = 2 in part 2 at feature 'a'"),
         ("effects", "1e200*x", f"--effect Ex in part 1 at feature 'b': {LARGE}"),
-        (
-            "scatter",
-            "-0.01",
-            "--scatter Ex in part 1 at feature 'a': out of range: '-0.01'; expected",
-        ),
+        ("scatter", "-0.01",
+         "--scatter Ex in part 1 at feature 'a': out of range: '-0.01'; expected"),
         ("covariates", "1/y", f"--covariate x: {VALUE} y = 0 in part 1 at feature 'a'"),
     ],
-)
+)  # fmt: skip
 def test_equations_without_a_value(what: str, equation: str, words: str) -> None:
     """The option, the part and the feature are told, and what the equation was given there."""
     given = (("x", parse(equation)),)
@@ -278,30 +272,15 @@ NOISY = replace(STILL, room_wobble=0.5, sensor_wobble=0.8, sensor_noise=0.015)
 A, B = "T_a_degC", "T_b_degC"
 
 
-def drift(name: str = "p", tau: float = 0.0, leftover: float = 0.0) -> ThermalEstimate:
+def drift(tau: float = 0.0, leftover: float = 0.0) -> ThermalEstimate:
     """5 um/K of a and 0.01 um/mm/K of b, minus 2 um/K of b, along y."""
-    return ThermalEstimate(
-        component=name,
-        of="y",
-        unit=UNITS["um"],
-        sensors=(A, B),
-        reference=20.0,
-        coefficients=np.array([[5e-3, -2e-3], [0.0, 1e-5]]),
-        covariance=np.zeros((4, 4)),
-        coefficient_dof=np.inf,
-        leftover=np.diag([leftover**2, 0.0]),
-        leftover_dof=np.inf,
-        time_constants=np.array([tau, 0.0]),
-        sensor_u=np.zeros(2),
-    )
+    gradients = np.array([[5.0, -2.0], [0.0, 0.01]])
+    more = np.diag([(1e3 * leftover) ** 2, 0.0])
+    return of_sensors("p", "y", (A, B), gradients, leftover=more, time_constants=(tau, 0.0))
 
 
 def drift_test(drifts: list[ThermalEstimate], plan: DriftPlan, seed: int) -> Columns:
     return simulate_drift(drifts, plan, sensors_for(drifts, plan, seed), seed)
-
-
-def rises(found: Columns, rows: np.ndarray) -> list[np.ndarray]:
-    return [found[name][rows] - 20 for name in (A, B)]
 
 
 @pytest.mark.parametrize("tau", [0.0, 40.0])
@@ -310,7 +289,7 @@ def test_noise_free_readings_are_the_drift_of_the_temperatures_in_the_file(tau: 
     found = drift_test([drift(tau=tau)], replace(NOISY, sensor_noise=0.0, cycles=1), 1)
     for position in (0.0, 200.0):
         rows = found["position_mm"] == position
-        a, b = rises(found, rows)
+        a, b = (found[name][rows] - 20 for name in (A, B))
         lagged = first_order_lag(a[:, None], found["time_min"][rows], np.array([tau]))[0, :, 0]
         expected = 5 * lagged + (-2 + 0.01 * position) * b
         assert found["error"][rows] == pytest.approx(expected, abs=1e-9)

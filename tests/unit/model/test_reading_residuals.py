@@ -13,12 +13,19 @@ from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import effects_on_readings, fit_machine, without_effects
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.units import ARCSEC, UM
 
 
+def less_line(found: Readings, kept: BoolArray | None = None) -> FloatArray:
+    """Errors less the least-squares line of all readings, or of those kept."""
+    X = np.column_stack([np.ones(len(found)), found.position_mm])
+    of = np.ones(len(found), bool) if kept is None else kept
+    return np.asarray(found.error - X @ np.linalg.lstsq(X[of], found.error[of], rcond=None)[0])
+
+
 def test_readings_less_their_own_line(tmp_path: Path) -> None:
-    """Nothing was known: the line of all readings goes, by the normal equations."""
+    """Nothing was known: the line of all readings goes."""
     found = readings([run(5, slope=3e-4)])
     table = only(tables_of(machine(tmp_path), None, found))
     assert table.component == "px"
@@ -28,8 +35,7 @@ def test_readings_less_their_own_line(tmp_path: Path) -> None:
     assert table.parts == ("1", "2", "3", "4", "5")
     assert table.features[:3] == ("-20 +", "-20 -", "0 +")
     assert table.common.shape == table.of_part.shape == (1, 8, 1, 0)
-    X = np.column_stack([np.ones(40), found.position_mm])
-    left = found.error - X @ np.linalg.solve(X.T @ X, X.T @ found.error)
+    left = less_line(found)
     for i in range(40):
         sign = "+" if found.direction[i] > 0 else "-"
         column = f"{found.position_mm[i]:g} {sign}"
@@ -98,9 +104,8 @@ def test_readings_without_passes_are_repeats(tmp_path: Path) -> None:
     assert table.parts == ("0",)
     assert table.features == ("-20", "0", "15.5", "40")
     assert table.repeats.tolist() == [[6] * 4]
-    X = np.column_stack([np.ones(24), found.position_mm])
-    left = found.error - X @ np.linalg.lstsq(X, found.error, rcond=None)[0]
-    assert table.errors[0, 1, 0] == pytest.approx(left[found.position_mm == 0].mean(), abs=1e-15)
+    left = less_line(found)[found.position_mm == 0]
+    assert table.errors[0, 1, 0] == pytest.approx(left.mean(), abs=1e-15)
     assert table.covariates["sequence"].tolist() == [[1.0]]
     assert "dir_x" not in table.covariates
 
@@ -125,10 +130,8 @@ def test_targets_are_recorded_as_reached(tmp_path: Path) -> None:
     found = replace(exact, position_mm=exact.position_mm + noise)
     table = only(tables_of(machine(tmp_path), None, found))
     assert table.errors.shape == (4, 8, 1)
-    X = np.column_stack([np.ones(len(found)), found.position_mm])
-    left = found.error - X @ np.linalg.lstsq(X, found.error, rcond=None)[0]
     order = in_table_order(found, exact.position_mm)
-    np.testing.assert_allclose(table.errors.ravel(), left[order], atol=1e-14)
+    np.testing.assert_allclose(table.errors.ravel(), less_line(found)[order], atol=1e-14)
     np.testing.assert_allclose(table.places[..., 0].ravel(), found.position_mm[order])
     # So many positions that neighbours would run together stay their own.
     line = np.linspace(0, 1, 30_001)
@@ -170,10 +173,8 @@ def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Pa
     assert (table.repeats == 0).sum() == 2
     (before,), _ = tables_of(machine(tmp_path), None, whole)
     assert before.parts == table.parts
-    X = np.column_stack([np.ones(40), found.position_mm])
-    kept = np.isfinite(load)
-    line = np.linalg.lstsq(X[kept], found.error[kept], rcond=None)[0]
-    expected = (found.error - X @ line)[in_table_order(found)].reshape(before.errors.shape)
+    expected = less_line(found, np.isfinite(load))[in_table_order(found)]
+    expected = expected.reshape(before.errors.shape)
     there = table.repeats > 0
     np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
 
@@ -183,38 +184,25 @@ def with_temperature(found: Readings, values: FloatArray | None = None) -> Readi
     return replace(found, covariates={"T_a_degC": T})
 
 
-def test_known_drift_goes_where_its_temperatures_are(tmp_path: Path) -> None:
-    known = drift("px", "x", ("T_a_degC",), np.array([[1.5], [0.01]]))
+@pytest.mark.parametrize("tau", [0.0, 7.0])
+def test_known_drift_goes_where_its_temperatures_are(tmp_path: Path, tau: float) -> None:
+    """A ramp of 0.2 degC a minute from rest: T - 20 - g tau (1 - exp(-t/tau))."""
+    known = drift("px", "x", ("T_a_degC",), np.array([[1.5], [0.01]]), time_constants=(tau,))
     estimates = Estimates(
         components={"px": estimate("px", "x", [0.0, 1e-4])}, thermal={"px": known}
     )
     found = with_temperature(readings([run(3)]))
     table = only(tables_of(machine(tmp_path), estimates, found))
-    rise = found.covariates["T_a_degC"].astype(float) - 20
-    left = found.error - 1e-4 * found.position_mm - UM * (1.5 + 0.01 * found.position_mm) * rise
+    t, p = found.time_min, found.position_mm
+    rise = 0.2 * t - (0.2 * tau * (1 - np.exp(-t / tau)) if tau else 0.0)
+    left = found.error - 1e-4 * p - UM * (1.5 + 0.01 * p) * rise
     order = in_table_order(found)
-    np.testing.assert_allclose(table.errors.ravel(), left[order], atol=1e-15)
+    np.testing.assert_allclose(table.errors.ravel(), left[order], atol=1e-14)
     assert table.covariates["T_a_degC"].shape == (3, 8)
     for bare in (readings([run(3)]), with_temperature(found, np.full(24, np.nan))):
         (table,), warned = tables_of(machine(tmp_path), estimates, bare)
         assert [item.code for item in warned] == ["drift-not-removed"]
-        np.testing.assert_allclose(
-            table.errors.ravel(), (bare.error - 1e-4 * bare.position_mm)[order], atol=1e-15
-        )
-
-
-def test_lags_follow_the_readings_times(tmp_path: Path) -> None:
-    slow = drift("px", "x", ("T_a_degC",), np.array([[1.5]]), time_constants=(7.0,))
-    estimates = Estimates(components={"px": estimate("px", "x", [0, 0])}, thermal={"px": slow})
-    found = with_temperature(readings([run(3)]))
-    table = only(tables_of(machine(tmp_path), estimates, found))
-    # A ramp of 0.2 degC a minute from rest: T - 20 - g tau (1 - exp(-t/tau)).
-    t = found.time_min
-    rise = 0.2 * t - 0.2 * 7 * (1 - np.exp(-t / 7))
-    order = in_table_order(found)
-    np.testing.assert_allclose(
-        table.errors.ravel(), (found.error - 1.5 * UM * rise)[order], atol=1e-14
-    )
+        np.testing.assert_allclose(table.errors.ravel(), (bare.error - 1e-4 * p)[order], atol=1e-15)
 
 
 # Readings less what declared effects say of them, against the effect's equation by hand.

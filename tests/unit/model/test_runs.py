@@ -25,7 +25,7 @@ from mtu_cli.model.fit import (
     estimates_from_report,
     fit_machine,
 )
-from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.measured import angle_tables, feature_tables, length_tables, length_warnings
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.residuals import reading_cells, reading_tables
@@ -37,32 +37,35 @@ from mtu_cli.stats.pass_tests import Shift
 
 P = np.linspace(0.0, 90.0, 4)
 RUNS = 5
+NUMBER = np.repeat(np.arange(1, 2 * RUNS + 1), len(P))
+WAY = np.tile(np.repeat([1, -1], len(P)), RUNS)
 MACHINE = """
 components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}}
 equations: {Ex: a, Ey: b}
 """
+ONE_AXIS = """
+components: {a: {of: x, unit: mm}}
+equations: {Ex: a}
+"""
 
 
-def there_and_back(seed: int, *, one_way: bool = False, shared: float = 3.0) -> list[Segment]:
-    """Two components in the same runs: level and slope of each run, of each pass, and noise."""
+def run_lines(
+    name: str, runs: int, seed: int, *, role: str = "lbb", reversal: float = 0.0
+) -> Segment:
+    """A component's runs: level and slope of each run, of each pass, and noise."""
     rng = np.random.default_rng(seed)
-    found = []
-    for name in "ab":
-        line = shared * rng.normal(size=(RUNS, 1, 2)) + rng.normal(size=(RUNS, 2, 2))
-        line[..., 1] *= 0.01
-        error = line[..., :1] + line[..., 1:] * (P - P.mean())
-        error = error + 0.5 * rng.standard_normal(error.shape) + [[2.0], [0.0]]
-        number = np.arange(2 * RUNS) if one_way else np.repeat(np.arange(RUNS), 2)
-        found.append(
-            Segment(
-                name=name,
-                position=np.tile(P, 2 * RUNS),
-                error=error.ravel(),
-                passes=np.repeat(number + 1, len(P)),
-                direction=np.tile(np.repeat([1, -1], len(P)), RUNS),
-            )
-        )
-    return found
+    line = 3.0 * rng.normal(size=(runs, 1, 2)) + rng.normal(size=(runs, 2, 2))
+    line[..., 1] *= 0.01
+    error = line[..., :1] + line[..., 1:] * (P - P.mean())
+    error = error + 0.5 * rng.standard_normal(error.shape) + [[reversal], [0.0]]
+    return Segment(
+        name=name,
+        position=np.tile(P, 2 * runs),
+        error=error.ravel(),
+        passes=np.repeat(np.arange(runs) + 1, 2 * len(P)),
+        direction=np.tile(np.repeat([1, -1], len(P)), runs),
+        role=role,
+    )
 
 
 def told(text: str) -> list[str]:
@@ -100,7 +103,9 @@ def test_passes_that_each_run_one_way_are_paired(passes: str, pairs: str) -> Non
 def test_a_prediction_by_hand(tmp_path: Path, one_way: bool) -> None:
     """g'((1 + 1/P) S_m + S_h)g + s^2 (1 - M), S_m and S_h from the passes' lines by numpy."""
     known = loaded(tmp_path, MACHINE)
-    given = there_and_back(1, one_way=one_way)
+    given = [run_lines(name, RUNS, seed, reversal=2.0) for seed, name in enumerate("ab")]
+    if one_way:
+        given = [replace(item, passes=NUMBER) for item in given]
     fit = fit_machine(known, readings(given))
     model = build_model(known, estimates_from_fit(known, fit))
     x, y = 30.0, 70.0
@@ -147,31 +152,11 @@ def test_a_prediction_by_hand(tmp_path: Path, one_way: bool) -> None:
 
 IntArray = NDArray[np.int64]
 
-ONE_AXIS = """
-components: {a: {of: x, unit: mm}}
-equations: {Ex: a}
-"""
-NUMBER = np.repeat(np.arange(1, 2 * RUNS + 1), len(P))
-WAY = np.tile(np.repeat([1, -1], len(P)), RUNS)
-
 
 def one_way_passes() -> Readings:
     """Passes 1 there, 2 back, 3 there ... of one axis, which runs share their scatter."""
-    rng = np.random.default_rng(3)
-    level = 3 * rng.normal(size=(RUNS, 1, 1)) + rng.normal(size=(RUNS, 2, 1))
-    error = (level + 0.5 * rng.normal(size=(RUNS, 2, len(P)))).ravel()
-    return readings(
-        [
-            Segment(
-                name="a",
-                position=np.tile(P, 2 * RUNS),
-                error=error,
-                passes=NUMBER,
-                direction=WAY,
-                time=np.arange(len(error), dtype=np.float64),
-            )
-        ]
-    )
+    found = run_lines("a", RUNS, 3)
+    return readings([replace(found, passes=NUMBER, time=np.arange(len(NUMBER), dtype=np.float64))])
 
 
 def in_files(given: Readings, file: IntArray, *, clock: bool = True) -> Readings:
@@ -220,31 +205,16 @@ def test_runs_are_the_same_whatever_files_their_passes_stand_in(
 # What passes there and back of a run share, of a component that several instruments read.
 
 
-TWO_AXES = "components: {a: {of: x, unit: mm}}\nequations: {Ex: a}\n"
 SCHEMA = "mtu/fit-components/1"
 
 
 def segment(role: str, runs: int, seed: int, *, one_way: bool = False) -> Segment:
-    """Level and slope of each run, of each pass, and noise."""
-    rng = np.random.default_rng(seed)
-    line = 3.0 * rng.normal(size=(runs, 1, 2)) + rng.normal(size=(runs, 2, 2))
-    line[..., 1] *= 0.01
-    error = line[..., :1] + line[..., 1:] * (P - P.mean())
-    error = error + 0.5 * rng.standard_normal(error.shape)
-    way = np.tile(np.repeat([1, -1], len(P)), runs)
-    found = Segment(
-        name="a",
-        position=np.tile(P, 2 * runs),
-        error=error.ravel(),
-        passes=np.repeat(np.arange(runs) + 1, 2 * len(P)),
-        direction=way,
-        role=role,
-    )
+    found = run_lines("a", runs, seed, role=role)
     if not one_way:
         return found
-    there = way > 0
-    own = {name: getattr(found, name)[there] for name in ("position", "error", "passes")}
-    return replace(found, **own, direction=way[there])
+    there = np.asarray(found.direction) > 0
+    names = ("position", "error", "passes", "direction")
+    return replace(found, **{name: getattr(found, name)[there] for name in names})
 
 
 def of_runs(item: Segment, runs: int) -> FloatArray:
@@ -257,7 +227,7 @@ def of_runs(item: Segment, runs: int) -> FloatArray:
 
 @pytest.mark.parametrize("one_way", [False, True], ids=["both ways", "one ran one way"])
 def test_it_is_pooled_over_those_that_ran_both_ways(one_way: bool, tmp_path: Path) -> None:
-    known = loaded(tmp_path, TWO_AXES)
+    known = loaded(tmp_path, ONE_AXIS)
     both = [segment("lbb", 6, 1), segment("laser", 4, 2, one_way=one_way)]
     estimate = fit_machine(known, readings(both)).components["a"].estimate
     assert estimate.half_differences is None
@@ -270,7 +240,7 @@ def test_it_is_pooled_over_those_that_ran_both_ways(one_way: bool, tmp_path: Pat
 
 def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
     """Of the table's factor; also of the report read back. A damaged one is told."""
-    known = loaded(tmp_path, TWO_AXES)
+    known = loaded(tmp_path, ONE_AXIS)
     fit = fit_machine(known, readings([segment("lbb", 6, 1), segment("laser", 4, 2)]))
     own = estimates_from_fit(known, fit)
     results = document(fit_result("m", fit, own)).record()
@@ -297,7 +267,7 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
 @pytest.mark.parametrize("way", [1, -1])
 def test_a_line_of_one_way_is_brought_to_the_mean_of_both(way: int, tmp_path: Path) -> None:
     """By half of the reversal that the other instrument tells, whose u counts; both agree then."""
-    known, lost = loaded(tmp_path, TWO_AXES), -40.0
+    known, lost = loaded(tmp_path, ONE_AXIS), -40.0
     both = segment("lbb", 6, 1)
     both = replace(both, error=both.error + 0.5 * lost * np.asarray(both.direction))
     alone = segment("laser", 5, 2, one_way=True)
@@ -329,27 +299,6 @@ AT = np.array([[0.0, 0, 0], [250, 0, 0], [500, 0, 0]])
 MANY = 4000
 
 
-def of_parts(model: MachineModel) -> FloatArray:
-    """Errors (MANY, points) along x of as many parts at `AT`."""
-    plan = PartsPlan(
-        parts=MANY, repeats=1, cmm_u=0.0, part_offset=0.0, reverse_every=0, minutes=1.0
-    )
-    found = simulate_points(model, ["a", "b", "c"], AT, plan, 1)
-    return np.asarray(found["x_mm"].reshape(MANY, 3) - AT[:, 0])
-
-
-def agree(found: FloatArray, wanted: FloatArray) -> bool:
-    """Covariances of MANY draws, to 4.5 standard errors."""
-    se = np.sqrt((np.outer(np.diag(wanted), np.diag(wanted)) + wanted**2) / MANY)
-    return bool((np.abs(np.cov(found.T) - wanted) <= 4.5 * se).all())
-
-
-def scaled(item: ComponentEstimate, by: FloatArray) -> ComponentEstimate:
-    """The estimate with its coefficients in other units."""
-    C, D = (by @ own @ by for own in (item.covariance, item.pass_covariance))
-    return replace(item, covariance=C, pass_covariance=D)
-
-
 def covariance_drawn(item: ComponentEstimate) -> FloatArray:
     root = pass_root(model_of([(item, {"x": "1"})], axes=("x",)))
     return np.asarray(root @ root.T)
@@ -365,14 +314,23 @@ def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
     C = np.array([[3.79e-8, 9.38e-12], [9.38e-12, 2.64e-13]])
     one = estimate("a", "x", [0.0, 0.0], C=C, D=moment)
     drawn, X = covariance_drawn(one), np.column_stack([np.ones(3), AT[:, 0]])
-    assert agree(of_parts(model_of([(one, {"x": "1"})], axes=("x",))), X @ drawn @ X.T)
+    plan = PartsPlan(
+        parts=MANY, repeats=1, cmm_u=0.0, part_offset=0.0, reverse_every=0, minutes=1.0
+    )
+    model = model_of([(one, {"x": "1"})], axes=("x",))
+    made = simulate_points(model, ["a", "b", "c"], AT, plan, 1)["x_mm"].reshape(MANY, 3)
+    # To 4.5 standard errors.
+    wanted = X @ drawn @ X.T
+    se = np.sqrt((np.outer(np.diag(wanted), np.diag(wanted)) + wanted**2) / MANY)
+    assert (np.abs(np.cov((made - AT[:, 0]).T) - wanted) <= 4.5 * se).all()
     assert np.linalg.eigvalsh(drawn / np.outer(*[np.sqrt(np.diag(drawn))] * 2))[0] >= -1e-9
     # What D lacks is less than the mean square of the ten passes, of which C is a tenth.
     added = np.diag(X @ (drawn - moment) @ X.T)
     assert (added >= 0).all()
     assert (added <= 10 * np.diag(X @ C @ X.T)).all()
     units = np.diag([1e3, 1e6])
-    other = covariance_drawn(scaled(one, units))
+    scaled = replace(one, covariance=units @ C @ units, pass_covariance=units @ moment @ units)
+    other = covariance_drawn(scaled)
     np.testing.assert_allclose(other, units @ drawn @ units, rtol=1e-9)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed_model import PassFit, fit_passes
 
 IntArray = NDArray[np.int64]
 
@@ -73,6 +74,10 @@ def drawn(
     return readings
 
 
+def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
+    return fit_passes(y, design.position, degree, design.group, design.direction)
+
+
 @dataclass(frozen=True)
 class PlainPasses:
     """The passes' own lines (G, 2) at the mean position, S, and s2 with its dof."""
@@ -102,14 +107,10 @@ def plain_passes(design: Design, y: FloatArray) -> PlainPasses:
 
 
 def dense_variance(design: Design, s2: float, D: FloatArray) -> FloatArray:
-    """V (n, n), element by element: s2 where i = j, plus z_i' D z_j within a pass."""
+    """V (n, n): s2 where i = j, plus z_i' D z_j within a pass."""
     n = len(design.position)
     z = np.column_stack([np.ones(n), design.position - design.position.mean()])[:, : len(D)]
-    V = np.zeros((n, n))
-    for i in range(n):
-        for j in range(n):
-            if design.group[i] == design.group[j]:
-                V[i, j] = z[i] @ D @ z[j] + (s2 if i == j else 0.0)
+    V: FloatArray = s2 * np.eye(n) + (design.group[:, None] == design.group) * (z @ D @ z.T)
     return V
 
 

@@ -35,20 +35,20 @@ def drawn(item: Distribution, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[
     return out
 
 
-def shape(kind: Kind, top: float = 0.0, inexact: float = 0.0) -> Distribution:
-    second = shape_moments(kind, top / 2.0)[0]
-    return Distribution(
-        kind=kind, u=2.0 * math.sqrt(second), half_width=2.0, top=top, inexact=inexact
-    )
+def shape(kind: Kind, half: float = 1.0, top: float = 0.0, inexact: float = 0.0) -> Distribution:
+    """A bounded one, whose u is that of what is drawn."""
+    second = shape_moments(kind, top / half)[0] * (1.0 + inexact**2 / 3.0)
+    u = half * math.sqrt(second)
+    return Distribution(kind=kind, u=u, half_width=half, top=top, inexact=inexact)
 
 
 SHAPES = [
-    shape("rectangular"),
-    shape("triangular"),
-    shape("arcsine"),
-    shape("trapezoidal", top=0.5),
-    shape("curvilinear-trapezoidal", inexact=0.3),
-    shape("triangular", inexact=0.2),
+    shape("rectangular", 2.0),
+    shape("triangular", 2.0),
+    shape("arcsine", 2.0),
+    shape("trapezoidal", 2.0, top=0.5),
+    shape("curvilinear-trapezoidal", 2.0, inexact=0.3),
+    shape("triangular", 2.0, inexact=0.2),
 ]
 
 
@@ -71,11 +71,11 @@ def test_variances_of_jcgm_101() -> None:
     (b - a)^2/12 + d^2/9, ends at a -+ d.
     """
     for item, variance in (
-        (shape("rectangular"), 4 / 3),
-        (shape("triangular"), 4 / 6),
-        (shape("arcsine"), 4 / 2),
-        (shape("trapezoidal", top=1.0), 4 * 1.25 / 6),
-        (shape("curvilinear-trapezoidal", inexact=0.25), 4.0**2 / 12 + 0.5**2 / 9),
+        (shape("rectangular", 2.0), 4 / 3),
+        (shape("triangular", 2.0), 4 / 6),
+        (shape("arcsine", 2.0), 4 / 2),
+        (shape("trapezoidal", 2.0, top=1.0), 4 * 1.25 / 6),
+        (shape("curvilinear-trapezoidal", 2.0, inexact=0.25), 4.0**2 / 12 + 0.5**2 / 9),
     ):
         assert item.drawn_variance == pytest.approx(variance)
 
@@ -97,39 +97,23 @@ def test_scaled_t(dof: float) -> None:
 # The correlation behind a Gaussian copula: closed forms and samples.
 
 
-def item(kind: Kind, top: float = 0.0) -> Distribution:
-    u = math.sqrt(shape_moments(kind, top)[0])
-    return Distribution(kind=kind, u=u, half_width=1.0, top=top)
-
-
 NORMAL = Distribution(kind="normal", u=2.0)
-ALIKE = [item("rectangular"), item("triangular"), item("arcsine"), item("trapezoidal", 0.4)]
 
 
 @pytest.mark.parametrize("r", [-0.95, -0.3, 0.5, 0.9])
 def test_two_rectangles_in_closed_form(r: float) -> None:
     """Pearson's r = (6/pi) asin(rho/2) for uniform marginals (Pearson 1907)."""
-    a = item("rectangular")
+    a = shape("rectangular")
     assert normal_correlation(a, a, r / 3) == pytest.approx(2 * math.sin(math.pi * r / 6), abs=1e-6)
-
-
-@pytest.mark.parametrize("shape", ALIKE, ids=lambda x: x.kind)
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_full_correlation_of_one_shape_is_full(shape: Distribution, sign: float) -> None:
-    """r = +-1 between inputs of one shape, whatever their widths: exactly one normal for both."""
-    wide = Distribution(
-        kind=shape.kind, u=3.0 * shape.u, half_width=3.0 * shape.half_width, top=3.0 * shape.top
-    )
-    assert normal_correlation(shape, wide, sign * shape.u * wide.u) == sign
 
 
 # The most that can be had, E Q_1(U) Q_2(U)/(u_1 u_2), by hand: rectangle and normal sqrt(3/pi);
 # rectangle and arcsine sqrt(6) times the integral of (2 p - 1) sin(pi (p - 1/2)) = 4/pi^2;
 # rectangle and triangle 3 sqrt(2) times that of (2 p - 1) Q(p) = 7/30.
 LARGEST = [
-    (item("rectangular"), NORMAL, math.sqrt(3.0 / math.pi)),
-    (item("rectangular"), item("arcsine"), math.sqrt(6.0) * 4.0 / math.pi**2),
-    (item("rectangular"), item("triangular"), 3.0 * math.sqrt(2.0) * 7.0 / 30.0),
+    (shape("rectangular"), NORMAL, math.sqrt(3.0 / math.pi)),
+    (shape("rectangular"), shape("arcsine"), math.sqrt(6.0) * 4.0 / math.pi**2),
+    (shape("rectangular"), shape("triangular"), 3.0 * math.sqrt(2.0) * 7.0 / 30.0),
 ]
 
 
@@ -145,12 +129,6 @@ def test_no_coefficient_is_lowered(first: Distribution, second: Distribution, mo
         assert normal_correlation(first, second, sign * most * (1.0 + 1e-6) * unit) is None
         found = normal_correlation(first, second, sign * most * unit)
         assert found == pytest.approx(sign, abs=1e-8)
-
-
-def test_welch_satterthwaite_of_gum_h1() -> None:
-    """GUM H.1.6: u_c = 32 nm with nu_eff = 16.7 (printed 16) from 25, 9.7, 2.9, 16.6 nm."""
-    u = np.array([25.0, 9.7, 2.9, 16.6])
-    assert welch_satterthwaite(u**2, np.array([18.0, 25.6, 50.0, 2.0])) == pytest.approx(16.7, 0.01)
 
 
 def test_infinite_degrees_of_freedom() -> None:
@@ -211,10 +189,6 @@ def known(*terms: Term) -> Quantile:
     return found
 
 
-def bounded(kind: Kind, share: float, **more: float) -> Distribution:
-    return Distribution(kind=kind, u=math.sqrt(share), half_width=1.0, **more)
-
-
 MIXED: list[Term] = [
     (1.0, Distribution(kind="normal", u=0.4, dof=5.0)),
     (-2.0, Distribution(kind="curvilinear-trapezoidal", u=0.5, half_width=0.9, inexact=0.2)),
@@ -251,24 +225,19 @@ def inexact(d: float) -> Callable[[Any], Any]:
     return below
 
 
-def curved(kind: Kind, share: float, d: float) -> Distribution:
-    u = math.sqrt(share * (1.0 + d * d / 3.0))
-    return Distribution(kind=kind, u=u, half_width=1.0, inexact=d)
-
-
 SUMS: dict[str, tuple[list[Term], Callable[[Any], Any]]] = {
     "rectangle and normal": (
-        [(1.0, bounded("rectangular", 1 / 3)), (-1.0, Distribution(kind="normal", u=0.05))],
+        [(1.0, shape("rectangular")), (-1.0, Distribution(kind="normal", u=0.05))],
         with_normal(0.05),
     ),
     "two rectangles": (
-        [(1.0, bounded("rectangular", 1 / 3)), (0.2, bounded("rectangular", 1 / 3))],
+        [(1.0, shape("rectangular")), (0.2, shape("rectangular"))],
         trapezoid(1.0, 0.2),
     ),
-    "inexact by a half": ([(1.0, curved("curvilinear-trapezoidal", 1 / 3, 0.5))], inexact(0.5)),
-    "inexact by nearly all": ([(1.0, curved("rectangular", 1 / 3, 0.9))], inexact(0.9)),
-    "triangle": ([(1.0, bounded("triangular", 1 / 6))], lambda x: 1 - 0.5 * (1 - x) ** 2),
-    "arcsine": ([(1.0, bounded("arcsine", 1 / 2))], lambda x: 0.5 + np.arcsin(x) / math.pi),
+    "inexact by a half": ([(1.0, shape("curvilinear-trapezoidal", inexact=0.5))], inexact(0.5)),
+    "inexact by nearly all": ([(1.0, shape("rectangular", inexact=0.9))], inexact(0.9)),
+    "triangle": ([(1.0, shape("triangular"))], lambda x: 1 - 0.5 * (1 - x) ** 2),
+    "arcsine": ([(1.0, shape("arcsine"))], lambda x: 0.5 + np.arcsin(x) / math.pi),
     "normal": ([(-2.0, Distribution(kind="normal", u=1.5))], lambda x: ndtr(x / 3)),
     "t3": ([(1.0, Distribution(kind="t", u=1.0, dof=3.0))], lambda x: stdtr(3.0, x)),
 }
@@ -297,10 +266,10 @@ def test_a_mixture_against_simulation() -> None:
 
 def test_where_it_is_not_known() -> None:
     heavy = (1.0, Distribution(kind="t", u=1.0, dof=2.5))
-    assert sum_quantile([heavy, (1.0, bounded("rectangular", 1 / 3))]) is None
+    assert sum_quantile([heavy, (1.0, shape("rectangular"))]) is None
     assert sum_quantile([(0.0, Distribution(kind="normal", u=1.0))]) is None
     assert sum_quantile([]) is None
     # An arcsine with little beside it has an end that the series would round off.
-    arcsine = (1.0, bounded("arcsine", 1 / 2))
-    assert sum_quantile([arcsine, (1e-4, bounded("rectangular", 1 / 3))]) is None
+    arcsine = (1.0, shape("arcsine"))
+    assert sum_quantile([arcsine, (1e-4, shape("rectangular"))]) is None
     assert sum_quantile([arcsine, (1.0, Distribution(kind="normal", u=0.02))]) is not None

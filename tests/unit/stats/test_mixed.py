@@ -4,7 +4,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pass_designs import (
     DRIFT,
@@ -16,18 +16,16 @@ from pass_designs import (
     dense_covariance,
     dense_variance,
     drawn,
+    fitted,
     plain_passes,
 )
+from property_settings import tried
 from scipy.special import stdtrit
 
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed_model import PassFit, fit_passes
 from mtu_cli.stats.pass_tests import pass_scatter, pass_trend, reversal
-
-
-def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
-    return fit_passes(y, design.position, degree, design.group, design.direction)
 
 
 @pytest.mark.parametrize("name", UNBALANCED)
@@ -68,7 +66,7 @@ def test_moments_are_unbiased_exactly(design: Design, degree: int, D: FloatArray
     assert sum(f.s2 for f in fits) == pytest.approx(s2, rel=1e-6)
 
 
-@settings(derandomize=True, deadline=None, database=None, max_examples=25)
+@tried(25)
 @given(
     st.sampled_from(sorted(UNBALANCED)),
     st.sampled_from([1e-9, 4.8e-6, 1e-3, 1e6]),
@@ -148,10 +146,6 @@ def test_intervals_of_unbalanced_passes_cover(s_level: float, s_slope: float) ->
 # Data that determine less than the model: no crash, no warning, no nan without reason.
 
 
-def noise(n: int) -> FloatArray:
-    return np.random.default_rng(n).normal(size=n)
-
-
 def assert_sound(fit: PassFit) -> None:
     """Finite throughout; D and C are covariances; the tests of the passes run."""
     for field in fields(fit):
@@ -168,18 +162,6 @@ def assert_sound(fit: PassFit) -> None:
     reversal(fit, np.arange(float(fit.n_passes)))
 
 
-def assert_not_separated(fit: PassFit, n: int, k: int) -> None:
-    """All scatter counts as repeatability: D = 0 and s_repeat = s."""
-    assert not fit.separated
-    assert not fit.D.any()
-    assert (fit.pass_dof, fit.within_dof) == (0, n - k)
-    assert fit.s2 == fit.plain.s2
-    np.testing.assert_array_equal(fit.covariance, fit.plain.s2 * fit.plain.unscaled_covariance)
-    assert pass_scatter(fit) is None
-    assert pass_trend(fit, np.arange(fit.n_passes, dtype=np.float64)) is None
-    assert reversal(fit, np.arange(float(fit.n_passes))) is None
-
-
 def test_one_reading_a_pass_without_an_axis() -> None:
     """Gilsinn & Ling 2004, Table 1: all scatter is pass-to-pass, u of a future one s sqrt 6/5."""
     y = np.array([1.0, 3.0, 2.0, 6.0, 3.0])
@@ -193,10 +175,18 @@ def test_one_reading_a_pass_without_an_axis() -> None:
 
 def test_one_reading_a_pass_along_an_axis_is_not_pass_to_pass_scatter() -> None:
     """The passes differ by the slope, which no pass shows by itself: it must not enter D."""
-    y = 0.1 * PLACES + noise(8)
+    y = 0.1 * PLACES + np.random.default_rng(8).normal(size=8)
     fit = fit_passes(y, PLACES, 1, np.arange(8))
     assert_sound(fit)
-    assert_not_separated(fit, 8, 2)
+    # All scatter counts as repeatability: D = 0 and s_repeat = s.
+    assert not fit.separated
+    assert not fit.D.any()
+    assert (fit.pass_dof, fit.within_dof) == (0, 8 - 2)
+    assert fit.s2 == fit.plain.s2
+    np.testing.assert_array_equal(fit.covariance, fit.plain.s2 * fit.plain.unscaled_covariance)
+    assert pass_scatter(fit) is None
+    assert pass_trend(fit, np.arange(fit.n_passes, dtype=np.float64)) is None
+    assert reversal(fit, np.arange(float(fit.n_passes))) is None
     assert fit.s2 < 5.0
 
 

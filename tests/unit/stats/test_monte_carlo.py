@@ -186,17 +186,6 @@ def test_clause8_passes_fails_and_abstains() -> None:
 # Monte Carlo results against analytic ones; its own standard uncertainty.
 
 
-@pytest.mark.parametrize("control", [False, True])
-@pytest.mark.parametrize("bend", [0.0, 0.05])
-def test_bent_normal(bend: float, control: bool) -> None:
-    model = Bent(bend, control)
-    result = monte_carlo(model, seed=8, trials=400_000)
-    for name, exact in model.exact.items():
-        # The ends are exact up to the far branch of the parabola, beyond 10 u.
-        error = getattr(result, name)[0] - exact
-        assert abs(error) <= 4 * getattr(result, f"se_{name}")[0] + 1e-8, name
-
-
 @pytest.mark.parametrize("dof", [1.0, 2.0])
 def test_without_a_standard_deviation_only_intervals(dof: float) -> None:
     result = monte_carlo(ScaledT(dof), seed=3)
@@ -210,34 +199,31 @@ def test_without_a_standard_deviation_only_intervals(dof: float) -> None:
     assert np.isfinite(few.high[0])
 
 
-def scatter_as_stated(model: Bent, results: list[MonteCarloResult], of_se: float) -> None:
-    """Mean squared error over mean se^2: chi-square of the seeds, less what se itself scatters."""
-    seeds = len(results)
-    for name, exact in model.exact.items():
-        error = np.array([getattr(r, name)[0] for r in results]) - exact
-        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
-        four_sigma = 4.0 * np.sqrt((2.0 + of_se) / seeds)
-        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma + 0.1, name
-        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds) + 1e-12, name
-
-
-@pytest.mark.parametrize("trials", [8_003, None])
-def test_few_trials_of_a_smooth_model(trials: int | None) -> None:
-    """Unbiased, with the scatter stated, over 200 seeds; se^2 of ten blocks has 2/9 itself."""
-    seeds, model = 200, Smooth(0.05)
+@pytest.mark.parametrize(
+    ("model", "trials", "blocks", "of_se"),
+    [
+        # se^2 of ten blocks has 2/9 itself; a count that adapts has as many or more.
+        (Smooth(0.05), 8_003, {10}, 2.0 / 9.0),
+        (Smooth(0.05), None, None, 2.0 / 9.0),
+        *((Bent(0.05, control), 2_000, {1}, 2.0 / 20.0) for control in (False, True)),
+        *((Bent(0.05, control), 20_000, None, 2.0 / 8.0) for control in (False, True)),
+    ],
+)
+def test_scatter_over_seeds_is_the_stated_one(
+    model: Bent, trials: int | None, blocks: set[int] | None, of_se: float
+) -> None:
+    """Unbiased; mean squared error over mean se^2: chi-square with 200, less what se itself
+    scatters.
+    """
+    seeds = 200
     results = [
         monte_carlo(model, seed=s, trials=trials, tolerance_fraction=0.5, threads=1)
         for s in range(seeds)
     ]
-    assert {r.blocks for r in results} == {10} or trials is None
-    scatter_as_stated(model, results, 2.0 / 9.0)
-
-
-@pytest.mark.parametrize("trials", [2_000, 20_000])
-@pytest.mark.parametrize("control", [False, True])
-def test_scatter_over_seeds_is_the_stated_one(control: bool, trials: int) -> None:
-    """mean squared error over mean se^2: chi-square with 200, less what se itself scatters."""
-    model = Bent(0.05, control)
-    seeds = 200
-    results = [monte_carlo(model, seed=s, trials=trials, threads=1) for s in range(seeds)]
-    scatter_as_stated(model, results, 2.0 / 8.0 if trials >= 20_000 else 2.0 / 20.0)
+    assert blocks is None or {r.blocks for r in results} == blocks
+    four_sigma = 4.0 * np.sqrt((2.0 + of_se) / seeds)
+    for name, exact in model.exact.items():
+        error = np.array([getattr(r, name)[0] for r in results]) - exact
+        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
+        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma + 0.1, name
+        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds) + 1e-12, name

@@ -13,6 +13,7 @@ from pass_designs import (
     balanced,
     dense_covariance,
     drawn,
+    fitted,
     plain_passes,
 )
 from scipy import stats
@@ -51,10 +52,6 @@ with warnings.catch_warnings():
 IntArray = NDArray[np.int64]
 
 DESIGNS = {"balanced": balanced(6), "balanced, both ways": balanced(6, both=True), **UNBALANCED}
-
-
-def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
-    return fit_passes(y, design.position, degree, design.group, design.direction)
 
 
 def dummies(codes: IntArray | FloatArray) -> FloatArray:
@@ -127,21 +124,18 @@ def test_reversal_is_forward_minus_reverse() -> None:
     assert found.dof == 8
 
 
-def in_runs(design: Design, y: FloatArray) -> PassFit:
+def in_runs(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
     """Two passes that follow each other are a run there and back."""
-    return fit_passes(y, design.position, 1, design.group, design.direction, design.group // 2)
-
-
-def shared_in_runs(design: Design, rng: np.random.Generator, size: float) -> FloatArray:
-    found: FloatArray = rng.normal(0, size, 20)[design.group // 2]
-    return found
+    runs = design.group // 2
+    return fit_passes(y, design.position, degree, design.group, design.direction, runs)
 
 
 def test_of_runs_the_reversal_is_that_of_levels_less_a_steady_drift() -> None:
     """Its value is the coefficient of direction beside order, by statsmodels; its u by hand."""
     design = balanced(10, both=True)
     rng = np.random.default_rng(5)
-    y = drawn(design, rng, reversal=6.0) + shared_in_runs(design, rng, 2.0) + 0.5 * design.group
+    shared = rng.normal(0, 2.0, 20)[design.group // 2]
+    y = drawn(design, rng, reversal=6.0) + shared + 0.5 * design.group
     level = plain_passes(design, y).lines[:, 0]
     way = np.where(np.arange(10) % 2 == 0, 0.5, -0.5)
     wanted = OLS(level, np.column_stack([np.ones(10), way, np.arange(10)])).fit()
@@ -218,20 +212,9 @@ def test_what_cannot_be_tested_is_none() -> None:
 WARM = np.array([[9.0, 0.01], [0.01, 4e-4]])
 
 
-def run_of(design: Design) -> IntArray:
-    """The run (n,) of each reading: two passes follow each other, there and back."""
-    found: IntArray = design.group // 2
-    return found
-
-
-def each_way(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
-    runs = run_of(design)
-    return fit_passes(y, design.position, degree, design.group, design.direction, runs)
-
-
 def warm(design: Design, rng: np.random.Generator, K: FloatArray) -> FloatArray:
     """What both directions of a run share at every reading: a level and a slope of covariance K."""
-    run = run_of(design)
+    run = design.group // 2
     shared = rng.multivariate_normal(np.zeros(2), K, size=int(run.max()) + 1)[run]
     found: FloatArray = shared[:, 0] + shared[:, 1] * (design.position - design.position.mean())
     return found
@@ -251,7 +234,7 @@ def test_unbalanced_runs_against_dense_matrices(name: str, degree: int) -> None:
     design = MISSING[name]
     rng = np.random.default_rng(3)
     y = drawn(design, rng, 3 * DRIFT, reversal=3.0) + warm(design, rng, 0.3 * WARM)
-    fit = each_way(design, y, degree)
+    fit = in_runs(design, y, degree)
     kept = fit.groups
     runs, signs = kept // 2, fit.group_direction
     both = [r for r in np.unique(runs) if (runs == r).sum() == 2]
@@ -264,7 +247,8 @@ def test_unbalanced_runs_against_dense_matrices(name: str, degree: int) -> None:
     c = design.position.mean()
     X = np.stack([design.position**k for k in range(degree + 1)], axis=1)
     Z = np.column_stack([np.ones(len(y)), design.position - c])
-    fellows = (run_of(design)[:, None] == run_of(design)) & (design.group[:, None] != design.group)
+    run = design.group // 2
+    fellows = (run[:, None] == run) & (design.group[:, None] != design.group)
     H = np.linalg.inv(X.T @ X) @ X.T
     wanted = dense_covariance(design, degree, fit.s2, fit.D_moment)
     wanted = wanted + H @ np.where(fellows, Z @ K @ Z.T, 0.0) @ H.T
@@ -286,7 +270,7 @@ def test_intervals_cover_whatever_directions_share(own: FloatArray, shared: Floa
     hits = np.zeros(3)
     for _ in range(600):
         y = drawn(design, rng, own, reversal=3.0) + warm(design, rng, shared)
-        fit = each_way(design, y)
+        fit = in_runs(design, y)
         u = np.sqrt(np.einsum("ij,jk,ik->i", at, fit.covariance, at))
         hits += np.abs(at @ (fit.plain.coefficients - truth)) <= stdtrit(fit.pass_dof, 0.975) * u
     assert (np.abs(hits / 600 - 0.95) < 3.3 * np.sqrt(0.95 * 0.05 / 600)).all()
