@@ -154,31 +154,17 @@ def test_points_of_two_files(tmp_path: Path) -> None:
 
 NOMINAL = f"{HEAD},nominal_x_mm,nominal_y_mm,nominal_z_mm"
 LINE = "expected a text on one line that is not empty, without control characters"
-WAY = "expected forward or reverse, + or -, 1 or -1"
 FAULTS: dict[str, tuple[list[str], dict[str, Place] | None, list[str]]] = {
-    "no nominal": (
-        [f"{HEAD}\na,f,1,2\n"],
-        None,
-        ["p0.csv, row 2, column 'feature': the nominal place is missing; expected it in a part "
-         "file (--part), or nominal_x_mm and nominal_y_mm"],
-    ),
     "another nominal": (
         [f"{NOMINAL}\na,h1,1,2,0,0,5\na,h2,1,2,10.00001,20,7\n"],
         PART,
         ["p0.csv, row 3, column 'nominal_x_mm': contradicts the nominal place of 'h2': '10.00001'; "
          "expected 10, as in the part file"],
     ),
-    "sequence in one file": (
-        [f"{HEAD},sequence\nb,h1,0,0,7\n", f"{HEAD}\na,h1,0,0\n"],
-        PART,
-        ["p1.csv, row 1, column 'sequence': the column is missing; expected it in all files, or in "
-         "none: p0.csv has it"],
-    ),
     "directions": (
-        [f"{HEAD},dir_x,dir_y\na,h1,0,0,+,1\na,h2,0,0,forwrd,0.5\n"],
+        [f"{HEAD},dir_x\na,h1,0,0,+\na,h2,0,0,forwrd\n"],
         PART,
-        ["p0.csv, row 3, column 'dir_x': not a direction: 'forwrd'; did you mean 'forward'?",
-         f"p0.csv, row 3, column 'dir_y': not a direction: '0.5'; {WAY}"],
+        ["p0.csv, row 3, column 'dir_x': not a direction: 'forwrd'; did you mean 'forward'?"],
     ),
     "equal rows": (
         [f"{HEAD},repeat\na,h1,0,0,1\na,h1,-0.0,0,1\na,h1,0,0,2\n"],
@@ -204,7 +190,7 @@ def test_faults_have_their_place(tmp_path: Path, case: str) -> None:
     contents, features, expected = FAULTS[case]
     with pytest.raises(InputError) as caught:
         read_cmm(tmp_path, *contents, features=features)
-    assert [str(problem) for problem in caught.value.findings][: len(expected)] == expected
+    assert [str(problem) for problem in caught.value.findings] == expected
 
 
 def test_columns_that_stand_in_for_others(tmp_path: Path) -> None:
@@ -271,7 +257,6 @@ def report_faults(path: Path) -> list[str]:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"s_repeat": 1e200}, "s_repeat: out of range: '1e+200'; expected at most 1e+30 in size"),
         ({"pass_covariance": [[1e31]]}, "pass_covariance[0][0]: out of range: '1e+31'"),
         ({"degree": 1e99}, "degree: wrong value: '1e+99'; expected a whole number"),
         ({"unit": 3}, "unit: wrong value: '3'; expected a text"),
