@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -405,6 +406,60 @@ CALLS = {
     "graph simulate": ["graphs/rotary-axis-a.yaml --trials 1000"],
     "graph sweep": ["graphs/ball-centre.yaml --of P1.z --vary axis_um=1,2,3 --trials 1000"],
 }
+SCORES = "rms_um rms_x_um rms_y_um p95_um max_um chi2_per_dof"
+COMPARED = "id operation predicted measured bias_um E_n ratio_u ratio_range range_width_um verdict"
+PROMISED = {
+    "predict-points": {
+        "points": "id x_mm y_mm z_mm Ex_um Ey_um u_x_um u_y_um var_x_um2 var_y_um2 U_x_um U_y_um "
+        "dof_effective_x dof_effective_y? interval95_x_um interval95_y_um independent",
+    },
+    "anova": {
+        "features": "operation feature axis parts n mean_error_um ms_between_um2 ms_within_um2 "
+        "df_between df_within F F_critical_95 p var_part_um2 var_repeat_um2 method s_pooled_um "
+        "var_part_interval95_um2 u_mean_um u_future_um U_future_um unusual_parts",
+    },
+    "compare": {
+        "features": f"{COMPARED} axis",
+        "features.predicted": "mean_um u_um U_um",
+        "features.measured": "mean_um u_um U_um parts",
+        "features.range_width_um": "predicted measured",
+        "lengths": COMPARED,
+    },
+    "close-loop": {
+        "": "verdict undeclared_effect_found before after floor_um in_sample improvement_percent "
+        "effects candidates unexplained",
+        **dict.fromkeys(("before", "after", "in_sample.before", "in_sample.after"), SCORES),
+        "effects": "name family axis covariate equations parameters searched p_familywise "
+        "log_bayes_factor posterior explained_share class aliases experiment?",
+        "candidates": "name p_familywise? log_bayes_factor? posterior? minimum_detectable_um?",
+        "unexplained": "found checks rms_um",
+        "unexplained.checks": "name p",
+    },
+    "thermal-fit": {
+        "components.pos_y": "model positions_mm sensors groups coefficients r2_fit rms_before_um "
+        "rms_after_um held_out collinearity residuals of unit degree reference_temperature_degC "
+        "time_constants_min covariance coefficient_dof leftover_covariance leftover_dof? "
+        "sensor_u_degC temperature_range_degC position_range_mm gradients inseparable",
+        "components.yaw_y": "rms_before_arcsec rms_after_arcsec",
+    },
+    "correct": {
+        "": "points circles spheres lengths",
+        "points": "part feature measured correction_um corrected",
+        "circles": "id diameter_mm error_um u_um reduction_percent n_repeats",
+        "circles.diameter_mm": "before after",
+        "circles.error_um": "before after",
+    },
+    "budget": {
+        "": "value u second_order dof_effective k U rows monte_carlo",
+        "rows": "name value u distribution dof? sensitivity contribution share",
+        "monte_carlo": "mean u interval shortest probability trials first_order_valid?",
+    },
+    "graph simulate": {
+        "": "places trials converged budget",
+        "places.PA.z": "unit nominal mean u U interval95 first_order_u",
+    },
+}
+"""Names that scripts rely on, by place in the report of the first call; ``?``: may be null."""
 LEAF = "a figure"
 
 
@@ -455,8 +510,22 @@ def test_every_field_and_column_is_declared_once(command: str) -> None:
         assert undeclared(known, made.report["results"]) == set()
         header = next(csv.reader([made.table.partition("\n")[0]]))
         free = ("share_", "coefficient_", "u_coefficient_")
-        columns = {name for name, _ in column_meanings(row)}
-        assert {x for x in header if not x.startswith(free)} <= columns
+        columns = [name for name, _ in column_meanings(row)]
+        assert len(columns) == len({*columns})
+        assert {x for x in header if not x.startswith(free)} <= {*columns}
+
+
+@pytest.mark.parametrize("command", PROMISED)
+def test_reports_have_the_figures_that_scripts_rely_on(command: str) -> None:
+    call = f"{command} configs/{CALLS[command][0]}"
+    for place, names in PROMISED[command].items():
+        items: list[Any] = [shared(call).report["results"]]
+        for step in filter(None, place.split(".")):
+            inner = [item[step] for item in items]
+            items = [x for each in inner for x in (each if isinstance(each, list) else [each])]
+        assert items
+        for item, name in product(items, names.split()):
+            assert item[name.rstrip("?")] is not None or name.endswith("?"), (place, name)
 
 
 @pytest.mark.parametrize("command", sorted({name.partition(" ")[0] for name in REPORTS}))
@@ -465,4 +534,5 @@ def test_help_explains_every_field_and_column(command: str) -> None:
     for name in (each for each in REPORTS if each.partition(" ")[0] == command):
         results, row = declaration(name)
         for key, meaning in [*meanings(results), *column_meanings(row)]:
+            assert meaning
             assert f"| `{key}` | {meaning.replace('|', chr(92) + '|')} |" in shown

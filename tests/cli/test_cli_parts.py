@@ -4,7 +4,7 @@ import csv
 import json
 from collections.abc import Callable
 from itertools import product
-from math import fsum, isfinite
+from math import fsum
 from pathlib import Path
 from typing import Any
 
@@ -25,20 +25,6 @@ def write(path: Path, rows: Rows) -> Path:
         writer.writeheader()
         writer.writerows(rows)
     return path
-
-
-# Every number of a report, and every null.
-
-
-def numbers(value: Any, path: str = "") -> list[tuple[str, float | None]]:
-    """Every number and null of a report, with the names that lead to it."""
-    if isinstance(value, dict):
-        return [pair for key, item in value.items() for pair in numbers(item, f"{path}.{key}")]
-    if isinstance(value, list):
-        return [pair for item in value for pair in numbers(item, path)]
-    if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
-        return [(path, value)]
-    return []
 
 
 # `mtu anova` as a user runs it: virtual parts in, report, table, picture, gate and faults out.
@@ -135,11 +121,6 @@ def test_the_gate_needs_four_parts(measured: Path, tmp_path: Path) -> None:
 
 
 STUDY = CONFIGS / "gilsinn-ling-parts"
-ITEM = {
-    "id", "axis", "operation", "predicted", "measured", "bias_um", "E_n", "ratio_u", "ratio_range",
-    "range_width_um", "verdict",
-}  # fmt: skip
-VERDICTS = {"consistent", "biased", "under-predicted", "over-predicted"}
 OUTPUTS = ("-o", "out.json", "--csv", "out.csv", "--plot", "out.png")
 Item = dict[str, Any]
 
@@ -164,16 +145,9 @@ def test_the_report_holds_what_the_contract_names(document: Item) -> None:
     roles = [item["role"] for item in document["inputs"]]
     assert roles == ["study", "machine", "part", "cmm", "cmm"]
     results = document["results"]
-    items = [*results["features"], *results["lengths"]]
     assert [len(results[key]) for key in ("features", "lengths")] == [96, 6]
-    for item in items:
-        assert set(item) >= ITEM
-        assert set(item["predicted"]) >= {"mean_um", "u_um", "U_um"}
-        assert set(item["measured"]) >= {"mean_um", "u_um", "U_um", "parts"}
-        assert set(item["range_width_um"]) == {"predicted", "measured"}
-        assert item["verdict"] in VERDICTS
-    found = numbers(items) + numbers(results["summary"])
-    assert all(value is not None and isfinite(value) for name, value in found if "axis" not in name)
+    items = [*results["features"], *results["lengths"]]
+    assert {item["verdict"] for item in items} <= {"consistent", "biased", *GATED, "over-predicted"}
     assert {item["operation"] for item in items} == {"drilled", "milled"}
     assert document["warnings"] == []
 
@@ -363,15 +337,7 @@ def test_the_report_of_correct_holds_what_the_contract_names(corrected: dict[str
     assert [len(results[key]) for key in ("points", "circles", "spheres", "lengths")] == [
         36, 3, 0, 3,
     ]  # fmt: skip
-    for point in results["points"]:
-        assert set(point) >= {"part", "feature", "measured", "correction_um", "corrected"}
-    for ring in results["circles"]:
-        assert set(ring) >= {"id", "diameter_mm", "error_um", "u_um", "reduction_percent"}
-        assert set(ring["diameter_mm"]) == set(ring["error_um"]) == {"before", "after"}
-        assert ring["n_repeats"] == 2
-    # Only z, which is not measured here, and unnamed operations are null.
-    nulls = {name for name, value in numbers(results) if value is None}
-    assert all(name.endswith((".z", ".z_mm", ".operation")) for name in nulls)
+    assert {ring["n_repeats"] for ring in results["circles"]} == {2}
 
 
 def test_the_temperature_of_the_ring_may_be_given(folder: Path, tmp_path: Path) -> None:

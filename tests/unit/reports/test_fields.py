@@ -3,7 +3,6 @@
 import csv
 import io
 import re
-from collections import Counter
 from dataclasses import dataclass
 from math import inf, nan, pi
 from pathlib import Path
@@ -23,14 +22,10 @@ from mtu_cli.findings import finding
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import fit_components, numbers, predictions
 from mtu_cli.reports.document import (
-    REPORTS,
     Document,
     Sheet,
     Table,
-    column_meanings,
-    declaration,
     envelope,
-    meanings,
     plain_text,
 )
 from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
@@ -143,14 +138,6 @@ def test_rows_of_arrays_are_items() -> None:
         {"mean_mm": 1.0, "last_mm": 4.0},
         {"mean_mm": 2.0, "last_mm": 6.0},
     ]
-
-
-@pytest.mark.parametrize("name", REPORTS)
-def test_every_figure_is_declared_once_and_explained(name: str) -> None:
-    results, row = declaration(name)
-    for known in (list(meanings(results)), list(column_meanings(row))):
-        assert [path for path, meaning in known if not meaning] == []
-        assert [path for path, n in Counter(path for path, _ in known).items() if n > 1] == []
 
 
 def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:

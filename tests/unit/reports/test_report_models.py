@@ -55,12 +55,6 @@ from mtu_cli.reports.thermal_fit import figure as drift_figure
 
 pytestmark = pytest.mark.usefixtures("styled")
 
-POINT = [
-    "id", "x_mm", "y_mm", "z_mm", "Ex_um", "Ey_um", "u_x_um", "u_y_um", "var_x_um2",
-    "var_y_um2", "U_x_um", "U_y_um", "dof_effective_x", "dof_effective_y", "interval95_x_um",
-    "interval95_y_um", "independent",
-]  # fmt: skip
-
 
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
@@ -78,13 +72,6 @@ def spatial(tmp_path_factory: pytest.TempPathFactory) -> Example:
     )
 
 
-def results(document: Document) -> dict[str, Any]:
-    """`results` as JSON reads them back: nothing is lost on the way."""
-    found = document.record()
-    assert json.loads(report_bytes(found)) == found
-    return found
-
-
 def documents(given: Example, settings: Settings | None = None, digits: int = 2) -> list[Document]:
     more = {} if settings is None else {"settings": settings}
     return [
@@ -92,25 +79,6 @@ def documents(given: Example, settings: Settings | None = None, digits: int = 2)
         predictions.lengths(given.lengths(**more), digits),
         predictions.orthogonality(given.angles(**more), digits),
     ]
-
-
-def test_points_hold_the_contract_fields(paper: Example) -> None:
-    result = paper.points()
-    found = results(predictions.points(result))
-    assert "covariance_um2" not in found
-    assert len(found["points"]) == 24
-    for i, point in enumerate(found["points"]):
-        assert set(POINT) <= set(point)
-        assert point["Ex_um"] == pytest.approx(result.prediction.mean[2 * i] * 1e3, rel=1e-12)
-        assert point["var_y_um2"] == pytest.approx(result.variance[2 * i + 1] * 1e6, rel=1e-12)
-        assert point["U_x_um"] == pytest.approx(2 * point["u_x_um"], rel=1e-12)
-        assert point["u_x_um"] ** 2 == pytest.approx(point["var_x_um2"], rel=1e-12)
-        low, high = point["interval95_x_um"]
-        assert (low + high) / 2 == pytest.approx(point["Ex_um"], abs=1e-9)
-        assert sum(point["shares"]["x"].values()) == pytest.approx(1, rel=1e-9)
-        apart = point["independent"]
-        assert apart["u_y_um"] == pytest.approx(np.sqrt(apart["var_y_um2"]), rel=1e-12)
-        assert point["z_mm"] is None
 
 
 @pytest.mark.parametrize("planar", [True, False])
@@ -261,12 +229,6 @@ def test_variances_of_lengths_and_directions_are_not_added() -> None:
 # The report, table, CSV and figure of a budget say what the result holds.
 
 
-CONTRACT = {"value", "u", "second_order", "dof_effective", "k", "U", "rows", "monte_carlo"}
-ROW = {"name", "value", "u", "distribution", "dof", "sensitivity", "contribution", "share"}
-MONTE_CARLO = {
-    "mean", "u", "interval", "shortest", "probability", "trials", "first_order_valid",
-}  # fmt: skip
-
 CSV_COLUMNS = "output,name,unit,value,u,type,distribution,dof,sensitivity,contribution,share"
 
 
@@ -298,11 +260,8 @@ def two() -> BudgetResult:
     return evaluated(TWO)
 
 
-def test_the_report_is_that_of_the_contract(one: BudgetResult) -> None:
+def test_figures_of_a_budget(one: BudgetResult) -> None:
     found = json.loads(report_bytes(document(one).record()))
-    assert set(found) >= CONTRACT
-    assert set(found["monte_carlo"]) >= MONTE_CARLO
-    assert [set(row) >= ROW for row in found["rows"]] == [True] * 4
     assert found["value"] == pytest.approx(7.15)
     assert found["U"] == pytest.approx(found["k"] * found["u"])
     rows = {row["name"]: row for row in found["rows"]}
@@ -319,7 +278,6 @@ def test_the_report_is_that_of_the_contract(one: BudgetResult) -> None:
 def test_several_outputs(two: BudgetResult) -> None:
     found = json.loads(report_bytes(document(two).record()))
     assert set(found["outputs"]) == {"s", "p"}
-    assert all(set(item) >= CONTRACT for item in found["outputs"].values())
     assert found["outputs"]["s"]["unit"] == "mm"
     lines = csv_text(*document(two).rows()).splitlines()
     assert lines[0] == CSV_COLUMNS
@@ -380,13 +338,6 @@ def test_correlations_of_inputs_are_reported_and_a_footer_explains_no_missing_co
 
 
 STUDY = CONFIGS / "valdes-ring"
-DRIFT_CONTRACT = {
-    "model", "positions_mm", "sensors", "groups", "coefficients", "r2_fit", "rms_before_um",
-    "rms_after_um", "held_out", "collinearity", "residuals", "of", "unit", "degree",
-    "reference_temperature_degC", "time_constants_min", "covariance", "coefficient_dof",
-    "leftover_covariance", "leftover_dof", "sensor_u_degC", "temperature_range_degC",
-    "position_range_mm", "gradients", "inseparable",
-}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -409,7 +360,6 @@ def test_names_and_units(fit: ThermalFit) -> None:
         ("yaw_y", "arcsec", "um", np.pi / 648000),
     ):
         entry, known = found[name], fit.components[name]
-        assert set(entry) >= {key.replace("_um", f"_{unit}") for key in DRIFT_CONTRACT}
         assert f"_{other}" not in json.dumps(entry)
         held, expected, at = entry["held_out"], known.held_out, known.gradients[0]
         assert expected is not None
