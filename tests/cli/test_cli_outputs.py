@@ -411,12 +411,12 @@ COMPARED = "id operation predicted measured bias_um E_n ratio_u ratio_range rang
 PROMISED = {
     "predict-points": {
         "points": "id x_mm y_mm z_mm Ex_um Ey_um u_x_um u_y_um var_x_um2 var_y_um2 U_x_um U_y_um "
-        "dof_effective_x dof_effective_y? interval95_x_um interval95_y_um independent",
+        "dof_effective_x dof_effective_y? interval95_x_um interval95_y_um independent"
     },
     "anova": {
         "features": "operation feature axis parts n mean_error_um ms_between_um2 ms_within_um2 "
         "df_between df_within F F_critical_95 p var_part_um2 var_repeat_um2 method s_pooled_um "
-        "var_part_interval95_um2 u_mean_um u_future_um U_future_um unusual_parts",
+        "var_part_interval95_um2 u_mean_um u_future_um U_future_um unusual_parts"
     },
     "compare": {
         "features": f"{COMPARED} axis",

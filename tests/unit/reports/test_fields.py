@@ -21,13 +21,7 @@ from mtu_cli.files.source import Source, report_bytes
 from mtu_cli.findings import finding
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import fit_components, numbers, predictions
-from mtu_cli.reports.document import (
-    Document,
-    Sheet,
-    Table,
-    envelope,
-    plain_text,
-)
+from mtu_cli.reports.document import Document, Sheet, Table, envelope, plain_text
 from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
 from mtu_cli.reports.figures import blank, figure_bytes
 

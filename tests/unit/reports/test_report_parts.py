@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from measured_examples import part_file, points, study, with_measured
 from report_examples import LINES, SAYS, SETTINGS, Example, example
-from support import read_components
+from support import leaves, read_components
 
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
 from mtu_cli.analyses.compare import Compared, CompareResult, Pooled, compared, judged
@@ -24,13 +24,14 @@ from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.fit_components import FitResult, fit_result, observability
 from mtu_cli.files.readings import Points
 from mtu_cli.files.source import report_bytes
-from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import estimates_from_report
+from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import anova as of_anova
 from mtu_cli.reports import compare as of_compare
 from mtu_cli.reports import correct as of_correct
+from mtu_cli.reports import predictions
 from mtu_cli.reports.document import Document, envelope, plain_text
 from mtu_cli.reports.fit_components import document
 from mtu_cli.reports.numbers import plus_minus, significant
@@ -353,44 +354,20 @@ def report(given: Example) -> dict[str, Any]:
     )
 
 
-def same(found: object, wanted: object) -> None:
-    """Arrays to 1e-12 of the scale of their rows and columns, the rest exactly."""
-    if wanted is None or found is None:
-        assert found is wanted
-        return
-    a, b = np.asarray(found, float), np.asarray(wanted, float)
-    assert a.shape == b.shape
-    if b.ndim == 2:
-        scale = np.sqrt(np.abs(np.outer(np.diag(b), np.diag(b))))
-        assert np.all(np.abs(a - b) <= 1e-12 * scale)
-    else:
-        np.testing.assert_allclose(a, b, rtol=1e-12)
-
-
 @pytest.mark.parametrize("case", CASES)
 def test_prediction_reads_the_same_estimates_back(case: str, tmp_path: Path) -> None:
     given = example(tmp_path, **CASES[case])
     path = tmp_path / "components.json"
     path.write_bytes(report_bytes(report(given)))
     back = estimates_from_report(given.machine, read_components(path))
-    assert set(back.components) == set(given.estimates.components)
-    for name, wanted in given.estimates.components.items():
-        found = back.components[name]
-        for field in ComponentEstimate.__dataclass_fields__:
-            if field in ("name", "of", "unit", "n_passes"):
-                assert getattr(found, field) == getattr(wanted, field), (name, field)
-            else:
-                same(getattr(found, field), getattr(wanted, field))
-    assert len(back.joint) == len(given.estimates.joint)
-    for read, group in zip(back.joint, given.estimates.joint, strict=True):
-        assert (read.components, read.widths, read.pass_dof, read.n_passes) == (
-            group.components,
-            group.widths,
-            group.pass_dof,
-            group.n_passes,
-        )
-        same(read.covariance, group.covariance)
-        same(read.pass_covariance, group.pass_covariance)
+    wanted = given.points()
+    found = replace(given, model=build_model(given.machine, back)).points()
+    np.testing.assert_allclose(found.covariance, wanted.covariance, rtol=1e-11, atol=1e-18)
+    one, other = (leaves(predictions.points(each).record()) for each in (found, wanted))
+    assert one.keys() == other.keys()
+    for place, value in other.items():
+        near = pytest.approx(value, rel=1e-9) if isinstance(value, float) else value
+        assert one[place] == near, place
 
 
 def test_figures_against_plain_formulas(paper: Example) -> None:
