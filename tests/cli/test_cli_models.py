@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_runner import done, listing, mtu, prepared, report
+from cli_runner import done, mtu, report
 from support import CONFIGS
 
 from mtu_cli.cli.analyse import fit_components as fitting
@@ -106,27 +106,7 @@ def test_draw(kind: str, start: bytes, tmp_path: Path) -> None:
     assert (plain.read_bytes() == shares.read_bytes()) == (kind == "pl")
 
 
-def test_the_same_bytes_with_other_threads(tmp_path: Path) -> None:
-    found = []
-    for threads in (1, 3):
-        folder = tmp_path / str(threads)
-        folder.mkdir()
-        graph = GRAPHS / "work-coordinates.yaml"
-        files = ("-o", "a.json", "--csv", "a.csv", "--plot", "a.svg")
-        done(mtu("graph", "simulate", graph, "--threads", threads, *files, cwd=folder))
-        found.append(listing(folder))
-    assert found[0] == found[1]
-
-
 # What a call's files are taken for, whatever is asked for first.
-
-
-@pytest.fixture
-def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the small study, as the working folder."""
-    folder = prepared(tmp_path / "work")
-    monkeypatch.chdir(folder)
-    return folder
 
 
 def edited(path: Path, old: str, new: str) -> None:
@@ -152,32 +132,32 @@ def told(code: str, **files: object) -> list[str]:
     return [item.message for item in modelled(inputs)[1] if item.code == code]
 
 
-def test_what_limits_u_comes_with_predictions_too(work: Path) -> None:
+def test_what_limits_u_comes_with_predictions_too(small: Path) -> None:
     """From readings and from a report of their fit alike, of what the equations use."""
     readings, report = {"lbb": [Path("lbb.csv")]}, {"components": [Path("c.json")]}
     assert told("passes-drift", **readings) == []
-    drifting(work / "lbb.csv")
+    drifting(small / "lbb.csv")
     own = {"machine": Path("machine.yaml"), **readings, "out": Path("c.json"), "quiet": True}
     execute(Options("fit-components", own), fitting)
     (drift,) = told("passes-drift", **readings)
     assert drift.startswith("dx_x drifts by ")
     assert told("reported", **report) == [f"c.json: {drift}"]
     # A report that says it twice.
-    document = json.loads((work / "c.json").read_text())
-    (work / "c.json").write_text(
+    document = json.loads((small / "c.json").read_text())
+    (small / "c.json").write_text(
         json.dumps(document | {"warnings": 2 * document["warnings"] + [{"code": 1}]})
     )
     assert told("reported", **report) == [f"c.json: {drift}"]
-    edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
+    edited(small / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
     assert told("passes-drift", **readings) == []
 
 
-def test_coefficients_that_readings_beat_are_not_asked_for_their_uncertainty(work: Path) -> None:
+def test_coefficients_that_readings_beat_are_not_asked_for_their_uncertainty(small: Path) -> None:
     readings = {"lbb": [Path("lbb.csv")]}
-    edited(work / "machine.yaml", "axy: {unit: urad,", "axy: {unit: urad, coefficients: [5],")
+    edited(small / "machine.yaml", "axy: {unit: urad,", "axy: {unit: urad, coefficients: [5],")
     assert told("no-uncertainty", **readings) == []
-    lines = (work / "lbb.csv").read_text().splitlines()
-    (work / "lbb.csv").write_text("\n".join(x for x in lines if not x.startswith("axy")) + "\n")
+    lines = (small / "lbb.csv").read_text().splitlines()
+    (small / "lbb.csv").write_text("\n".join(x for x in lines if not x.startswith("axy")) + "\n")
     (asked,) = told("no-uncertainty", **readings)
     assert "components.axy" in asked
 

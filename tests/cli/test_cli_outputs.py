@@ -43,14 +43,6 @@ FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /d
 
 
 @pytest.fixture
-def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the small study, as the working folder."""
-    folder = prepared(tmp_path / "work")
-    monkeypatch.chdir(folder)
-    return folder
-
-
-@pytest.fixture
 def work(small: Path) -> Path:
     """A study of all kinds of files, in its folder."""
     (small / "mtu.yaml").write_text(STUDY)
@@ -312,12 +304,15 @@ def test_covariance_is_in_the_report_where_it_is_asked_for() -> None:
     for i, point in enumerate(points):
         assert matrix[2 * i][2 * i] == pytest.approx(point["var_x_um2"], rel=1e-12)
         assert matrix[2 * i + 1][2 * i + 1] == pytest.approx(point["var_y_um2"], rel=1e-12)
+        apart = point["independent"]
+        assert apart["u_y_um"] ** 2 == pytest.approx(apart["var_y_um2"], rel=1e-12)
 
 
 def test_the_study_is_found_here_and_above(tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
     below = work / "reports" / "2024"
     below.mkdir(parents=True)
+    (below.parent / "mtu.yaml").mkdir()
     here = done(mtu("lengths", cwd=work))
     assert "\nLengths\n" in here.stdout
     assert done(mtu("lengths", cwd=below)).stdout == here.stdout

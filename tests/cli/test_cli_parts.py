@@ -165,13 +165,6 @@ def test_the_prediction_is_that_of_the_other_commands(document: Item) -> None:
         assert item["predicted"]["u_um"] == pytest.approx(u, rel=1e-9)
 
 
-def test_the_same_bytes_again_and_with_two_threads(shipped: Listing, tmp_path: Path) -> None:
-    result = done(mtu("compare", STUDY, "--threads", 2, *OUTPUTS, cwd=tmp_path))
-    assert listing(tmp_path) | {"": result.stdout.encode()} == shipped
-    alone = done(mtu("compare", STUDY, "-o", "-", cwd=tmp_path))
-    assert alone.stdout.encode() == shipped["out.json"]
-
-
 def test_a_datum_frees_the_parts_of_their_coordinate_system(document: Item) -> None:
     """On both sides no offset is left, and a length does not see where the part lies."""
     found = report("compare", STUDY, "--datum", "offset,rotation")["results"]

@@ -6,7 +6,7 @@ import pytest
 
 from mtu_cli.files.machine import LoadedMachine, Thermal, load_machine
 from mtu_cli.files.part import LoadedPart, Tolerance, load_part
-from mtu_cli.files.study import LoadedStudy, find_study, load_study
+from mtu_cli.files.study import LoadedStudy, load_study
 from mtu_cli.findings import InputError
 
 VALID = """\
@@ -305,15 +305,3 @@ def test_a_study_names_files_relative_to_itself(tmp_path: Path) -> None:
     }
     assert loaded.study.settings.seed == 3
     assert loaded.study.settings.coverage_factor is None
-
-
-def test_the_nearest_study_above_is_found(tmp_path: Path) -> None:
-    deep = tmp_path / "a" / "b"
-    deep.mkdir(parents=True)
-    (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\n")
-    assert find_study(deep) == tmp_path.resolve() / "mtu.yaml"
-    (deep / "mtu.yaml").mkdir()
-    assert find_study(deep) == tmp_path.resolve() / "mtu.yaml"
-    (deep / "mtu.yaml").rmdir()
-    (deep / "mtu.yaml").write_text("schema: mtu/study/1\n")
-    assert find_study(deep) == deep / "mtu.yaml"
