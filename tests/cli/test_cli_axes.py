@@ -71,14 +71,6 @@ def test_limits_meet_their_gate(laser: Path) -> None:
     assert "unknown figure" in done(mtu(*call, *vdi, "A=20"), 2).stderr
 
 
-def test_outlying_runs_are_reported_and_stay(tmp_path: Path) -> None:
-    laser = write_readings(tmp_path / "laser.csv", *published(1))
-    said = done(mtu("iso230", "--laser", laser, "--fail-if", "suspicious"), 3)
-    assert said.stderr.count("[outlying-value]") == 1
-    assert "(rows 2, 7)" in said.stderr
-    assert "A 205" in said.stdout
-
-
 def test_an_earlier_test_is_compared(laser: Path, tmp_path: Path) -> None:
     targets, readings = published(3)
     earlier = readings + np.array([30.0, 0.0])[:, None, None]

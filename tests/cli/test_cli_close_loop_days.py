@@ -19,7 +19,6 @@ from shop_day import (
     write_machine,
     write_part,
 )
-from support import CONFIGS, DATA
 
 
 def shop(
@@ -113,72 +112,6 @@ def test_every_command_takes_the_extended_machine(extended: Path) -> None:
             expected = lost["value"] * signs[item["id"]] + level["value"]
             assert item["predicted"]["mean_um"] == pytest.approx(expected, rel=1e-6)
             assert not item["biased"]
-
-
-RING = CONFIGS / "valdes-ring"
-RINGS = ("ring1", "ring4", "ring6")
-GROWTH, FIXED_AT_MM = 22e-6, -400.0
-"""Of the scale of Y, 1/K, and where it is fixed."""
-DRIFT_X_UM = 6.0
-
-
-@pytest.fixture(scope="module")
-def ring_day(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A ring at three places, measured by 11 points each, twelve times while the room warms.
-
-    The machine that measures knows no temperature: its Y scale grows from a fixed point outside
-    of its travel, and X drifts.
-    """
-    folder = tmp_path_factory.mktemp("ring")
-    truth = yaml.safe_load((RING / "truth.yaml").read_text())
-    for component in truth["components"].values():
-        component.pop("thermal", None)
-    (folder / "truth.yaml").write_text(yaml.safe_dump(truth, sort_keys=False))
-    part = yaml.safe_load((RING / "part.yaml").read_text())
-    part["features"] = {
-        name: place for name, place in part["features"].items() if name.startswith(RINGS)
-    }
-    part.pop("circles")
-    (folder / "part.yaml").write_text(yaml.safe_dump(part, sort_keys=False))
-    done(
-        mtu(
-            *("simulate", "-m", "truth.yaml", "-p", "part.yaml", "--seed", "11", "-q"),
-            *("--parts", "12", "--repeats", "1", "--cmm-u-um", "0.3", "--minutes", "0.6"),
-            *("--covariate", "T_room_degC: 20 + 6*(1 - exp(-time_min/120))"),
-            "--covariate",
-            "T_scale_y_degC: 20 + 5*(1 - exp(-time_min/200)) + 0.3*sin(time_min/40)",
-            *("--effect", f"Ex: {DRIFT_X_UM / 1e3}*(T_room_degC - 20)"),
-            *("--effect", f"Ey: {GROWTH}*(y - {FIXED_AT_MM})*(T_scale_y_degC - 20)"),
-            *("--write-cmm", "ring.csv"),
-            cwd=folder,
-        )
-    )
-    return folder
-
-
-@TWO_FOLDS
-def test_a_warming_measuring_machine(ring_day: Path) -> None:
-    """Tens of micrometres that no equation knows come down below 3 um on held-out visits."""
-    laser = DATA / "valdes-ring" / "laser.csv"
-    data = ("-p", "part.yaml", "--laser", str(laser), "--cmm", "ring.csv")
-    found = closed(ring_day, "-m", str(RING / "machine.yaml"), *data, *NO_WAVES, *EXTEND)
-    assert found["before"]["rms_um"] > 10
-    assert found["after"]["rms_um"] < 3
-    growth, drift = (e for e in found["effects"] if e["axis"] in ("y", "x"))
-    assert (growth["name"], drift["name"]) == ("thermal-growth-y", "thermal-drift-x")
-    places = yaml.safe_load((ring_day / "part.yaml").read_text())["features"].values()
-    centre = float(np.mean([place["y_mm"] for place in places]))
-    expected = [
-        (growth, "growth", 1e6 * GROWTH),
-        (growth, "drift", 1e3 * GROWTH * (centre - FIXED_AT_MM)),
-        (drift, "drift", DRIFT_X_UM),
-    ]
-    for found_as, parameter, true in expected:
-        value = found_as["parameters"][parameter]
-        # Passes of the machine scatter a little, which u holds: 4 u in three parameters.
-        assert abs(value["value"] - true) < 4 * value["u"], parameter
-    again = closed(ring_day, *EXTENDED, *NO_WAVES, "--cmm", "ring.csv")
-    assert again["verdict"] == "none"
 
 
 MILL = """schema: mtu/machine/1

@@ -326,14 +326,6 @@ def bomb() -> str:
     [
         (bomb(), "machine.yaml:6: more than 500000 values"),
         (
-            MACHINE + f"equations: {{Ex: '{'(' * 5000}a{')' * 5000}'}}",
-            "machine.yaml:4: equations.Ex: more than 60 levels of an equation at column",
-        ),
-        (
-            MACHINE + f"equations: {{Ex: '{'-' * 9000}a'}}",
-            "machine.yaml:4: equations.Ex: more than 300 operators of an equation",
-        ),
-        (
             MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
             "machine.yaml:4: equations.Ex: not a finite number at column 3: '999",
         ),
@@ -342,7 +334,7 @@ def bomb() -> str:
             "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
         ),
     ],
-    ids=["aliases", "parentheses", "signs", "digits", "tag"],
+    ids=["aliases", "digits", "tag"],
 )
 def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")

@@ -28,7 +28,7 @@ from support import CONFIGS
 
 from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
-from mtu_cli.analyses.graph import shares_by_place, simulate_graph
+from mtu_cli.analyses.graph import shares_by_place
 from mtu_cli.analyses.thermal_fit import ThermalFit
 from mtu_cli.cli.analyse import fitted_drift
 from mtu_cli.cli.load import Inputs
@@ -41,7 +41,6 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_report
 from mtu_cli.model.measurands import Conformance, PositionConformance
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import graph as report
 from mtu_cli.reports import graph_drawing, predictions
 from mtu_cli.reports.budget import document, figure
 from mtu_cli.reports.close_loop import document as loop_document
@@ -193,29 +192,6 @@ transitions:
     assert 'p1(("a_b"))' in graph_drawing.mermaid(drawn)
     assert len(drawn.arcs) == 2
     assert figure_bytes(lambda: drawing(drawn), "svg").startswith(b"<?xml")
-
-
-def test_report_of_a_simulation() -> None:
-    result = simulate_graph(shipped("rotary-axis-a"), Settings(trials=20_000))
-    made = report.simulate(result)
-    results = made.record()
-    assert set(results) == {"places", "trials", "converged", "budget"}
-    assert list(results["places"]) == ["PA", "VA", "RA"]
-    assert list(results["places"]["VA"]) == ["i", "j", "k"]
-    one = results["places"]["RA"]["value"]
-    assert one["unit"] == "mm"
-    assert one["interval95"][0] < one["mean"] < one["interval95"][1]
-    assert one["U"] == 2 * one["u"]
-    assert results["places"]["VA"]["j"]["unit"] == "1"
-    assert results["budget"]["VA"]["i"]["u1_axis"] is None
-    header, rows = made.rows()
-    assert all(len(row) == len(header) for row in rows)
-    places = made.tables[0].sheet(2, detail=True)
-    assert [row[0] for row in places.rows][:2] == ["PA.x", "PA.y"]
-    unjudged = [item.validation is None for item in result.coordinates]
-    assert [row[-1] == "-" for row in places.rows] == unjudged
-    assert made.figure is not None
-    assert figure_bytes(made.figure, "png").startswith(b"\x89PNG")
 
 
 def test_variances_of_lengths_and_directions_are_not_added() -> None:
@@ -408,17 +384,6 @@ def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
     assert starts == sorted(starts)
     assert (len(lines), len({*starts})) == (32, 4)
     assert lines[0].get_color() != lines[2].get_color()
-
-
-def test_details_have_the_gradient_of_every_sensor_at_every_position(fit: ThermalFit) -> None:
-    (table,) = (each for each in drift_document(fit).tables if "Gradients" in each.title)
-    known = [each for item in fit.components.values() for each in item.gradients]
-    sheet = table.sheet(2, detail=True)
-    assert len(sheet.rows) == len(known) > 100
-    heads = [column.title for column in sheet.columns]
-    values = [row[heads.index("gradient\nper degC")] for row in sheet.rows]
-    assert all("±" in value for value in values)
-    assert "Gradients" not in plain_text(drift_document(fit).blocks())
 
 
 # The report of close-loop: its sentence, its fields, its tables and its picture.
