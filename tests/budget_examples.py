@@ -45,13 +45,11 @@ def evaluated(
 
 
 def single(result: BudgetResult) -> OutputBudget:
-    """The output of a budget of one equation."""
     (output,) = result.outputs
     return output
 
 
 def codes(result: BudgetResult) -> set[str]:
-    """The codes of a result's warnings."""
     return {item.code for item in result.warnings}
 
 

@@ -22,7 +22,6 @@ GRID = np.linspace(10.0, 140.0, 14)
 
 @cache
 def study() -> tuple[LoadedMachine, MachineModel, LoadedPart]:
-    """The synthetic machine's equations, its truth, and its part."""
     truth = load_machine(SIMULATED / "truth.yaml")
     model = build_model(truth, estimates_from_fit(truth, None))
     return load_machine(SIMULATED / "machine.yaml"), model, load_part(SIMULATED / "part.yaml")

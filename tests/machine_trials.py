@@ -114,7 +114,6 @@ def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Rea
 
 
 def true_coefficients() -> dict[str, FloatArray]:
-    """Intercept and slope of every component."""
     found = {name: np.array([b0, b1]) for name, (_, b0, b1, *_) in COMPONENTS.items()}
     return found | {"axy": np.array([AXY[0]])}
 

@@ -134,5 +134,4 @@ def readings(segments: Sequence[Segment]) -> Readings:
 
 
 def permuted(given: Readings, order: NDArray[np.int64]) -> Readings:
-    """The same readings in another order of rows."""
     return given.where(order)  # rows by their numbers

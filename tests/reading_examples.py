@@ -52,7 +52,6 @@ def run(
 def tables_of(
     machine: LoadedMachine, known: Estimates | None, found: Readings
 ) -> tuple[tuple[ResidualTable, ...], tuple[Finding, ...]]:
-    """The tables of readings; without anything else known, by the machine file."""
     return reading_tables(machine, known or estimates_from_fit(machine, None), found)
 
 

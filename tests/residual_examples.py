@@ -76,7 +76,6 @@ def measured(
 
 
 def rows(points: Points, chosen: NDArray[Any]) -> Points:
-    """Some of the points, in their order."""
     arrays: dict[str, Any] = {
         field.name: getattr(points, field.name)[chosen]
         for field in fields(points)
@@ -92,7 +91,6 @@ def with_operations(points: Points, names: Sequence[str]) -> Points:
 
 
 def column_of(points: Points, i: int) -> str:
-    """The name of a point's column."""
     name = str(points.features[points.feature[i]])
     code = int(points.operation[i])
     told = len(np.unique(points.operation)) > 1 and code >= 0
@@ -100,7 +98,6 @@ def column_of(points: Points, i: int) -> str:
 
 
 def values_at(points: Points, i: int, at: Mapping[str, float]) -> dict[str, float]:
-    """A point's covariates."""
     own = {f"dir_{a}": points.direction[i, k] for k, a in enumerate(AXES)}
     own |= {"time_min": points.time_min[i], "sequence": float(points.sequence[i])}
     own |= {name: column[i] for name, column in points.covariates.items()}
@@ -120,7 +117,6 @@ def residuals(
 
 
 def by_cell(points: Points, errors: FloatArray) -> dict[Cell, list[FloatArray]]:
-    """The errors of the repeats of every part and column."""
     found: dict[Cell, list[FloatArray]] = defaultdict(list)
     for i, error in enumerate(errors):
         found[points.parts[points.part[i]], column_of(points, i)].append(error)
@@ -147,7 +143,6 @@ def moved(points: Points, errors: FloatArray, axes: Sequence[int], *, turning: b
 
 
 def codes(warned: tuple[Finding, ...]) -> list[str]:
-    """The codes of warnings."""
     return [item.code for item in warned]
 
 

@@ -175,7 +175,6 @@ DAMAGES = {
 
 
 def simulate(folder: Path, of: str, study: str, seed: int) -> Frame:
-    """Sound readings of one study."""
     to, config = folder / "sound.csv", CONFIGS / study
     rest = [*SIMULATE[study], *(DRIFT if of == "drift" else ["--passes", "5"])]
     call = ["simulate", "-q", "-m", config / "truth.yaml", "-p", config / "part.yaml", *rest]

@@ -52,7 +52,6 @@ def judged(study: str, of: str, frame: pd.DataFrame) -> list[tuple[str, str]]:
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> list[tuple]:
-    """All damages, drawn from simulated readings of the shipped studies."""
     return list(draws(tmp_path_factory.mktemp("damage")))
 
 

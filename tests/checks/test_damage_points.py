@@ -26,7 +26,6 @@ def read_once(load: Callable[[Path], Any], path: Path, content: bytes) -> Any:
 
 
 def judged(case: Case, folder: Path) -> list[tuple[str, str]]:
-    """(code, message) of what readers and checks say about the files of a case."""
     points, part, machine = written(case, folder)
     try:
         loaded = read_once(load_machine, machine, machine.read_bytes())
@@ -43,7 +42,6 @@ def judged(case: Case, folder: Path) -> list[tuple[str, str]]:
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, Case, Case]]:
-    """All damages, drawn from simulated parts of the shipped studies."""
     return list(draws(tmp_path_factory.mktemp("damage")))
 
 

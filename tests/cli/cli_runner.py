@@ -101,7 +101,6 @@ def done(result: Result, code: int = 0) -> Result:
 
 
 def report(*args: object, cwd: Path | None = None) -> dict[str, Any]:
-    """The JSON report of a call, from standard output."""
     found: dict[str, Any] = json.loads(done(mtu(*args, "-o", "-", cwd=cwd)).stdout)
     return found
 
@@ -145,7 +144,6 @@ def shared(call: str) -> Shared:
 
 
 def listing(folder: Path) -> Listing:
-    """Every file below a folder with its bytes, and every folder."""
     return {
         path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None
         for path in folder.rglob("*")

@@ -215,7 +215,6 @@ def given(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 
 
 def predicted(folder: Path, *call: object) -> Any:
-    """Results of predictions at two places."""
     features = "".join(f"  p{x:g}: {{x_mm: {x}, y_mm: {y}, z_mm: 127}}\n" for x, y in PLACES)
     (folder / "part.yaml").write_text(f"schema: mtu/part/1\nname: p\nfeatures:\n{features}")
     call = ("predict-points", "-p", "part.yaml", *call, "--covariance")
@@ -301,13 +300,11 @@ POINTS = READINGS.with_name("cmm.csv")
 
 @pytest.fixture(scope="module")
 def rows() -> list[dict[str, str]]:
-    """The shipped points."""
     with POINTS.open(encoding="utf-8") as file:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
 def once(rows: list[dict[str, str]]) -> list[dict[str, str]]:
-    """The first measurement of eight parts."""
     return [dict(row) for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
 
 
@@ -316,7 +313,6 @@ NO_WAVES = ("--exclude", "cyclic")
 
 
 def few(folder: Path, points: Sequence[dict[str, Any]], *words: object) -> tuple[Any, Result]:
-    """Report and result of a call on some points."""
     path, out = folder / "cmm.csv", folder / "out.json"
     with path.open("w", encoding="utf-8", newline="") as file:
         table = csv.DictWriter(file, list(points[0]))

@@ -20,7 +20,6 @@ def folders(kind: Path) -> list[Path]:
 
 
 def call_of(folder: Path) -> tuple[list[str], list[str]]:
-    """The arguments, and the lines expected."""
     call, expected = ((folder / name).read_text("utf-8") for name in ("call.txt", "expected.txt"))
     return shlex.split(call), expected.splitlines()
 

@@ -26,7 +26,6 @@ equations: {Ex: dx_x}
 
 @pytest.fixture
 def instruments(tmp_path: Path) -> Path:
-    """A machine of one axis and the files."""
     (tmp_path / "m.yaml").write_text(LASER_MACHINE)
     for name, (_, content) in made.FILES.items():
         (tmp_path / name).write_bytes(content)

@@ -69,9 +69,11 @@ def test_check_and_simulate() -> None:
     assert document["schema"] == "mtu/graph-simulate/1"
     results = document["results"]
     assert results["converged"] is True
-    assert set(results["budget"]["d_AC"]["value"]) == {
-        "u1_axis", "u2_probe", "u3_perpendicular"
-    }  # fmt: skip
+    found = results["places"]["d_AC"]["value"]
+    assert found["U"] == 2 * found["u"]
+    assert found["interval95"][0] < found["mean"] < found["interval95"][1]
+    of = {"u1_axis", "u2_probe", "u3_perpendicular"}
+    assert set(results["budget"]["d_AC"]["value"]) == of
     assert not any("file" in item for item in document["warnings"])
 
 
@@ -177,7 +179,6 @@ lengths: [{from: a, to: b, tolerance_um: 20}]
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    """A study of a fault in its readings whose warnings name it."""
     folder = tmp_path / "mill-2"
     folder.mkdir()
     (folder / "machine.yaml").write_bytes(MACHINE)

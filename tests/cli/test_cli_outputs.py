@@ -27,7 +27,8 @@ from mtu_cli.cli.main import main
 from mtu_cli.cli.options import Options
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.reports.document import REPORTS, column_meanings, declaration, meanings
+from mtu_cli.model.settings import Settings
+from mtu_cli.reports.document import REPORTS, column_meanings, declaration, envelope, meanings
 from mtu_cli.reports.fields import Fields, Group, fields_of
 
 STUDY = """\
@@ -138,6 +139,8 @@ def test_warnings_are_said_once_and_notes_not_with_quiet(
         "warning: no formula: m [no-formula]",
         "note: not estimable: u (a); n [not-estimable]",
     ]
+    twice = envelope("lengths", inputs=(), settings=Settings(), results={}, warnings=[note] * 2)
+    assert twice["warnings"] == [note.to_dict()]
     for quiet in (True, False):
         options = Options("lengths", {"quiet": quiet})
         execute(options, lambda inputs: Result(inputs, Listing(), [note]))

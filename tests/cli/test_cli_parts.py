@@ -299,7 +299,6 @@ FILES = ("-m", "machine.yaml", "-p", "part.yaml", "--cmm", "cmm.csv")
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A machine, a part and what the machine measured of three parts, twice each."""
     work = tmp_path_factory.mktemp("correct")
     (work / "machine.yaml").write_text(MACHINE)
     (work / "part.yaml").write_text(RING_PART + RING + LENGTH)

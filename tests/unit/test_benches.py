@@ -82,7 +82,6 @@ def test_a_run_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Monk
 def stated(
     verdict: str, *effects: dict[str, Any], true: tuple[str | None, ...] = (), **more: Any
 ) -> Record:
-    """A record by hand."""
     blank = {"family": "", "parameters": {}, "searched": {}, "equations": ["Ex"]}
     report = {"code": 0, "verdict": verdict, "effects": [blank | own for own in effects],
               "unexplained": verdict == "unexplained", "seconds": 1.0}  # fmt: skip

@@ -126,7 +126,6 @@ def findings(text: str) -> list[Finding]:
 
 
 def quantity(entry: str) -> InputQuantity:
-    """The input `a` of a sum."""
     found = inputs_of(loaded(SUM + f"  a: {entry}\n")).quantities
     return next(item for item in found if item.name == "a")
 
