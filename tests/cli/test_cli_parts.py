@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import SMALL, Listing, done, listing, mtu, prepared, report
+from cli_runner import SMALL, Listing, Result, done, listing, mtu, prepared, report
 from support import CONFIGS, PAPER
 
 Rows = list[dict[str, str]]
@@ -37,11 +37,14 @@ PLATE = PAPER / "part.yaml"
 def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """21 virtual parts of the paper's machine; 5 repeats of four of them, 2 of the others."""
     path = tmp_path_factory.mktemp("parts") / "cmm.csv"
-    found = mtu("simulate", PAPER, "--seed", 3, "--parts", 21, "--repeats", 2, "--first-repeats",
-                "4:5", "--operation", "drilled", "--scatter", "Ex: 0.004", "--scatter",
-                "Ey: 0.006", "--write-cmm", path)  # fmt: skip
-    assert found.returncode == 0, found.stderr
+    done(mtu("simulate", PAPER, "--seed", 3, "--parts", 21, "--repeats", 2, "--first-repeats",
+             "4:5", "--operation", "drilled", "--scatter", "Ex: 0.004", "--scatter", "Ey: 0.006",
+             "--write-cmm", path))  # fmt: skip
     return path
+
+
+def anova(points: Path, *words: object, code: int = 0) -> Result:
+    return done(mtu("anova", "--cmm", points, "-p", PLATE, *words), code)
 
 
 def results(path: Path) -> dict[str, Any]:
@@ -53,9 +56,8 @@ def results(path: Path) -> dict[str, Any]:
 
 def test_a_clean_study(measured: Path, tmp_path: Path) -> None:
     out, table, plot = (tmp_path / name for name in ("a.json", "a.csv", "a.png"))
-    found = mtu("anova", "--cmm", measured, "-p", PLATE, "--fail-if", "unusual", "-o", out,
-                "--csv", table, "--plot", plot)  # fmt: skip
-    assert found.returncode == 0, found.stderr
+    outputs = ("-o", out, "--csv", table, "--plot", plot)
+    found = anova(measured, "--fail-if", "unusual", *outputs)
     assert found.stderr == ""
     assert max(map(len, found.stdout.splitlines())) <= 100
     report = results(out)
@@ -67,8 +69,7 @@ def test_a_clean_study(measured: Path, tmp_path: Path) -> None:
     kinds = [row["kind"] for row in rows_of(table.read_text())]
     assert kinds == ["feature"] * 48 + ["length"] * 3 + ["orthogonality"]
     assert plot.read_bytes().startswith(b"\x89PNG")
-    again = mtu("anova", "--cmm", measured, "-p", PLATE, "-o", "-")
-    assert again.stdout == out.read_text()
+    assert anova(measured, "-o", "-").stdout == out.read_text()
 
 
 def test_lengths_in_space_without_a_measured_z(tmp_path: Path) -> None:
@@ -88,17 +89,14 @@ def test_an_unusual_part_meets_the_gate(measured: Path, tmp_path: Path) -> None:
     for row in rows:
         if row["part"] == "9":
             row["y_mm"] = f"{float(row['y_mm']) + 0.03:.6f}"
-    found = mtu("anova", "--cmm", write(tmp_path / "cmm.csv", rows), "-p", PLATE, "--fail-if",
-                "unusual")  # fmt: skip
-    assert found.returncode == 3
+    found = anova(write(tmp_path / "cmm.csv", rows), "--fail-if", "unusual", code=3)
     assert "Outlying parts: 9." in found.stdout
     assert found.stderr.endswith("mtu: gate unusual: outliers among the parts: 9\n")
 
 
 def test_a_datum_takes_the_set_up_out(measured: Path, tmp_path: Path) -> None:
     out = tmp_path / "a.json"
-    found = mtu("anova", "--cmm", measured, "-p", PLATE, "--datum", "offset,rotation", "-o", out)
-    assert found.returncode == 0, found.stderr
+    found = anova(measured, "--datum", "offset,rotation", "-o", out)
     assert found.stderr == ""
     assert "less offset and rotation" in found.stdout
     report = results(out)
@@ -109,12 +107,9 @@ def test_a_datum_takes_the_set_up_out(measured: Path, tmp_path: Path) -> None:
 def test_the_gate_needs_four_parts(measured: Path, tmp_path: Path) -> None:
     rows = [row for row in rows_of(measured.read_text()) if row["part"] in ("1", "2", "3")]
     path = write(tmp_path / "cmm.csv", rows)
-    found = mtu("anova", "--cmm", path, "-p", PLATE, "--fail-if", "unusual")
-    assert found.returncode == 2
-    assert "four or more" in found.stderr
-    wrong = mtu("anova", "--cmm", path, "-p", PLATE, "--method", "rem")
-    assert wrong.returncode == 2
-    assert "unknown method: 'rem'; did you mean" in wrong.stderr
+    assert "four or more" in anova(path, "--fail-if", "unusual", code=2).stderr
+    wrong = anova(path, "--method", "rem", code=2).stderr
+    assert "unknown method: 'rem'; did you mean" in wrong
 
 
 # `mtu compare` on the shipped parts: report, table, picture, datum; gates on virtual parts.

@@ -128,17 +128,6 @@ def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
     assert words in found[0]
 
 
-def test_all_problems_come_at_once_in_the_order_of_lines(tmp_path: Path) -> None:
-    text = VALID.replace("name: three", "nmae: three").replace("of: y, unit: um", "of: y, unit: m")
-    text = text.replace("y*ez_x - y", "y*ez_q - y").replace("value: 4.1", "value: x")
-    text = text.replace("travel_mm: [0, 762]", "travel_mm: [762, 0]")
-    found = faults(tmp_path, text)
-    lines = [line.split(": ")[0] for line in found]
-    assert lines == [f"m.yaml:{number}" for number in (1, 2, 3, 9, 14, 21)]
-    # The faulty component is known by name: no equation complains of it.
-    assert not any("dy_y" in line for line in found[4:])
-
-
 # Known drifts in machine files: what is accepted, and every fault with its line and path.
 
 

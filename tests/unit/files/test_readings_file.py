@@ -215,29 +215,15 @@ def test_columns_that_stand_in_for_others(tmp_path: Path) -> None:
 # Reports that are read back: told apart by their schema, at most one of each kind.
 
 
-FITTED = {
-    "of": None, "unit": "um", "degree": 0, "n_passes": 3, "coefficients": [1.0],
-    "covariance": [[0.1]], "covariance_independent": [[0.1]], "s": 1, "s_repeat": 1,
-    "pass_covariance": [[0]], "pass_covariance_moment": [[0]], "pass_center_mm": 0,
-    "pass_dof": 2, "repeat_dof": None, "position_range_mm": None,
-}  # fmt: skip
-ROW = FITTED | {
-    "degree": 1, "coefficients": [1.0, 2.0], "covariance": [[0.1, 0.0], [0.0, 0.1]],
-    "pass_covariance": [[0, 0], [0, 0]], "pass_covariance_moment": [[0, 0], [0, 0]],
-    "covariance_independent": None,
-}  # fmt: skip
+EARLIER = Path(__file__).parent / "earlier_reports"
+FITTED, DRIFTS = (
+    json.loads((EARLIER / f"{kind}-0.1.json").read_text("utf-8"))["results"]["components"]
+    for kind in ("fit-components", "thermal-fit")
+)
+ROW, FITTED = FITTED["dx_x"], FITTED["axy"]
 JOINT = {
     "components": ["a", "b"], "widths": [1, 1], "coefficient_covariance": [[0, 0], [0, 0]],
     "pass_covariance": [[0, 0], [0, 0]], "pass_dof": 4, "n_passes": 3,
-}  # fmt: skip
-DRIFT = {
-    "of": "y", "unit": "um", "model": "stepwise", "degree": 1, "positions_mm": [0, 75, 200],
-    "sensors": ["T_01_degC", "T_02_degC"], "reference_temperature_degC": 20,
-    "time_constants_min": [0, 40], "coefficients": [[1, 2], [3, 4]],
-    "covariance": [[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, 0], [0, 0, 0, 4]],
-    "coefficient_dof": None, "leftover_covariance": [[0.1, 0], [0, 1e-6]], "leftover_dof": 12.5,
-    "sensor_u_degC": [0.01, 0.02], "temperature_range_degC": [[19, 26], [20, 25]],
-    "position_range_mm": [0, 200], "r2_fit": 0.99,
 }  # fmt: skip
 
 
@@ -310,7 +296,7 @@ def test_faults_of_all_components_are_reported_at_once(tmp_path: Path) -> None:
 def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     fitted = [written(tmp_path / f"c{i}.json", "fit-components", FITTED) for i in (1, 2)]
-    drifts = [written(tmp_path / f"t{i}.json", "thermal-fit", DRIFT) for i in (1, 2)]
+    drifts = [written(tmp_path / f"t{i}.json", "thermal-fit", DRIFTS["pos_y"]) for i in (1, 2)]
     other = written(tmp_path / "l.json", "lengths", {})
     (tmp_path / "x.json").write_text("[1]")
     (tmp_path / "e.json").write_text("{}")
@@ -329,9 +315,6 @@ def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.Monk
         f"e.json: not a components report; {kinds}",
         "qqqqqq: no such file",
     ]
-
-
-EARLIER = Path(__file__).parent / "earlier_reports"
 
 
 def test_reports_of_version_0_1_are_read() -> None:

@@ -3,6 +3,7 @@
 import csv
 import io
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, nan, pi
 from types import SimpleNamespace
@@ -204,12 +205,23 @@ def test_rounding_is_within_half_a_digit_of_u(value: float, u: float, digits: in
     assert not (float(first) == 0 and first.startswith("-"))
 
 
-def test_p_values_and_percents_never_claim_certainty() -> None:
-    shown = {0.0214: "0.021", 0.0: "<0.001", 0.09961: "0.10", 1.0: "1.00", None: "-"}
-    assert {p: numbers.p_value(p) for p in shown} == shown
-    shown = {0.9973: "99.73", 0.512: "51.2", 0.004: "0.40", 1.0: ">99.99", 1e-9: "<0.01"}
-    assert {p: numbers.percent(p) for p in shown} == shown
-    assert numbers.percent(nan) == numbers.p_value(nan) == "-"
+@pytest.mark.parametrize(
+    ("show", "shown"),
+    [
+        (numbers.p_value, {0.0214: "0.021", 0.0: "<0.001", 0.09961: "0.10", 1.0: "1.00",
+                           None: "-"}),
+        (numbers.percent, {0.9973: "99.73", 0.512: "51.2", 0.004: "0.40", 1.0: ">99.99",
+                           1e-9: "<0.01", nan: "-"}),
+        (numbers.significant, {0.0: "0", 0.0996: "0.10", 14.46: "14", 1234.0: "1200",
+                               1.23e-7: "1.2e-7", nan: "-"}),
+        (numbers.degrees_of_freedom, {4.05: "4.0", 9.0: "9", 123.4: "123", 3e8: ">999",
+                                      inf: "inf"}),
+        (lambda value: numbers.fixed(value, 4), {-1e-9: "0.0000", -6e-5: "-0.0001", nan: "-"}),
+    ],
+)  # fmt: skip
+def test_single_numbers(show: Callable[[Any], str], shown: dict[Any, str]) -> None:
+    """No certainty is claimed, and zero has no sign."""
+    assert {value: show(value) for value in shown} == shown
 
 
 @pytest.mark.parametrize(
@@ -223,26 +235,12 @@ def test_a_chance_with_its_error_stays_within_certainty(p: float, se: float, sho
     assert numbers.chance(p, se) == shown
 
 
-def test_intervals_and_degrees_of_freedom() -> None:
+def test_intervals() -> None:
     assert numbers.interval(-16.46, 15.78, 8.06) == "[-16.5, 15.8]"
     assert numbers.interval(-0.01, inf, 8.06) == "-"
     assert numbers.plus_minus(-0.34, 8.06) == "-0.3 ± 8.1"
     assert numbers.plus_minus(-0.34, None) == "-0.34"
-    shown = [numbers.degrees_of_freedom(dof) for dof in (4.05, 9.0, 123.4, 3e8, inf)]
-    assert shown == ["4.0", "9", "123", ">999", "inf"]
     assert (numbers.span("0.58", "2.6"), numbers.span("2.0", "2.0")) == ("0.58 to 2.6", "2.0")
-
-
-def test_significant_digits() -> None:
-    shown = [numbers.significant(value) for value in (0.0, 0.0996, 14.46, 1234.0, 1.23e-7, nan)]
-    assert shown == ["0", "0.10", "14", "1200", "1.2e-7", "-"]
-
-
-def test_fixed_decimals_have_no_sign_on_zero() -> None:
-    assert numbers.fixed(-1e-9, 4) == "0.0000"
-    assert numbers.fixed(-0.4, 0) == "0"
-    assert numbers.fixed(-0.00006, 4) == "-0.0001"
-    assert numbers.fixed(float("nan"), 4) == numbers.fixed(None, 1) == "-"
 
 
 # Figures: what they show, that nothing hides anything, and the same bytes every time.
