@@ -316,8 +316,8 @@ def test_band_is_that_of_a_future_reading(paper: Example) -> None:
     page = fit_components.figure(fit_result("m", paper.fit, paper.estimates))
     panel = next(p for p in page.axes if p.get_title(loc="left").startswith("dx_x"))
     (band,) = panel.collections
-    at_zero = np.asarray(band.get_paths()[0].vertices)
-    edges = at_zero[np.isclose(at_zero[:, 0], 0.0)][:, 1]
-    estimate = paper.estimates.components["dx_x"]
-    variance = estimate.covariance[0, 0] + estimate.pass_covariance[0, 0] + estimate.s_repeat**2
-    assert edges.max() - edges.min() == pytest.approx(4 * np.sqrt(variance) * 1000, rel=1e-9)
+    outline = np.asarray(band.get_paths()[0].vertices)
+    edges = outline[np.isclose(outline[:, 0], 10.0)][:, 1]
+    estimate, at = paper.estimates.components["dx_x"], np.array([1.0, 10.0])
+    variance = at @ (estimate.covariance + estimate.pass_covariance) @ at + estimate.s_repeat**2
+    assert np.ptp(edges) == pytest.approx(4 * np.sqrt(variance) * 1000, rel=1e-9)
