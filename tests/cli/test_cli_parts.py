@@ -253,7 +253,7 @@ def test_ranges_are_judged_at_every_row(tmp_path: Path) -> None:
     assert "extrapolated to 8" in told((2.5, 5.0, 8.0))
 
 
-# `mtu correct`: a ring and points that a virtual machine measured, report, table, picture, CSV.
+# `mtu correct` where the machine and the ring have temperatures.
 
 
 MACHINE = """\
@@ -269,7 +269,7 @@ equations:
   Ex: px + grow*x*(T_scale_degC - 20)
   Ey: py + grow*y*(T_scale_degC - 20)
 """
-RING_PART = """\
+PART = """\
 schema: mtu/part/1
 name: ring on a plate
 z_mm: 0
@@ -280,60 +280,22 @@ features:
   D: {x_mm: 110, y_mm: 180}
   E: {x_mm: 155, y_mm: 102.057714}
   F: {x_mm: 245, y_mm: 102.057714}
-"""
-RING = """\
 circles:
   - {id: ring, features: [A, B, C, D, E, F], calibrated_mm: {20: 180.0124, 26: 180.0137},
-     U_um: 1.0, temperature: T_ring_degC}
+     U_um: 1.0, temperature: T_room_degC}
 """
-LENGTH = "lengths: [{from: A, to: D}]\n"
-ROUNDING_UM = 1e-10
-"""Doubles of 300 mm round by 5.7e-14 mm."""
-FILES = ("-m", "machine.yaml", "-p", "part.yaml", "--cmm", "cmm.csv")
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    work = tmp_path_factory.mktemp("correct")
-    (work / "machine.yaml").write_text(MACHINE)
-    (work / "part.yaml").write_text(RING_PART + RING + LENGTH)
-    made = ("--parts", "3", "--repeats", "2", "--cmm-u-um", "0.2", "--seed", "3")
-    warm = ("--covariate", "T_scale_degC: 20 + sequence", "--covariate", "T_ring_degC: 23")
-    done(mtu("simulate", *FILES[:4], *made, *warm, "--write-cmm", "cmm.csv", cwd=work))
-    return work
-
-
-@pytest.fixture(scope="module")
-def outputs(folder: Path) -> Listing:
-    """All outputs of one call, the table under ""."""
-    result = done(mtu("correct", *FILES, *OUTPUTS, cwd=folder))
-    assert result.stderr == ""
-    return listing(folder) | {"": result.stdout.encode()}
-
-
-@pytest.fixture(scope="module")
-def corrected(outputs: Listing) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(outputs["out.json"] or b"")
-    return found
-
-
-def test_the_report_of_correct_holds_what_the_contract_names(corrected: dict[str, Any]) -> None:
-    assert corrected["schema"] == "mtu/correct/1"
-    assert [item["role"] for item in corrected["inputs"]] == ["machine", "part", "cmm"]
-    results = corrected["results"]
-    assert [len(results[key]) for key in ("points", "circles", "spheres", "lengths")] == [
-        36, 3, 0, 3,
-    ]  # fmt: skip
-    assert {ring["n_repeats"] for ring in results["circles"]} == {2}
-
-
-def test_the_temperature_of_the_ring_may_be_given(folder: Path, tmp_path: Path) -> None:
+def test_the_temperature_of_the_ring_may_be_given(tmp_path: Path) -> None:
     """--at that only the calibration needs is no covariate too many; the rows' own come first."""
-    (tmp_path / "part.yaml").write_text(RING_PART + RING.replace("T_ring_degC", "T_room_degC"))
-    files = ("-m", folder / "machine.yaml", "-p", "part.yaml", "--cmm", folder / "cmm.csv")
+    (tmp_path / "machine.yaml").write_text(MACHINE)
+    (tmp_path / "part.yaml").write_text(PART)
+    files = ("-m", "machine.yaml", "-p", "part.yaml")
+    made = ("--parts", "3", "--repeats", "2", "--cmm-u-um", "0.2", "--seed", "3")
+    warm = ("--covariate", "T_scale_degC: 20 + sequence", "--write-cmm", "cmm.csv")
+    done(mtu("simulate", *files, *made, *warm, cwd=tmp_path))
     at = ("--at", "T_room_degC=29", "--at", "T_scale_degC=40", "--at", "load=2")
-    result = done(mtu("correct", *files, *at, "-o", "-", cwd=tmp_path))
-    found = json.loads(result.stdout)
+    found = report("correct", *files, "--cmm", "cmm.csv", *at, cwd=tmp_path)
     codes = [item["code"] for item in found["warnings"]]
     assert codes == ["option-not-used", "not-used", "outside-measured-range"]
     assert "load" in found["warnings"][0]["message"]

@@ -329,7 +329,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
 
 
 def fitted(given: Example) -> FitResult:
-    says = {name: item.says for name, item in given.machine.machine.components.items()}
+    says = {name: item.says or "" for name, item in given.machine.machine.components.items()}
     return fit_result("test machine", given.fit, given.estimates, says=says)
 
 
