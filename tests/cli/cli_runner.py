@@ -158,6 +158,12 @@ def prepared(folder: Path, example: Path | None = None) -> Path:
     return folder
 
 
+def machine_file(folder: Path, components: str, equations: str = "{Ex: dx, Ey: dy}") -> None:
+    """The file m.yaml of a machine of these components."""
+    text = f"schema: mtu/machine/1\nname: m\ncomponents: {components}\nequations: {equations}\n"
+    (folder / "m.yaml").write_text(text, "utf-8")
+
+
 def refused(folder: Path, *args: object, env: Mapping[str, str] | None = None) -> str:
     """The message of a call that must fail: code 2, nothing said elsewhere, nothing written."""
     before = listing(folder)

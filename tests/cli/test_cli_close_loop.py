@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cli_runner import TWO_FOLDS, Listing, Result, done, listing, mtu, report
+from cli_runner import TWO_FOLDS, Listing, Result, done, listing, machine_file, mtu, report
 from loop_examples import BACKLASH, CLASS, CYCLIC, SCATTER, SMOOTH, effect, parameter, searched
 from support import CONFIGS, DATA
 
@@ -146,10 +146,7 @@ def test_readings_alone_are_judged_by_component(tmp_path: Path) -> None:
 
 @TWO_FOLDS
 def test_the_drift_of_a_component_without_an_axis_is_written_and_read_again(tmp_path: Path) -> None:
-    (tmp_path / "m.yaml").write_text(
-        "schema: mtu/machine/1\nname: m\naxes: {y: {travel_mm: [0, 500]}}\n"
-        "components: {axy: {unit: arcsec}}\nequations: {Ex: -y*axy}\n"
-    )
+    machine_file(tmp_path, "{axy: {unit: arcsec}}", "{Ex: -y*axy}")
     rows = [f"axy,{k},{0.8 * k + 0.1 * (k * k % 3 + j)},arcsec" for k in range(12) for j in (0, 1)]
     (tmp_path / "l.csv").write_text("\n".join(["component,pass,error,unit", *rows]) + "\n")
     lbb = ("--lbb", "l.csv")
@@ -308,6 +305,7 @@ def once(rows: list[dict[str, str]]) -> list[dict[str, str]]:
     return [dict(row) for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
 
 
+EXACT = "{dx: {unit: um, coefficients: [0]}, dy: {unit: um, coefficients: [0]}}"
 NO_WAVES = ("--exclude", "cyclic")
 """Hundreds of members, of the places alone: two fifths of a call's time."""
 
@@ -358,10 +356,8 @@ def test_an_empty_cell_of_a_temperature_costs_its_row(tmp_path: Path) -> None:
             lines.append(f"{part},h{x},{place},{warm:.2f}")
     lines[17] = lines[17].rpartition(",")[0] + ","
     (tmp_path / "cmm.csv").write_text("\n".join(lines), "utf-8")
-    text = "schema: mtu/machine/1\nname: warm\nequations: {Ex: dx, Ey: dy}\n"
-    text += "components: {dx: {unit: um, coefficients: [0]}, dy: {unit: um, coefficients: [0]}}\n"
-    (tmp_path / "machine.yaml").write_text(text, "utf-8")
-    found = report("close-loop", "-m", "machine.yaml", "--cmm", "cmm.csv", cwd=tmp_path)
+    machine_file(tmp_path, EXACT)
+    found = report("close-loop", "-m", "m.yaml", "--cmm", "cmm.csv", cwd=tmp_path)
     (effect,) = found["results"]["effects"]
     assert effect["name"] == "thermal-growth-x"
     assert effect["parameters"]["growth"]["value"] == pytest.approx(11.5, abs=0.5)
@@ -392,11 +388,8 @@ def test_errors_without_any_scatter(shift: float, tmp_path: Path) -> None:
         for name, (x, y) in places.items():
             lines.append(f"{part},{name},{x + shift},{y + shift},{x},{y}")
     (tmp_path / "cmm.csv").write_text("\n".join(lines), "utf-8")
-    known = "{dx: {unit: um, coefficients: [0]}, dy: {unit: um, coefficients: [0]}}"
-    text = f"schema: mtu/machine/1\nname: exact\ncomponents: {known}\n"
-    text += "equations: {Ex: dx, Ey: dy}\n"
-    (tmp_path / "machine.yaml").write_text(text, "utf-8")
-    found = report("close-loop", "-m", "machine.yaml", "--cmm", "cmm.csv", cwd=tmp_path)
+    machine_file(tmp_path, EXACT)
+    found = report("close-loop", "-m", "m.yaml", "--cmm", "cmm.csv", cwd=tmp_path)
     names = {effect["name"] for effect in found["results"]["effects"]}
     assert names <= ({"offset-x", "offset-y"} if shift else set())
     assert found["results"]["verdict"] in ("none", *(["named"] if shift else []))
@@ -410,10 +403,8 @@ def test_a_reversal_of_one_step_of_a_dial(tmp_path: Path) -> None:
         for x in range(0, 400, 50):
             lines += [f"px,{x},{number},forward,0.00,mm", f"px,{x},{number},reverse,0.01,mm"]
     (tmp_path / "dial.csv").write_text("\n".join(lines), "utf-8")
-    text = "schema: mtu/machine/1\nname: dial\n"
-    text += "components: {px: {of: x, unit: um}}\nequations: {Ex: px}\n"
-    (tmp_path / "machine.yaml").write_text(text, "utf-8")
-    found = report("close-loop", "-m", "machine.yaml", "--lbb", "dial.csv", cwd=tmp_path)
+    machine_file(tmp_path, "{px: {of: x, unit: um}}", "{Ex: px}")
+    found = report("close-loop", "-m", "m.yaml", "--lbb", "dial.csv", cwd=tmp_path)
     (effect,) = found["results"]["effects"]
     lost_motion = effect["parameters"]["lost_motion"]
     assert effect["name"] == "backlash-x"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cli_runner import TWO_FOLDS, done, mtu, report
+from cli_runner import TWO_FOLDS, done, machine_file, mtu, report
 from shop_day import (
     ShopDay,
     Truth,
@@ -114,13 +114,8 @@ def test_every_command_takes_the_extended_machine(extended: Path) -> None:
             assert not item["biased"]
 
 
-MILL = """schema: mtu/machine/1
-name: mill
-components:
-  dx_x: {of: x, unit: um, coefficients: [0, 0], u_future: 1}
-  dy_y: {of: y, unit: um, coefficients: [0, 0], u_future: 1}
-equations: {Ex: dx_x, Ey: dy_y}
-"""
+MILL = "{dx: {of: x, unit: um, coefficients: [0, 0], u_future: 1}, "
+MILL += "dy: {of: y, unit: um, coefficients: [0, 0], u_future: 1}}"
 PLATE = """schema: mtu/part/1
 name: plate
 features:
@@ -133,12 +128,12 @@ features:
 
 def simulated(folder: Path, parts: int, *effects: str) -> tuple[str, ...]:
     """Parts of a mill whose temperature goes from 20 to 27 degC and back."""
-    (folder / "mill.yaml").write_text(MILL)
+    machine_file(folder, MILL)
     (folder / "plate.yaml").write_text(PLATE)
     warm = ("--covariate", "T_mill_degC: 23.5 + 3.5*sin(time_min/9)")
     made = [word for effect in effects for word in ("--effect", effect)]
     day = ("--parts", parts, "--repeats", 1, "--minutes", 1, "--cmm-u-um", 0.3, "--seed", 4, *warm)
-    files = ("-m", "mill.yaml", "-p", "plate.yaml")
+    files = ("-m", "m.yaml", "-p", "plate.yaml")
     done(mtu("simulate", *files, *day, *made, "-q", "--write-cmm", "cmm.csv", cwd=folder))
     return (*files, "--cmm", "cmm.csv")
 
@@ -174,14 +169,8 @@ def test_few_parts_and_a_datum_that_hides_effects_are_told(tmp_path: Path, datum
 # `mtu close-loop --datum offset,diameter`: points of rings of unknown centres and diameters.
 
 
-MACHINE = """
-schema: mtu/machine/1
-name: measuring machine
-components:
-  px: {of: x, unit: um, coefficients: [0, 0], covariance: [[0.01, 0], [0, 1.0e-6]]}
-  py: {of: y, unit: um, coefficients: [0, 0], covariance: [[0.01, 0], [0, 1.0e-6]]}
-equations: {Ex: px, Ey: py}
-"""
+PLANE = "{dx: {of: x, unit: um, coefficients: [0, 0], covariance: [[0.01, 0], [0, 1.0e-6]]}, "
+PLANE += "dy: {of: y, unit: um, coefficients: [0, 0], covariance: [[0.01, 0], [0, 1.0e-6]]}}"
 NOISE_UM = 0.4
 
 
@@ -202,7 +191,7 @@ def rings(folder: Path, errors: np.ndarray, several: bool) -> None:
                 numbers = ",".join(f"{value:.6f}" for value in row)
                 lines.append(f"{part},ring{k},r{k}_{i},{numbers}")
     (folder / "cmm.csv").write_text("\n".join(lines) + "\n", "utf-8")
-    (folder / "machine.yaml").write_text(MACHINE, "utf-8")
+    machine_file(folder, PLANE)
 
 
 @pytest.mark.parametrize("several", [False, True])
@@ -219,7 +208,7 @@ def test_what_is_left_of_a_ring_shows_squareness_and_scale(
     tmp_path: Path, errors: object, names: set[str], parameter: str, size: float, several: bool
 ) -> None:
     rings(tmp_path, np.array(errors), several)
-    call = ("-m", "machine.yaml", "--cmm", "cmm.csv", "--datum", "offset,diameter")
+    call = ("-m", "m.yaml", "--cmm", "cmm.csv", "--datum", "offset,diameter")
     found = report("close-loop", *call, "--exclude", "cyclic", cwd=tmp_path)["results"]
     if not names:
         assert found["verdict"] == "none"
@@ -234,12 +223,6 @@ def test_what_is_left_of_a_ring_shows_squareness_and_scale(
 # `mtu close-loop` on the readings of an axis whose scale grows from its zero as it warms up.
 
 
-WARM_AXIS = """schema: mtu/machine/1
-name: axis
-components:
-  pos: {of: x, unit: um}
-equations: {Ex: pos}
-"""
 TARGETS = (0, 50, 110, 170, 240, 300, 345, 400)
 
 
@@ -257,7 +240,7 @@ def read(folder: Path, seed: int, growth: float, scatter: float = 0.8) -> None:
             error = 2 + 0.03 * x + of_pass + 1e-3 * growth * x * warm + rng.normal(0, 0.6)
             rows.append(f"pos,{x},{number},{way},{error:.2f},um,{minute},{20 + warm:.2f}")
     (folder / "laser.csv").write_text("\n".join(rows) + "\n", "utf-8")
-    (folder / "machine.yaml").write_text(WARM_AXIS, "utf-8")
+    machine_file(folder, "{pos: {of: x, unit: um}}", "{Ex: pos}")
 
 
 def test_a_scale_that_grows_from_zero_is_named_and_no_scatter_any_more(tmp_path: Path) -> None:
@@ -266,9 +249,9 @@ def test_a_scale_that_grows_from_zero_is_named_and_no_scatter_any_more(tmp_path:
     """
     read(tmp_path, 1, 0.0)
     laser = ("--laser", "laser.csv")
-    done(mtu("fit-components", "-m", "machine.yaml", *laser, "-o", "quiet.json", cwd=tmp_path))
+    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "quiet.json", cwd=tmp_path))
     read(tmp_path, 1, 11.0)
-    done(mtu("close-loop", "-m", "machine.yaml", *laser, "--write-machine", "m.yaml",
+    done(mtu("close-loop", "-m", "m.yaml", *laser, "--write-machine", "e.yaml",
              "--write-components", "c.json", "-o", "o.json", cwd=tmp_path))  # fmt: skip
     # About the middle it is a growth and a drift, of which neither shows without the other.
     found = json.loads((tmp_path / "o.json").read_text("utf-8"))["results"]
@@ -280,8 +263,8 @@ def test_a_scale_that_grows_from_zero_is_named_and_no_scatter_any_more(tmp_path:
     assert abs(growth["value"] - 11.0) < 4 * growth["u"]
     assert growth["u"] < 1.0
     assert found["after"]["rms_um"] < 0.5 * found["before"]["rms_um"]
-    done(mtu("fit-components", "-m", "machine.yaml", *laser, "-o", "before.json", cwd=tmp_path))
-    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "after.json", cwd=tmp_path))
+    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "before.json", cwd=tmp_path))
+    done(mtu("fit-components", "-m", "e.yaml", *laser, "-o", "after.json", cwd=tmp_path))
     quiet, before, after, written = (
         json.loads((tmp_path / f"{name}.json").read_text("utf-8"))["results"]["components"]["pos"]
         for name in ("quiet", "before", "after", "c")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_runner import HERE, INVALID, VALID, done, mtu, prepared, refused, report
+from cli_runner import HERE, INVALID, VALID, done, machine_file, mtu, prepared, refused, report
 from support import CONFIGS
 
 
@@ -76,10 +76,7 @@ def test_the_component_that_was_read_apart_is_named_alone(tmp_path: Path) -> Non
 @pytest.mark.parametrize("numbered", [True, False], ids=["one pass", "no pass column"])
 def test_a_single_pass_tells_no_effect_from_its_scatter(numbered: bool, tmp_path: Path) -> None:
     """What moves a whole pass is not tested; what bends it is, and is not there."""
-    (tmp_path / "m.yaml").write_text(
-        "schema: mtu/machine/1\nname: one axis\nequations: {Ex: dx}\n"
-        "components: {dx: {of: x, unit: um, degree: 1}}\n"
-    )
+    machine_file(tmp_path, "{dx: {of: x, unit: um, degree: 1}}", "{Ex: dx}")
     rng = np.random.default_rng(2)
     rows = ["component,position_mm,direction,error,unit" + ",pass" * numbered]
     for level in 3.0 * rng.normal(size=1 if numbered else 5):
