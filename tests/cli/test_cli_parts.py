@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import SMALL, Listing, Result, done, listing, mtu, prepared, report
+from cli_runner import SMALL, Result, done, mtu, prepared, report, shared
 from support import CONFIGS, PAPER
 
 Rows = list[dict[str, str]]
@@ -116,23 +116,12 @@ def test_the_gate_needs_four_parts(measured: Path, tmp_path: Path) -> None:
 
 
 STUDY = CONFIGS / "gilsinn-ling-parts"
-OUTPUTS = ("-o", "out.json", "--csv", "out.csv", "--plot", "out.png")
 Item = dict[str, Any]
 
 
 @pytest.fixture(scope="module")
-def shipped(tmp_path_factory: pytest.TempPathFactory) -> Listing:
-    """All outputs of one call on the shipped parts, the table under ""."""
-    folder = tmp_path_factory.mktemp("compare")
-    result = done(mtu("compare", STUDY, "--threads", 1, *OUTPUTS, cwd=folder))
-    assert result.stderr == ""
-    return listing(folder) | {"": result.stdout.encode()}
-
-
-@pytest.fixture(scope="module")
-def document(shipped: Listing) -> Item:
-    found: Item = json.loads(shipped["out.json"] or b"")
-    return found
+def document() -> Item:
+    return shared("compare configs/gilsinn-ling-parts").report
 
 
 def test_the_report_holds_what_the_contract_names(document: Item) -> None:
