@@ -27,6 +27,7 @@ from mtu_cli.cli.main import main
 from mtu_cli.cli.options import Options
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.model.effect_library import BUILT_IN
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.document import REPORTS, column_meanings, declaration, envelope, meanings
 from mtu_cli.reports.fields import Fields, Group, fields_of
@@ -365,6 +366,8 @@ def test_gates(tmp_path: Path) -> None:
         ("part", list(CONFIGS.glob("*/part.yaml"))),
         ("study", list(CONFIGS.glob("*/mtu.yaml"))),
         ("budget", list(CONFIGS.glob("budgets/*.yaml"))),
+        ("graph", list(CONFIGS.glob("graphs/*.yaml"))),
+        ("effects", [BUILT_IN]),
     ],
 )
 def test_json_schemas(kind: str, files: list[Path]) -> None:
@@ -372,7 +375,8 @@ def test_json_schemas(kind: str, files: list[Path]) -> None:
     schema = json.loads(done(mtu("schema", kind)).stdout)
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
-    assert len(files) >= 2
+    assert schema["$id"] == f"mtu/{kind}/1"
+    assert files
     for path in files:
         data: dict[str, Any] = read_yaml(path, kind).data
         validator.validate(data)

@@ -4,18 +4,15 @@ import math
 import time
 from pathlib import Path
 
-import jsonschema
 import pytest
-import yaml
 from budget_examples import loaded
 
 from mtu_cli.analyses.budget.inputs import InputQuantity, inputs_of
-from mtu_cli.files.contract import json_schema
 from mtu_cli.files.effects import EffectLibrary, load_effects
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import MAX_BYTES, YamlDocument, parse_yaml, read_yaml, shown_value
 from mtu_cli.findings import Finding, InputError
-from mtu_cli.model.effect_library import BUILT_IN, effect_library
+from mtu_cli.model.effect_library import effect_library
 from mtu_cli.stats.distributions import Distribution
 
 LADDER = [f"a{i}: &a{i} [*a{i - 1}]" for i in range(1, 3000)]
@@ -275,13 +272,6 @@ def test_a_family_is_named_by_the_axes_of_its_equations(tmp_path: Path) -> None:
     (template,) = found.templates
     assert template.columns == ("dir_{a}",)
     assert template.units == {"k": "um"}
-
-
-def test_the_built_in_file_is_sound_and_fits_its_schema() -> None:
-    assert len(load_effects(BUILT_IN).families) == len(effect_library().families)
-    schema = json_schema("effects")
-    assert schema["$id"] == "mtu/effects/1"
-    jsonschema.validate(yaml.safe_load(BUILT_IN.read_text("utf-8")), schema)
 
 
 @pytest.mark.parametrize(

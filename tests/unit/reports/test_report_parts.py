@@ -435,55 +435,42 @@ def test_table_fits_100_columns(case: str, tmp_path: Path) -> None:
 
 
 REASONS: dict[str, tuple[dict[str, Any], dict[str, str | None]]] = {
-    # What the readings of dx_x, of an axis, and axy, of none, leave open.
+    # What the readings of dx_x leave open.
     "no pass column": (
         {"passes": None, "directions": False},
-        {
-            "pass-to-pass drift apart from repeatability": "no `pass` is given",
-            "reversal": "no `direction` is given",
-            "lack of fit": "no position is repeated often enough, or its readings do not differ",
-        },
+        {"pass-to-pass drift apart from repeatability": "no `pass` is given",
+         "reversal": "no `direction` is given",
+         "lack of fit": "no position is repeated often enough, or its readings do not differ"},
     ),
-    "one pass": (
-        {"passes": 1, "directions": False},
-        {"pass-to-pass drift apart from repeatability": "1 pass only"},
-    ),
-    "three passes": (
-        {"passes": 3, "directions": False},
-        {"steady drift from pass to pass": None, "reversal": "no `direction` is given"},
-    ),
+    "one pass": ({"passes": 1, "directions": False},
+                 {"pass-to-pass drift apart from repeatability": "1 pass only"}),
+    "three passes": ({"passes": 3, "directions": False},
+                     {"steady drift from pass to pass": None,
+                      "reversal": "no `direction` is given"}),
     "two runs there and back": (
         {"passes": 2},
-        {
-            "steady drift from pass to pass": "4 passes, too few or of equal levels",
-            "reversal": None,
-        },
+        {"steady drift from pass to pass": "4 passes, too few or of equal levels",
+         "reversal": None},
     ),
-    "as many coefficients as positions": (
-        {"degree": 7},
-        {"lack of fit": "8 positions for 8 coefficients"},
-    ),
-}
+    "as many coefficients as positions": ({"degree": 7},
+                                          {"lack of fit": "8 positions for 8 coefficients"}),
+}  # fmt: skip
+
+
+def left_open(made: Example, component: str) -> dict[str, str]:
+    """Why, by what the readings of a component do not determine."""
+    found = observability(made.fit, made.estimates)
+    return {x.not_determined: x.because for x in found if x.component == component}
 
 
 @pytest.mark.parametrize("case", REASONS)
 def test_what_is_left_open_has_the_reason_of_these_readings(case: str, tmp_path: Path) -> None:
     given, wanted = REASONS[case]
-    made = example(tmp_path, **given)
-    found = {
-        x.not_determined: x.because
-        for x in observability(made.fit, made.estimates)
-        if x.component == "dx_x"
-    }
+    found = left_open(example(tmp_path, **given), "dx_x")
     assert {what: found.get(what) for what in wanted} == wanted
 
 
 def test_what_is_not_repeated_in_a_pass_is_not_repeated_from_the_same_side(tmp_path: Path) -> None:
     """Of a squareness read once a pass, there and back: the two sides are no repeats."""
-    made = example(tmp_path)
-    because = {
-        x.not_determined: x.because
-        for x in observability(made.fit, made.estimates)
-        if x.component == "axy"
-    }
+    because = left_open(example(tmp_path), "axy")
     assert "within a pass from the same side" in because["repeatability of one visit"]
