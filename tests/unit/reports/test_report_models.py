@@ -403,13 +403,6 @@ HEADER = ["component", "candidate", "family", "p_familywise", "log_bayes_factor"
           "minimum_detectable_um", "found", "in_class", "unavailable", "notes"]  # fmt: skip
 
 
-def test_the_first_sentence_is_a_machinists() -> None:
-    assert verdict_text(on_table(BACKLASH), 0.05) == (
-        "X loses 8.20 ± 0.30 um at reversal (backlash-x); with the correction the rms error of "
-        "held-out parts falls from 3.6 to 2.0 um; repeatability 1.8 um."
-    )
-
-
 @pytest.mark.parametrize(
     ("found", "component", "said"),
     [
