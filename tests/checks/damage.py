@@ -38,10 +38,6 @@ class Damage(NamedTuple):
     change: Callable[[Frame, Random], Frame]
 
 
-def _rows(frame: Frame, draw: Random, column: str = "component") -> pd.Series:
-    return frame[column] == draw.choice(frame[column].unique())
-
-
 def _a_pass(frame: Frame, draw: Random) -> pd.Series:
     """The rows of one pass, one direction, of a component with positions."""
     known = frame[frame.position_mm.notna()]

@@ -262,34 +262,26 @@ def test_all_settings_out_of_range_are_told_at_once(small: Path) -> None:
     [
         (["lengths", "--outptu", "a"], "no such option: --outptu (Possible options: --out"),
         (["graph", "draw", "--to"], "option '--to' requires an argument"),
-        (
-            ["close-loop", "--fail-if", "found,drifts"],
-            "unknown gate: 'drifts'; expected suspicious",
-        ),
+        (["close-loop", "--fail-if", "found,drifts"],
+         "unknown gate: 'drifts'; expected suspicious"),
         (["lengths", "--out", "-q"], "-q: -o does not write a file without an ending; expected"),
-        (
-            ["lengths", "--fail-if", "nonconforming=1"],
-            "--fail-if nonconforming: out of range: 'nonconforming=1'; expected a probability",
-        ),
-        (
-            ["lengths", "--fail-if", "nonconforming=0.5,nonconforming=0.1"],
-            "--fail-if nonconforming appears twice: 'nonconforming=0.1'",
-        ),
+        (["lengths", "--fail-if", "nonconforming=1"],
+         "--fail-if nonconforming: out of range: 'nonconforming=1'; expected a probability"),
+        (["lengths", "--fail-if", "nonconforming=0.5,nonconforming=0.1"],
+         "--fail-if nonconforming appears twice: 'nonconforming=0.1'"),
         (["lengths", "--fail-if", "nonconforming"], "unknown gate: 'nonconforming'; expected susp"),
         (["graph", "sweep", "g.yaml"], "missing option '--vary'"),
         (["graph", "chek"], "no such command 'chek'. Did you mean 'check' (see mtu graph --help)"),
         (["lengths", "--at", "-o"], "--at: not NAME=VALUE: '-o'"),
-        (
-            ["simulate", "--cmm-room", "22:25"],
-            "invalid value for '--cmm-room': not a number: '22:25'",
-        ),
+        (["simulate", "--cmm-room", "22:25"],
+         "invalid value for '--cmm-room': not a number: '22:25'"),
         (["simulate", "--passes", "0"], "--passes: out of range: '0'; expected from 1 to 10000"),
         (["lengths", "-p", ""], "invalid value for '-p' / '--part': it names no file"),
         (["\u65e5\u672c" * 40], "no such command '\u65e5\u672c"),
         (["lengths", "--a\x1b[31m\n"], "no such option: --a\\x1b[31m"),
     ],
     ids=lambda value: ascii(" ".join(value)[:20]) if isinstance(value, list) else "",
-)
+)  # fmt: skip
 def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, small: Path) -> None:
     message = refused(small, *call, env={"COLUMNS": "30"})
     assert message.startswith(f"mtu: {words}")
@@ -325,17 +317,13 @@ def bomb() -> str:
     ("text", "words"),
     [
         (bomb(), "machine.yaml:6: more than 500000 values"),
-        (
-            MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
-            "machine.yaml:4: equations.Ex: not a finite number at column 3: '999",
-        ),
-        (
-            "!!python/object/apply:os.system ['touch stolen']\n",
-            "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
-        ),
+        (MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
+         "machine.yaml:4: equations.Ex: not a finite number at column 3: '999"),
+        ("!!python/object/apply:os.system ['touch stolen']\n",
+         "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted"),
     ],
     ids=["aliases", "digits", "tag"],
-)
+)  # fmt: skip
 def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
     (work / "machine.yaml").write_text(text, "utf-8")

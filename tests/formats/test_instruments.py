@@ -324,16 +324,12 @@ HEAD = "schema: mtu/import/1\nconstants: {component: c}\nunits: {error: mm}\n"
 @pytest.mark.parametrize(
     ("profile", "text", "columns"),
     [
-        (
-            "columns: {position_mm: pos}\nunpivot: {into: error, columns: [error, error_2]}",
-            "pos;error;error_2\n0;1,5;2,5\n",
-            {"error": [1.5, 2.5], "pass": [1, 2]},
-        ),
-        (
-            "columns: {position_mm: pos, error: M}\ncycles: {from: cycle}",
-            "pos;cycle;M\n0;8;1,5\n1;9;2,5\n0;8;1,5\n",
-            {"cycle": ["1", "1", "2"]},
-        ),
+        ("columns: {position_mm: pos}\nunpivot: {into: error, columns: [error, error_2]}",
+         "pos;error;error_2\n0;1,5;2,5\n",
+         {"error": [1.5, 2.5], "pass": [1, 2]}),
+        ("columns: {position_mm: pos, error: M}\ncycles: {from: cycle}",
+         "pos;cycle;M\n0;8;1,5\n1;9;2,5\n0;8;1,5\n",
+         {"cycle": ["1", "1", "2"]}),
         # Twice, and in inches.
         (
             "columns: {position_mm: Soll, error: Ist, gap: Ist}\nscale: {Soll: 25.4}\n"
@@ -342,7 +338,7 @@ HEAD = "schema: mtu/import/1\nconstants: {component: c}\nunits: {error: mm}\n"
             {"position_mm": [1, 2], "error": [25.5 - 25.4, 50.75 - 50.8]},
         ),
     ],
-)
+)  # fmt: skip
 def test_headings_that_a_profile_calculates_with(
     profile: str, text: str, columns: dict[str, Any], tmp_path: Path
 ) -> None:

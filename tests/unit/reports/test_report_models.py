@@ -410,18 +410,14 @@ HEADER = ["component", "candidate", "family", "p_familywise", "log_bayes_factor"
         (BACKLASH, "dx_x", "dx_x is 8.20 ± 0.30 um lower forward than in reverse"),
         (SMOOTH, None, "a smooth error of x along x: rms 2.50 ± 0.30 um"),
         (SCATTER, None, "one operation scatters more (milled): 2.5 times the rest"),
-        (
-            effect("squareness-xy", parameter("angle", "arcsec", 11.4, 1.8)),
-            None,
-            "X and Y are out of square by 11.4 ± 1.8 arcsec, more than 90 degrees",
-        ),
-        (
-            effect("mine-x", parameter("a", "um", 1, 0.1), parameter("b", "um/m", 2, 0.1)),
-            None,
-            "what mine does: a 1.00 ± 0.10 um, b 2.00 ± 0.10 um/m",
-        ),
+        (effect("squareness-xy", parameter("angle", "arcsec", 11.4, 1.8)),
+         None,
+         "X and Y are out of square by 11.4 ± 1.8 arcsec, more than 90 degrees"),
+        (effect("mine-x", parameter("a", "um", 1, 0.1), parameter("b", "um/m", 2, 0.1)),
+         None,
+         "what mine does: a 1.00 ± 0.10 um, b 2.00 ± 0.10 um/m"),
     ],
-)
+)  # fmt: skip
 def test_an_effect_in_words(found: FoundEffect, component: str | None, said: str) -> None:
     item = on_table(found, component=component)
     assert effect_text(item.effects[0], item) == said
