@@ -42,14 +42,13 @@ def made(
     seed: int,
     *,
     parts: int = 21,
-    repeats: int = 2,
     extra: float = 0.0,
     offset: float = 0.0,
 ) -> Points:
     """Parts that a machine makes, with an offset in x and a random one of each part, mm."""
     ids, places, _ = feature_points(part, model)
     plan = PartsPlan(
-        parts=parts, repeats=repeats, cmm_u=1e-3, part_offset=extra, reverse_every=0, minutes=0.5
+        parts=parts, repeats=2, cmm_u=1e-3, part_offset=extra, reverse_every=0, minutes=0.5
     )
     points = as_points(simulate_points(model, ids, places, plan, seed), ids, places)
     shift = np.array([offset, 0.0, 0.0])

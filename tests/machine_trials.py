@@ -89,9 +89,9 @@ def pass_states(rng: np.random.Generator, drift: Drift, n: int) -> dict[str, Flo
     return states
 
 
-def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Readings:
-    """Ball-bar readings of one machine: `passes` forward and as many in reverse."""
-    names, error = (*COMPONENTS, "axy"), []
+def read_machine(rng: np.random.Generator, drift: Drift) -> Readings:
+    """Ball-bar readings of one machine: five passes forward and as many in reverse."""
+    names, error, passes = (*COMPONENTS, "axy"), [], 5
     states = pass_states(rng, drift, passes if drift.there_and_back else 2 * passes)
     if drift.there_and_back:
         states = {name: np.repeat(state, 2, axis=0) for name, state in states.items()}

@@ -39,17 +39,15 @@ def measured(
     features: int,
     repeats: int,
     *,
-    seed: int = 1,
     sigma: float = 0.01,
     z: bool = False,
     keep: float = 1.0,
-    covariates: Mapping[str, NDArray[Any]] | None = None,
 ) -> Points:
     """Points in a random order; `keep` of them, but one of every part and feature.
 
     The first parts run forward, the others in reverse; a machining time each.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     n = parts * features * repeats
     part = np.repeat(np.arange(parts), features * repeats)
     feature = np.tile(np.repeat(np.arange(features), repeats), parts)
@@ -67,7 +65,6 @@ def measured(
         repeat=np.tile(np.arange(repeats) + 1, parts * features),
         time=1.5 * cell,
         direction=np.column_stack([way, -way, np.full(n, np.nan)]),
-        covariates=covariates,
     )
     kept = rng.random(n) < keep
     kept[np.flatnonzero(part == feature % parts)] = True
@@ -152,12 +149,10 @@ def warm(points: Points, seed: int = 3) -> Points:
     return replace(points, covariates={"T_bed_degC": T})
 
 
-def check_against_loop(
-    model: MachineModel, points: Points, table: ResidualTable, at: dict[str, float] | None = None
-) -> None:
+def check_against_loop(model: MachineModel, points: Points, table: ResidualTable) -> None:
     """Means, counts and places, cell by cell."""
     axes = ["xyz".index(axis) for axis in table.axes]
-    errors = residuals(model, points, axes, at or {})
+    errors = residuals(model, points, axes, {})
     cells = by_cell(points, errors)
     places = by_cell(points, points.nominal)
     for p, part in enumerate(table.parts):

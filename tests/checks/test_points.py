@@ -19,8 +19,8 @@ def codes(table: Points, datum: Datum = "none") -> list[str]:
     return [each.code for each in found_of(table, datum)]
 
 
-def only(table: Points, datum: Datum = "none") -> Finding:
-    (finding,) = found_of(table, datum)
+def only(table: Points) -> Finding:
+    (finding,) = found_of(table)
     return finding
 
 

@@ -80,10 +80,10 @@ def started(*args: object, cwd: Path | None = None, env: Mapping[str, str] | Non
     return _process([MTU, *map(str, args)], cwd, env)
 
 
-def shell(script: str, env: Mapping[str, str] | None = None) -> Result:
+def shell(script: str) -> Result:
     """A line of bash in which `mtu` is the installed one."""
     path = f"{MTU.parent}{os.pathsep}{os.environ['PATH']}"
-    return _process(["bash", "-c", script], None, {"PATH": path} | dict(env or {}))
+    return _process(["bash", "-c", script], None, {"PATH": path})
 
 
 def _process(call: list[Any], cwd: Path | None, env: Mapping[str, str] | None) -> Result:

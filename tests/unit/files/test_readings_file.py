@@ -1,7 +1,7 @@
 """Readings: units, directions, times, and what only the machine can tell."""
 
 import json
-from dataclasses import dataclass
+from collections.abc import Sequence
 from math import pi
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import pytest
 from support import written_effect
 
 from mtu_cli.files.extend_machine import ExtendedMachine, extended_machine
-from mtu_cli.files.machine import LoadedMachine, load_machine, machine_from
+from mtu_cli.files.machine import Component, LoadedMachine, load_machine, machine_from
 from mtu_cli.files.part import Place
 from mtu_cli.files.readings import Points, Readings, read_points, read_readings
 from mtu_cli.files.reports_read import read_report, read_reports
@@ -19,36 +19,29 @@ from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml
 from mtu_cli.findings import InputError
 
-
-@dataclass(frozen=True)
-class Component:
-    of: str | None
-    unit: str
-    degree: int
-
-
 MACHINE = {
-    "dx_x": Component("x", "um", 1),
-    "ez_x": Component("x", "arcsec", 1),
-    "axy": Component(None, "arcsec", 0),
+    "dx_x": Component.model_validate({"of": "x", "unit": "um"}),
+    "ez_x": Component.model_validate({"of": "x", "unit": "arcsec"}),
+    "axy": Component.model_validate({"unit": "arcsec"}),
 }
 HEADER = "component,position_mm,error,unit"
 
 
-def read(tmp_path: Path, *contents: str, for_fit: bool = False, machine: bool = True) -> Readings:
-    files = []
-    for index, content in enumerate(contents):
-        path = tmp_path / f"r{index}.csv"
+def files_of(folder: Path, contents: Sequence[str], *roles: str) -> list[tuple[Path, str]]:
+    """A file of each content, r0.csv and so on."""
+    files = [(folder / f"r{i}.csv", role) for i, role in enumerate(roles)]
+    for (path, _), content in zip(files, contents, strict=False):
         path.write_text(content)
-        files.append((path, "lbb" if index == 0 else "laser"))
-    return read_readings(files, MACHINE if machine else None, for_fit=for_fit)
+    return files[: len(contents)]
 
 
-def faults(
-    tmp_path: Path, *contents: str, for_fit: bool = False, machine: bool = True
-) -> list[str]:
+def read(tmp_path: Path, *contents: str) -> Readings:
+    return read_readings(files_of(tmp_path, contents, "lbb", "laser"), MACHINE, for_fit=False)
+
+
+def faults(tmp_path: Path, *contents: str) -> list[str]:
     with pytest.raises(InputError) as caught:
-        read(tmp_path, *contents, for_fit=for_fit, machine=machine)
+        read(tmp_path, *contents)
     return [str(problem) for problem in caught.value.findings]
 
 
@@ -109,12 +102,7 @@ HEAD = "part,feature,x_mm,y_mm"
 
 
 def read_cmm(tmp_path: Path, *contents: str, features: dict[str, Place] | None = PART) -> Points:
-    files = []
-    for index, content in enumerate(contents):
-        path = tmp_path / f"p{index}.csv"
-        path.write_text(content)
-        files.append((path, "cmm"))
-    return read_points(files, features)
+    return read_points(files_of(tmp_path, contents, "cmm", "cmm"), features)
 
 
 def test_points_of_two_files(tmp_path: Path) -> None:
@@ -158,29 +146,29 @@ FAULTS: dict[str, tuple[list[str], dict[str, Place] | None, list[str]]] = {
     "another nominal": (
         [f"{NOMINAL}\na,h1,1,2,0,0,5\na,h2,1,2,10.00001,20,7\n"],
         PART,
-        ["p0.csv, row 3, column 'nominal_x_mm': contradicts the nominal place of 'h2': '10.00001'; "
+        ["r0.csv, row 3, column 'nominal_x_mm': contradicts the nominal place of 'h2': '10.00001'; "
          "expected 10, as in the part file"],
     ),
     "directions": (
         [f"{HEAD},dir_x\na,h1,0,0,+\na,h2,0,0,forwrd\n"],
         PART,
-        ["p0.csv, row 3, column 'dir_x': not a direction: 'forwrd'; did you mean 'forward'?"],
+        ["r0.csv, row 3, column 'dir_x': not a direction: 'forwrd'; did you mean 'forward'?"],
     ),
     "equal rows": (
         [f"{HEAD},repeat\na,h1,0,0,1\na,h1,-0.0,0,1\na,h1,0,0,2\n"],
         PART,
-        ["p0.csv, row 3: the same as row 2; expected each row once"],
+        ["r0.csv, row 3: the same as row 2; expected each row once"],
     ),
     "repeat below 0, in all of a file": (
         [f"{HEAD},repeat\n7,h1,0,0,-1\n", f"{HEAD}\n8,h1,0,0\n"],
         PART,
-        ["p0.csv, row 2, column 'repeat': out of range: '-1'; expected a whole number from 0 on"],
+        ["r0.csv, row 2, column 'repeat': out of range: '-1'; expected a whole number from 0 on"],
     ),
     "control characters": (
         [f'{HEAD}\n1\x1b[31m,h1,0,0\n2,"h\n1",0,0\n'],
         None,
-        ["p0.csv, row 2, column 'part': not a name that a table can show: '1\\x1b[31m'; " + LINE,
-         "p0.csv, row 3, column 'feature': not a name that a table can show: 'h\\n1'; " + LINE],
+        ["r0.csv, row 2, column 'part': not a name that a table can show: '1\\x1b[31m'; " + LINE,
+         "r0.csv, row 3, column 'feature': not a name that a table can show: 'h\\n1'; " + LINE],
     ),
 }  # fmt: skip
 

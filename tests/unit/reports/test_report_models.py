@@ -40,7 +40,6 @@ from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_report
 from mtu_cli.model.measurands import Conformance, PositionConformance
-from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph_drawing, predictions
 from mtu_cli.reports.budget import document, figure
 from mtu_cli.reports.close_loop import document as loop_document
@@ -71,12 +70,11 @@ def spatial(tmp_path_factory: pytest.TempPathFactory) -> Example:
     )
 
 
-def documents(given: Example, settings: Settings | None = None, digits: int = 2) -> list[Document]:
-    more = {} if settings is None else {"settings": settings}
+def documents(given: Example) -> list[Document]:
     return [
-        predictions.points(given.points(**more), digits),
-        predictions.lengths(given.lengths(**more), digits),
-        predictions.orthogonality(given.angles(**more), digits),
+        predictions.points(given.points()),
+        predictions.lengths(given.lengths()),
+        predictions.orthogonality(given.angles()),
     ]
 
 
