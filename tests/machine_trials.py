@@ -5,6 +5,7 @@ level and slope, either on its own or all from one common cause, every reading i
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from made_tables import made_readings
@@ -58,13 +59,10 @@ equations:
 """
 
 
-def machine(folder: object) -> LoadedMachine:
-    """The machine file above, read as any other; `folder` is pytest's tmp_path."""
-    from pathlib import Path
-
-    path = Path(str(folder)) / "machine.yaml"
-    path.write_text(MACHINE)
-    return machine_from(read_yaml(path, "machine"))
+def machine(folder: Path) -> LoadedMachine:
+    """The machine file above, read as any other."""
+    (folder / "machine.yaml").write_text(MACHINE)
+    return machine_from(read_yaml(folder / "machine.yaml", "machine"))
 
 
 @dataclass(frozen=True)
