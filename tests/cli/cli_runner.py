@@ -35,6 +35,8 @@ DROPPED = ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TERM", "PYTHONWARNING
 
 TWO_FOLDS = patch("mtu_cli.analyses.close_loop.FOLDS", (2, 2))
 """For `close-loop` where what is held out does not matter: its blocks take most of the time."""
+NO_WAVES = ("--exclude", "cyclic")
+"""For the same: hundreds of members, of the places alone, take two fifths of a call's time."""
 UNDRAWN = patch("mtu_cli.reports.figures.figure_bytes", lambda *_: b"<svg></svg>")
 """For pictures of shipped studies that other tests draw (PAGES), or that are not looked at."""
 

@@ -12,7 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cli_runner import TWO_FOLDS, Listing, Result, done, listing, machine_file, mtu, report
+from cli_runner import (
+    NO_WAVES,
+    TWO_FOLDS,
+    Listing,
+    Result,
+    done,
+    listing,
+    machine_file,
+    mtu,
+    report,
+)
 from loop_examples import BACKLASH, CLASS, CYCLIC, SCATTER, SMOOTH, effect, parameter, searched
 from support import CONFIGS, DATA
 
@@ -298,8 +308,6 @@ def once(rows: list[dict[str, str]]) -> list[dict[str, str]]:
 
 
 EXACT = "{dx: {unit: um, coefficients: [0]}, dy: {unit: um, coefficients: [0]}}"
-NO_WAVES = ("--exclude", "cyclic")
-"""Hundreds of members, of the places alone: two fifths of a call's time."""
 
 
 def few(folder: Path, points: Sequence[dict[str, Any]], *words: object) -> tuple[Any, Result]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cli_runner import TWO_FOLDS, done, machine_file, mtu, report
+from cli_runner import NO_WAVES, TWO_FOLDS, done, machine_file, mtu, report
 from shop_day import (
     ShopDay,
     Truth,
@@ -40,8 +40,6 @@ def closed(folder: Path, *args: str) -> dict[str, Any]:
     return found
 
 
-NO_WAVES = ("--exclude", "cyclic")
-"""Hundreds of members: half of a call's time."""
 EXTEND = ("--write-machine", "extended.yaml", "--write-components", "extended.json")
 EXTENDED = ("-m", "extended.yaml", "-c", "extended.json", "-p", "part.yaml")
 
@@ -209,7 +207,7 @@ def test_what_is_left_of_a_ring_shows_squareness_and_scale(
 ) -> None:
     rings(tmp_path, np.array(errors), several)
     call = ("-m", "m.yaml", "--cmm", "cmm.csv", "--datum", "offset,diameter")
-    found = report("close-loop", *call, "--exclude", "cyclic", cwd=tmp_path)["results"]
+    found = report("close-loop", *call, *NO_WAVES, cwd=tmp_path)["results"]
     if not names:
         assert found["verdict"] == "none"
         return

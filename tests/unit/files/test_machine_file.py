@@ -1,4 +1,4 @@
-"""Machine, part and study files: what is accepted, and faults beside `tests/cli/invalid`."""
+"""Machine and part files: what is accepted, and faults beside `tests/cli/invalid`."""
 
 from pathlib import Path
 
@@ -6,7 +6,6 @@ import pytest
 
 from mtu_cli.files.machine import LoadedMachine, Thermal, load_machine
 from mtu_cli.files.part import LoadedPart, Tolerance, load_part
-from mtu_cli.files.study import LoadedStudy, load_study
 from mtu_cli.findings import InputError
 
 VALID = """\
@@ -190,7 +189,7 @@ def test_a_faulty_drift(tmp_path: Path, component: str, words: str) -> None:
     assert found.startswith(f"m.yaml:5: components.a.thermal.{words}")
 
 
-# Part and study files, and the JSON Schemas of all contracts.
+# Part files.
 
 
 FEATURES = (
@@ -271,26 +270,3 @@ def test_a_faulty_feature_is_not_called_unknown(tmp_path: Path) -> None:
     missing, unknown = part_faults(tmp_path, text)
     assert missing == "p.yaml:4: features.3: the key 'y_mm' is missing"
     assert "lengths[0].to: unknown feature: '5'" in unknown
-
-
-def study(tmp_path: Path, text: str) -> LoadedStudy:
-    (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\n" + text)
-    return load_study(tmp_path / "mtu.yaml")
-
-
-def test_a_study_names_files_relative_to_itself(tmp_path: Path) -> None:
-    for name in ("machine.yaml", "a.csv", "b.csv"):
-        (tmp_path / name).write_text("x")
-    text = (
-        "machine: machine.yaml\nlbb: a.csv\ncmm: [a.csv, b.csv]\ncomponents: a.csv\n"
-        "settings: {seed: 3}\n"
-    )
-    loaded = study(tmp_path, text)
-    assert loaded.files == {
-        "machine": (tmp_path / "machine.yaml",),
-        "lbb": (tmp_path / "a.csv",),
-        "cmm": (tmp_path / "a.csv", tmp_path / "b.csv"),
-        "components": (tmp_path / "a.csv",),
-    }
-    assert loaded.study.settings.seed == 3
-    assert loaded.study.settings.coverage_factor is None

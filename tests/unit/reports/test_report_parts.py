@@ -307,13 +307,9 @@ def test_pictures_of_correct(tmp_path: Path, kind: str, rows: int) -> None:
 
 
 STATED = "  ez0: {of: y, unit: um, coefficients: [3.0, -0.05], covariance: [[1, 0], [0, 1e-4]], "
-
 STATED += "s_repeat: 0.4, pass_covariance: [[0.5, 0.001], [0.001, 1e-4]], pass_dof: 7, dof: 20}"
-
 LONG = "  a_component_with_a_name_that_is_far_too_long_for_any_table: "
-
 LONG += "{of: x, unit: um, coefficients: [1.5, 0.01], u_future: 1.9}"
-
 CASES: dict[str, dict[str, Any]] = {
     "one instrument": {},
     "one run": {"passes": None, "directions": False},
