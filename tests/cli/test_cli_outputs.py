@@ -315,6 +315,8 @@ def test_the_study_is_found_here_and_above(tmp_path: Path) -> None:
     below = work / "reports" / "2024"
     below.mkdir(parents=True)
     (below.parent / "mtu.yaml").mkdir()
+    text = (work / "mtu.yaml").read_text().replace("lbb: [lbb.csv]", "lbb: lbb.csv")
+    (work / "mtu.yaml").write_text(text)
     here = done(mtu("lengths", cwd=work))
     assert "\nLengths\n" in here.stdout
     assert done(mtu("lengths", cwd=below)).stdout == here.stdout
