@@ -113,4 +113,5 @@ def rings(count: int, warm: float = 1.5) -> tuple[FloatArray, FloatArray, FloatA
 
 
 def codes(result: CorrectResult) -> list[str]:
+    """The codes of its warnings."""
     return [item.code for item in result.warnings]
