@@ -31,27 +31,19 @@ def loaded(text: str) -> LoadedBudget:
 
 
 def evaluated(
-    text: str,
-    *,
-    seed: int = 1,
-    trials: int | None = None,
-    digits: int = 2,
-    threads: int | None = None,
-    k: float | None = None,
+    text: str, *, seed: int = 1, trials: int | None = None, digits: int = 2
 ) -> BudgetResult:
     """A budget without its two first lines, evaluated."""
-    settings = Settings(seed=seed, trials=trials, digits=digits, threads=threads)
-    return evaluate_budget(loaded(text), settings, k)
+    settings = Settings(seed=seed, trials=trials, digits=digits)
+    return evaluate_budget(loaded(text), settings, None)
 
 
 def single(result: BudgetResult) -> OutputBudget:
-    """The output of a budget of one equation."""
     (output,) = result.outputs
     return output
 
 
 def codes(result: BudgetResult) -> set[str]:
-    """The codes of a result's warnings."""
     return {item.code for item in result.warnings}
 
 

@@ -22,7 +22,6 @@ GRID = np.linspace(10.0, 140.0, 14)
 
 @cache
 def study() -> tuple[LoadedMachine, MachineModel, LoadedPart]:
-    """The synthetic machine's equations, its truth, and its part."""
     truth = load_machine(SIMULATED / "truth.yaml")
     model = build_model(truth, estimates_from_fit(truth, None))
     return load_machine(SIMULATED / "machine.yaml"), model, load_part(SIMULATED / "part.yaml")
@@ -43,14 +42,13 @@ def made(
     seed: int,
     *,
     parts: int = 21,
-    repeats: int = 2,
     extra: float = 0.0,
     offset: float = 0.0,
 ) -> Points:
     """Parts that a machine makes, with an offset in x and a random one of each part, mm."""
     ids, places, _ = feature_points(part, model)
     plan = PartsPlan(
-        parts=parts, repeats=repeats, cmm_u=1e-3, part_offset=extra, reverse_every=0, minutes=0.5
+        parts=parts, repeats=2, cmm_u=1e-3, part_offset=extra, reverse_every=0, minutes=0.5
     )
     points = as_points(simulate_points(model, ids, places, plan, seed), ids, places)
     shift = np.array([offset, 0.0, 0.0])

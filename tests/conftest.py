@@ -107,3 +107,13 @@ def styled() -> Iterator[None]:
 
     with house_style():
         yield
+
+
+@pytest.fixture
+def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of the small study of `tests/cli`, as the working folder."""
+    from cli_runner import prepared
+
+    folder = prepared(tmp_path / "work")
+    monkeypatch.chdir(folder)
+    return folder

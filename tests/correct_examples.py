@@ -87,13 +87,11 @@ def ring_points(
     covariates: dict[str, FloatArray | NDArray[np.object_]] | None = None,
     *,
     time: FloatArray | None = None,
-    z: bool = False,
 ) -> Points:
     """Points of rings (rings*11, 3), one ring an entry of `parts`."""
     nominal = np.tile(ring_places(), (len(parts), 1))
-    if not z:
-        measured, nominal = measured.copy(), nominal.copy()
-        measured[:, 2] = nominal[:, 2] = np.nan
+    measured = measured.copy()
+    measured[:, 2] = nominal[:, 2] = np.nan
     return made_points(
         np.repeat(parts, 11).tolist(),
         np.tile(np.arange(11), len(parts)),

@@ -1,25 +1,24 @@
 """Tables of residuals on which the library of effects is tried."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 
-def grid_places(H: int, jitter: float = 0.0, z: float | None = 127.0, seed: int = 3) -> FloatArray:
+def grid_places(H: int, jitter: float = 0.0, z: float | None = 127.0) -> FloatArray:
     """H places (H, 3) on a square grid, mm; at two heights where `z` is None."""
     n = int(np.ceil(np.sqrt(H)))
     x, y = np.meshgrid(np.linspace(10.0, 140.0, n), np.linspace(15.0, 120.0, n))
     height = np.arange(H) % 2 * 40.0 if z is None else np.full(H, z)
     places = np.stack([x.ravel()[:H], y.ravel()[:H], height], axis=-1)
-    places[:, :2] += jitter * np.random.default_rng(seed).normal(size=(H, 2))
+    places[:, :2] += jitter * np.random.default_rng(3).normal(size=(H, 2))
     return places
 
 
-def shop_covariates(P: int, H: int, seed: int = 4) -> dict[str, FloatArray]:
+def shop_covariates(P: int, H: int) -> dict[str, FloatArray]:
     """What a shop logs: directions, time, temperatures, parts of the tool, a load."""
-    draw = np.random.default_rng(seed)
+    draw = np.random.default_rng(4)
     sequence = np.arange(1.0, P + 1)[:, None]
     time = np.cumsum(draw.uniform(10.0, 20.0, (P, 1)), axis=0)
     time -= time[0]
@@ -42,7 +41,6 @@ def table(
     axes: tuple[str, ...] = ("x", "y"),
     places: FloatArray | None = None,
     covariates: dict[str, FloatArray] | None = None,
-    repeats: NDArray[np.int64] | None = None,
     component: str | None = None,
     unit: str = "um",
     operations: tuple[str, ...] = ("drilled", "milled", "reamed"),
@@ -58,7 +56,7 @@ def table(
         parts=tuple(f"P{i + 1}" for i in range(P)),
         features=tuple(f"H{i + 1}" for i in range(H)),
         errors=np.zeros((P, H, A)),
-        repeats=np.full((P, H), 3) if repeats is None else repeats,
+        repeats=np.full((P, H), 3),
         places=np.broadcast_to(at, (P, H, 3)).copy(),
         operations=operations,
         operation=np.arange(H) % len(operations),
@@ -69,9 +67,7 @@ def table(
     )
 
 
-def readings_table(
-    *, name: str = "x", component: str = "dx_x", unit: str = "um", fitted_degree: int = -1
-) -> ResidualTable:
+def readings_table(*, name: str = "x", component: str = "dx_x", unit: str = "um") -> ResidualTable:
     """Six passes of a component over seven positions, forward and reverse."""
     P, positions = 6, np.linspace(0.0, 300.0, 7)
     H = 2 * len(positions)
@@ -94,5 +90,4 @@ def readings_table(
         component=component,
         unit=unit,
         operations=("",),
-        fitted_degree=fitted_degree,
     )

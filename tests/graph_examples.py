@@ -11,7 +11,6 @@ HEAD = "schema: mtu/graph/1\nname: example\n"
 
 
 def shipped(name: str) -> MeasurementGraph:
-    """A shipped graph by the name of its file."""
     return load_graph(CONFIGS / "graphs" / f"{name}.yaml")
 
 

@@ -32,7 +32,6 @@ def parameter(name: str, unit: str, value: float, u: float, role: str = "own") -
 
 
 def searched(name: str, value: float, *intervals: tuple[float, float]) -> Searched:
-    """What was searched, with its 95 % set alone."""
     return Searched(name=name, value=value, intervals=intervals)
 
 
@@ -62,7 +61,6 @@ def effect(name: str, *parameters: Parameter, **changed: Any) -> FoundEffect:
 
 
 def of_candidate(found: FoundEffect, **changed: Any) -> FoundEffect:
-    """The effect of a candidate that differs."""
     return replace(found, candidate=replace(found.candidate, **changed))
 
 

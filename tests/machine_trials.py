@@ -5,6 +5,7 @@ level and slope, either on its own or all from one common cause, every reading i
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from made_tables import made_readings
@@ -58,13 +59,10 @@ equations:
 """
 
 
-def machine(folder: object) -> LoadedMachine:
-    """The machine file above, read as any other; `folder` is pytest's tmp_path."""
-    from pathlib import Path
-
-    path = Path(str(folder)) / "machine.yaml"
-    path.write_text(MACHINE)
-    return machine_from(read_yaml(path, "machine"))
+def machine(folder: Path) -> LoadedMachine:
+    """The machine file above, read as any other."""
+    (folder / "machine.yaml").write_text(MACHINE)
+    return machine_from(read_yaml(folder / "machine.yaml", "machine"))
 
 
 @dataclass(frozen=True)
@@ -89,9 +87,9 @@ def pass_states(rng: np.random.Generator, drift: Drift, n: int) -> dict[str, Flo
     return states
 
 
-def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Readings:
-    """Ball-bar readings of one machine: `passes` forward and as many in reverse."""
-    names, error = (*COMPONENTS, "axy"), []
+def read_machine(rng: np.random.Generator, drift: Drift) -> Readings:
+    """Ball-bar readings of one machine: five passes forward and as many in reverse."""
+    names, error, passes = (*COMPONENTS, "axy"), [], 5
     states = pass_states(rng, drift, passes if drift.there_and_back else 2 * passes)
     if drift.there_and_back:
         states = {name: np.repeat(state, 2, axis=0) for name, state in states.items()}
@@ -114,7 +112,6 @@ def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Rea
 
 
 def true_coefficients() -> dict[str, FloatArray]:
-    """Intercept and slope of every component."""
     found = {name: np.array([b0, b1]) for name, (_, b0, b1, *_) in COMPONENTS.items()}
     return found | {"axy": np.array([AXY[0]])}
 

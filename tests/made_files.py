@@ -168,8 +168,8 @@ cycles: {from: S}
 MAPPED = "Titel\nZiel;M1;M2;Note;S\n0;0,001;0,002;a;1\n100;100,001;;b;2\n50;50,5;50,25;c;1\n"
 
 
-def rtx(samples: tuple[float, ...] = (0.5, -0.25, 1e-3)) -> bytes:
-    """A dynamic capture, made."""
+def rtx() -> bytes:
+    samples = (0.5, -0.25, 1e-3)
     head = f"Owner : CARTO-Dynamic\r\nFile Type : rtx\r\nSample no : {len(samples)}\r\nData:\r\n"
     return head.encode() + struct.pack(f"<{len(samples)}d", *samples) + b"EOF::\r\n"
 

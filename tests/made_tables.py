@@ -17,7 +17,6 @@ Column = Any
 
 
 def source(role: str) -> Source:
-    """A file that is never opened."""
     return Source(role=role, path=Path(f"{role}.csv"), shown=f"{role}.csv", sha256="", rows=None)
 
 

@@ -25,7 +25,6 @@ orthogonality: [{id: xy, row: [a, b], column: [a, c]}]
 
 
 def part_file(folder: Path) -> LoadedPart:
-    """The part of three holes."""
     path = folder / "part.yaml"
     path.write_text(PART)
     return load_part(path)
@@ -67,7 +66,6 @@ def study(
 
 
 def with_measured(found: Points, measured: FloatArray) -> Points:
-    """The same points measured elsewhere."""
     return replace(found, measured=measured)
 
 

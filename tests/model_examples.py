@@ -1,24 +1,18 @@
 """Small machines, estimates and readings made in memory, for the tests of models."""
 
-import io
-import json
-import sys
 from collections.abc import Mapping, Sequence
-from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
 import numpy as np
-import pytest
+from made_tables import made_readings, source
 from numpy.typing import NDArray
 
-from mtu_cli.cli.main import main
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Readings
-from mtu_cli.files.source import Source
 from mtu_cli.language import parse
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.fit import estimates_from_fit
@@ -120,50 +114,24 @@ def readings(segments: Sequence[Segment]) -> Readings:
         )
 
     setups = each([item.setup or "" for item in segments]).astype(object)
-    given = any(item.setup for item in segments)
-    return Readings(
-        components=names,
-        code=each([names.index(item.name) for item in segments]).astype(np.int64),
-        position_mm=each([np.nan if s.position is None else s.position for s in segments]),
-        error=each([item.error for item in segments]),
-        dimension=np.ones(sum(sizes), np.int8),
-        pass_number=each([-1 if s.passes is None else s.passes for s in segments]).astype(np.int64),
+    found = made_readings(
+        each([item.error for item in segments]),
+        names,
+        code=each([names.index(item.name) for item in segments]),
+        position=each([np.nan if s.position is None else s.position for s in segments]),
+        passes=each([-1 if s.passes is None else s.passes for s in segments]),
+        direction=each([0 if s.direction is None else s.direction for s in segments]),
+        time=each([np.nan if item.time is None else item.time for item in segments]),
+        covariates={"setup": setups} if any(item.setup for item in segments) else {},
+    )
+    return replace(
+        found,
         has_pass=each([item.passes is not None for item in segments]).astype(bool),
-        direction=each([0 if s.direction is None else s.direction for s in segments]).astype(
-            np.int8
-        ),
-        cycles=(),
-        cycle=np.full(sum(sizes), -1),
-        time_min=each([np.nan if item.time is None else item.time for item in segments]),
-        covariates={"setup": setups} if given else {},
         file_index=each([roles.index(item.role) for item in segments]).astype(np.int64),
-        row=np.arange(2, 2 + sum(sizes)),
-        sources=tuple(
-            Source(role=role, path=Path(f"{role}.csv"), shown=f"{role}.csv", sha256="", rows=None)
-            for role in roles
-        ),
+        sources=tuple(map(source, roles)),
         roles=roles,
     )
 
 
 def permuted(given: Readings, order: NDArray[np.int64]) -> Readings:
-    """The same readings in another order of rows."""
     return given.where(order)  # rows by their numbers
-
-
-def run_command(
-    monkeypatch: pytest.MonkeyPatch, folder: Path, *words: str
-) -> tuple[int, dict[str, Any], str]:
-    """Exit code, report and standard error of a command, run in `folder`."""
-    monkeypatch.chdir(folder)
-    monkeypatch.setattr(sys, "argv", ["mtu", *words, "-o", "report.json"])
-    errors = io.StringIO()
-    code = 0
-    with redirect_stderr(errors), redirect_stdout(io.StringIO()):
-        try:
-            main()
-        except SystemExit as end:
-            code = int(end.code or 0)
-    path = folder / "report.json"
-    report = json.loads(path.read_text()) if path.exists() else {}
-    return code, report, errors.getvalue()

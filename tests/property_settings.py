@@ -35,7 +35,6 @@ numbers = st.one_of(
 
 
 def plain_values(keys: st.SearchStrategy[str]) -> st.SearchStrategy[Any]:
-    """Values of JSON and YAML, with such keys in them."""
     return st.recursive(
         st.one_of(texts, numbers, st.booleans(), st.none()),
         lambda inner: st.one_of(

@@ -31,15 +31,13 @@ def machine(folder: Path) -> LoadedMachine:
     return loaded(folder, MACHINE)
 
 
-def run(
-    passes: int, *, seed: int = 0, slope: float = 0.0, name: str = "px", role: str = "lbb"
-) -> Segment:
+def run(passes: int, *, seed: int = 0, slope: float = 0.0, role: str = "lbb") -> Segment:
     """Bidirectional runs in the ISO 230-2 pattern with 1 um of noise, a reading a minute."""
     rng = np.random.default_rng(seed)
     one = np.concatenate([TARGETS, TARGETS[::-1]])
     position = np.tile(one, passes)
     return Segment(
-        name=name,
+        name="px",
         position=position,
         error=1e-3 * rng.standard_normal(len(position)) + slope * position,
         passes=np.repeat(np.arange(passes) + 1, len(one)),
@@ -52,7 +50,6 @@ def run(
 def tables_of(
     machine: LoadedMachine, known: Estimates | None, found: Readings
 ) -> tuple[tuple[ResidualTable, ...], tuple[Finding, ...]]:
-    """The tables of readings; without anything else known, by the machine file."""
     return reading_tables(machine, known or estimates_from_fit(machine, None), found)
 
 

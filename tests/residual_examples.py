@@ -39,17 +39,15 @@ def measured(
     features: int,
     repeats: int,
     *,
-    seed: int = 1,
     sigma: float = 0.01,
     z: bool = False,
     keep: float = 1.0,
-    covariates: Mapping[str, NDArray[Any]] | None = None,
 ) -> Points:
     """Points in a random order; `keep` of them, but one of every part and feature.
 
     The first parts run forward, the others in reverse; a machining time each.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     n = parts * features * repeats
     part = np.repeat(np.arange(parts), features * repeats)
     feature = np.tile(np.repeat(np.arange(features), repeats), parts)
@@ -67,7 +65,6 @@ def measured(
         repeat=np.tile(np.arange(repeats) + 1, parts * features),
         time=1.5 * cell,
         direction=np.column_stack([way, -way, np.full(n, np.nan)]),
-        covariates=covariates,
     )
     kept = rng.random(n) < keep
     kept[np.flatnonzero(part == feature % parts)] = True
@@ -76,7 +73,6 @@ def measured(
 
 
 def rows(points: Points, chosen: NDArray[Any]) -> Points:
-    """Some of the points, in their order."""
     arrays: dict[str, Any] = {
         field.name: getattr(points, field.name)[chosen]
         for field in fields(points)
@@ -92,7 +88,6 @@ def with_operations(points: Points, names: Sequence[str]) -> Points:
 
 
 def column_of(points: Points, i: int) -> str:
-    """The name of a point's column."""
     name = str(points.features[points.feature[i]])
     code = int(points.operation[i])
     told = len(np.unique(points.operation)) > 1 and code >= 0
@@ -100,7 +95,6 @@ def column_of(points: Points, i: int) -> str:
 
 
 def values_at(points: Points, i: int, at: Mapping[str, float]) -> dict[str, float]:
-    """A point's covariates."""
     own = {f"dir_{a}": points.direction[i, k] for k, a in enumerate(AXES)}
     own |= {"time_min": points.time_min[i], "sequence": float(points.sequence[i])}
     own |= {name: column[i] for name, column in points.covariates.items()}
@@ -120,7 +114,6 @@ def residuals(
 
 
 def by_cell(points: Points, errors: FloatArray) -> dict[Cell, list[FloatArray]]:
-    """The errors of the repeats of every part and column."""
     found: dict[Cell, list[FloatArray]] = defaultdict(list)
     for i, error in enumerate(errors):
         found[points.parts[points.part[i]], column_of(points, i)].append(error)
@@ -147,7 +140,6 @@ def moved(points: Points, errors: FloatArray, axes: Sequence[int], *, turning: b
 
 
 def codes(warned: tuple[Finding, ...]) -> list[str]:
-    """The codes of warnings."""
     return [item.code for item in warned]
 
 
@@ -157,12 +149,10 @@ def warm(points: Points, seed: int = 3) -> Points:
     return replace(points, covariates={"T_bed_degC": T})
 
 
-def check_against_loop(
-    model: MachineModel, points: Points, table: ResidualTable, at: dict[str, float] | None = None
-) -> None:
+def check_against_loop(model: MachineModel, points: Points, table: ResidualTable) -> None:
     """Means, counts and places, cell by cell."""
     axes = ["xyz".index(axis) for axis in table.axes]
-    errors = residuals(model, points, axes, at or {})
+    errors = residuals(model, points, axes, {})
     cells = by_cell(points, errors)
     places = by_cell(points, points.nominal)
     for p, part in enumerate(table.parts):

@@ -35,13 +35,11 @@ def written_effect(
 
 
 def write_files(contents: Mapping[Path, bytes]) -> None:
-    """Writes all files, or none."""
     with files_written(contents):
         pass
 
 
 def read_components(path: Path) -> ComponentsReport:
-    """A fit-components report."""
     found = read_report(path)
     assert isinstance(found, ComponentsReport)
     return found

@@ -25,7 +25,6 @@ PLACES = (0.0, 100.0, 200.0)
 
 
 def sensor_names(count: int) -> tuple[str, ...]:
-    """T_01_degC, T_02_degC, ..."""
     return tuple(f"T_{s + 1:02d}_degC" for s in range(count))
 
 
@@ -94,7 +93,6 @@ def rises(found: Readings, sensors: int) -> FloatArray:
 
 
 def reordered(found: Readings, order: NDArray[np.int64]) -> Readings:
-    """Some rows of readings, in another order."""
     arrays = ("code", "position_mm", "error", "pass_number", "has_pass", "direction", "cycle",
               "time_min", "file_index", "row", "dimension")  # fmt: skip
     return replace(
@@ -111,5 +109,4 @@ def fitted(found: Readings, method: str = "ridge", zeroed: str = "auto") -> Ther
 
 
 def one(found: Readings, method: str = "ridge", zeroed: str = "auto") -> ComponentDrift:
-    """The drift of component p along x."""
     return fitted(found, method, zeroed).components["p"]

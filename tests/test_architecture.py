@@ -22,7 +22,6 @@ SLOW = ("pandas", "scipy.linalg", "scipy.stats", "matplotlib")
 
 
 def dotted(path: Path) -> str:
-    """The name that a module is imported by."""
     parts = path.relative_to(ROOT.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -32,7 +31,6 @@ MODULES = {dotted(path): path for path in sorted(ROOT.rglob("*.py"))}
 
 @cache
 def imports(module: str) -> frozenset[str]:
-    """The modules of the house that a module imports, wherever in it."""
     found = set()
     for node in ast.walk(ast.parse(MODULES[module].read_text("utf-8"))):
         if isinstance(node, ast.ImportFrom) and node.module:

@@ -66,7 +66,7 @@ def alarmed(number: int, folder: Path) -> bool:
         sound = damage_points.simulate(folder, study, seed)
         return bool(test_damage_points.judged(sound, folder))
     of, name = ("drift", "valdes-ring") if number % 8 == 0 else ("lbb", damage.STUDIES[number % 3])
-    return bool(test_damage.judged(name, of, damage.simulate(folder, of, name, seed)))
+    return bool(test_damage.judged(name, of, damage.simulate(folder, of, name, seed), folder))
 
 
 def test_sound_studies_seldom_raise_an_alarm(tmp_path: Path) -> None:

@@ -38,10 +38,6 @@ class Damage(NamedTuple):
     change: Callable[[Frame, Random], Frame]
 
 
-def _rows(frame: Frame, draw: Random, column: str = "component") -> pd.Series:
-    return frame[column] == draw.choice(frame[column].unique())
-
-
 def _a_pass(frame: Frame, draw: Random) -> pd.Series:
     """The rows of one pass, one direction, of a component with positions."""
     known = frame[frame.position_mm.notna()]
@@ -175,7 +171,6 @@ DAMAGES = {
 
 
 def simulate(folder: Path, of: str, study: str, seed: int) -> Frame:
-    """Sound readings of one study."""
     to, config = folder / "sound.csv", CONFIGS / study
     rest = [*SIMULATE[study], *(DRIFT if of == "drift" else ["--passes", "5"])]
     call = ["simulate", "-q", "-m", config / "truth.yaml", "-p", config / "part.yaml", *rest]

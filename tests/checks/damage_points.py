@@ -58,7 +58,6 @@ def _measured(case: Case) -> list[str]:
 
 
 def _nominal(case: Case) -> Frame:
-    """Nominal coordinates of every row."""
     common = {"z_mm": case.part.get("z_mm")}
     places = {name: common | place for name, place in case.part["features"].items()}
     names = case.points.feature.astype(str)
@@ -289,7 +288,6 @@ def draws(folder: Path) -> Iterator[tuple[str, Case, Case]]:
 
 
 def written(case: Case, folder: Path) -> tuple[Path, Path, Path]:
-    """The files of a case: points, part, machine."""
     points, part, machine = (folder / name for name in ("cmm.csv", "part.yaml", "machine.yaml"))
     case.points.to_csv(points, index=False)
     for path, document in ((part, case.part), (machine, case.machine)):

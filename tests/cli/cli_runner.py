@@ -35,6 +35,8 @@ DROPPED = ("COLUMNS", "LINES", "FORCE_COLOR", "NO_COLOR", "TERM", "PYTHONWARNING
 
 TWO_FOLDS = patch("mtu_cli.analyses.close_loop.FOLDS", (2, 2))
 """For `close-loop` where what is held out does not matter: its blocks take most of the time."""
+NO_WAVES = ("--exclude", "cyclic")
+"""For the same: hundreds of members, of the places alone, take two fifths of a call's time."""
 UNDRAWN = patch("mtu_cli.reports.figures.figure_bytes", lambda *_: b"<svg></svg>")
 """For pictures of shipped studies that other tests draw (PAGES), or that are not looked at."""
 
@@ -80,10 +82,10 @@ def started(*args: object, cwd: Path | None = None, env: Mapping[str, str] | Non
     return _process([MTU, *map(str, args)], cwd, env)
 
 
-def shell(script: str, env: Mapping[str, str] | None = None) -> Result:
+def shell(script: str) -> Result:
     """A line of bash in which `mtu` is the installed one."""
     path = f"{MTU.parent}{os.pathsep}{os.environ['PATH']}"
-    return _process(["bash", "-c", script], None, {"PATH": path} | dict(env or {}))
+    return _process(["bash", "-c", script], None, {"PATH": path})
 
 
 def _process(call: list[Any], cwd: Path | None, env: Mapping[str, str] | None) -> Result:
@@ -101,7 +103,6 @@ def done(result: Result, code: int = 0) -> Result:
 
 
 def report(*args: object, cwd: Path | None = None) -> dict[str, Any]:
-    """The JSON report of a call, from standard output."""
     found: dict[str, Any] = json.loads(done(mtu(*args, "-o", "-", cwd=cwd)).stdout)
     return found
 
@@ -145,7 +146,6 @@ def shared(call: str) -> Shared:
 
 
 def listing(folder: Path) -> Listing:
-    """Every file below a folder with its bytes, and every folder."""
     return {
         path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None
         for path in folder.rglob("*")
@@ -158,6 +158,12 @@ def prepared(folder: Path, example: Path | None = None) -> Path:
     if example is not None:
         shutil.copytree(example, folder, dirs_exist_ok=True)
     return folder
+
+
+def machine_file(folder: Path, components: str, equations: str = "{Ex: dx, Ey: dy}") -> None:
+    """The file m.yaml of a machine of these components."""
+    text = f"schema: mtu/machine/1\nname: m\ncomponents: {components}\nequations: {equations}\n"
+    (folder / "m.yaml").write_text(text, "utf-8")
 
 
 def refused(folder: Path, *args: object, env: Mapping[str, str] | None = None) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from cli_runner import TWO_FOLDS, done, mtu, report
+from cli_runner import NO_WAVES, TWO_FOLDS, done, machine_file, mtu, report
 from shop_day import (
     ShopDay,
     Truth,
@@ -19,7 +19,6 @@ from shop_day import (
     write_machine,
     write_part,
 )
-from support import CONFIGS, DATA
 
 
 def shop(
@@ -41,8 +40,6 @@ def closed(folder: Path, *args: str) -> dict[str, Any]:
     return found
 
 
-NO_WAVES = ("--exclude", "cyclic")
-"""Hundreds of members: half of a call's time."""
 EXTEND = ("--write-machine", "extended.yaml", "--write-components", "extended.json")
 EXTENDED = ("-m", "extended.yaml", "-c", "extended.json", "-p", "part.yaml")
 
@@ -115,79 +112,8 @@ def test_every_command_takes_the_extended_machine(extended: Path) -> None:
             assert not item["biased"]
 
 
-RING = CONFIGS / "valdes-ring"
-RINGS = ("ring1", "ring4", "ring6")
-GROWTH, FIXED_AT_MM = 22e-6, -400.0
-"""Of the scale of Y, 1/K, and where it is fixed."""
-DRIFT_X_UM = 6.0
-
-
-@pytest.fixture(scope="module")
-def ring_day(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A ring at three places, measured by 11 points each, twelve times while the room warms.
-
-    The machine that measures knows no temperature: its Y scale grows from a fixed point outside
-    of its travel, and X drifts.
-    """
-    folder = tmp_path_factory.mktemp("ring")
-    truth = yaml.safe_load((RING / "truth.yaml").read_text())
-    for component in truth["components"].values():
-        component.pop("thermal", None)
-    (folder / "truth.yaml").write_text(yaml.safe_dump(truth, sort_keys=False))
-    part = yaml.safe_load((RING / "part.yaml").read_text())
-    part["features"] = {
-        name: place for name, place in part["features"].items() if name.startswith(RINGS)
-    }
-    part.pop("circles")
-    (folder / "part.yaml").write_text(yaml.safe_dump(part, sort_keys=False))
-    done(
-        mtu(
-            *("simulate", "-m", "truth.yaml", "-p", "part.yaml", "--seed", "11", "-q"),
-            *("--parts", "12", "--repeats", "1", "--cmm-u-um", "0.3", "--minutes", "0.6"),
-            *("--covariate", "T_room_degC: 20 + 6*(1 - exp(-time_min/120))"),
-            "--covariate",
-            "T_scale_y_degC: 20 + 5*(1 - exp(-time_min/200)) + 0.3*sin(time_min/40)",
-            *("--effect", f"Ex: {DRIFT_X_UM / 1e3}*(T_room_degC - 20)"),
-            *("--effect", f"Ey: {GROWTH}*(y - {FIXED_AT_MM})*(T_scale_y_degC - 20)"),
-            *("--write-cmm", "ring.csv"),
-            cwd=folder,
-        )
-    )
-    return folder
-
-
-@TWO_FOLDS
-def test_a_warming_measuring_machine(ring_day: Path) -> None:
-    """Tens of micrometres that no equation knows come down below 3 um on held-out visits."""
-    laser = DATA / "valdes-ring" / "laser.csv"
-    data = ("-p", "part.yaml", "--laser", str(laser), "--cmm", "ring.csv")
-    found = closed(ring_day, "-m", str(RING / "machine.yaml"), *data, *NO_WAVES, *EXTEND)
-    assert found["before"]["rms_um"] > 10
-    assert found["after"]["rms_um"] < 3
-    growth, drift = (e for e in found["effects"] if e["axis"] in ("y", "x"))
-    assert (growth["name"], drift["name"]) == ("thermal-growth-y", "thermal-drift-x")
-    places = yaml.safe_load((ring_day / "part.yaml").read_text())["features"].values()
-    centre = float(np.mean([place["y_mm"] for place in places]))
-    expected = [
-        (growth, "growth", 1e6 * GROWTH),
-        (growth, "drift", 1e3 * GROWTH * (centre - FIXED_AT_MM)),
-        (drift, "drift", DRIFT_X_UM),
-    ]
-    for found_as, parameter, true in expected:
-        value = found_as["parameters"][parameter]
-        # Passes of the machine scatter a little, which u holds: 4 u in three parameters.
-        assert abs(value["value"] - true) < 4 * value["u"], parameter
-    again = closed(ring_day, *EXTENDED, *NO_WAVES, "--cmm", "ring.csv")
-    assert again["verdict"] == "none"
-
-
-MILL = """schema: mtu/machine/1
-name: mill
-components:
-  dx_x: {of: x, unit: um, coefficients: [0, 0], u_future: 1}
-  dy_y: {of: y, unit: um, coefficients: [0, 0], u_future: 1}
-equations: {Ex: dx_x, Ey: dy_y}
-"""
+MILL = "{dx: {of: x, unit: um, coefficients: [0, 0], u_future: 1}, "
+MILL += "dy: {of: y, unit: um, coefficients: [0, 0], u_future: 1}}"
 PLATE = """schema: mtu/part/1
 name: plate
 features:
@@ -200,12 +126,12 @@ features:
 
 def simulated(folder: Path, parts: int, *effects: str) -> tuple[str, ...]:
     """Parts of a mill whose temperature goes from 20 to 27 degC and back."""
-    (folder / "mill.yaml").write_text(MILL)
+    machine_file(folder, MILL)
     (folder / "plate.yaml").write_text(PLATE)
     warm = ("--covariate", "T_mill_degC: 23.5 + 3.5*sin(time_min/9)")
     made = [word for effect in effects for word in ("--effect", effect)]
     day = ("--parts", parts, "--repeats", 1, "--minutes", 1, "--cmm-u-um", 0.3, "--seed", 4, *warm)
-    files = ("-m", "mill.yaml", "-p", "plate.yaml")
+    files = ("-m", "m.yaml", "-p", "plate.yaml")
     done(mtu("simulate", *files, *day, *made, "-q", "--write-cmm", "cmm.csv", cwd=folder))
     return (*files, "--cmm", "cmm.csv")
 
@@ -241,14 +167,8 @@ def test_few_parts_and_a_datum_that_hides_effects_are_told(tmp_path: Path, datum
 # `mtu close-loop --datum offset,diameter`: points of rings of unknown centres and diameters.
 
 
-MACHINE = """
-schema: mtu/machine/1
-name: measuring machine
-components:
-  px: {of: x, unit: um, coefficients: [0, 0], covariance: [[0.01, 0], [0, 1.0e-6]]}
-  py: {of: y, unit: um, coefficients: [0, 0], covariance: [[0.01, 0], [0, 1.0e-6]]}
-equations: {Ex: px, Ey: py}
-"""
+PLANE = "{dx: {of: x, unit: um, coefficients: [0, 0], covariance: [[0.01, 0], [0, 1.0e-6]]}, "
+PLANE += "dy: {of: y, unit: um, coefficients: [0, 0], covariance: [[0.01, 0], [0, 1.0e-6]]}}"
 NOISE_UM = 0.4
 
 
@@ -269,7 +189,7 @@ def rings(folder: Path, errors: np.ndarray, several: bool) -> None:
                 numbers = ",".join(f"{value:.6f}" for value in row)
                 lines.append(f"{part},ring{k},r{k}_{i},{numbers}")
     (folder / "cmm.csv").write_text("\n".join(lines) + "\n", "utf-8")
-    (folder / "machine.yaml").write_text(MACHINE, "utf-8")
+    machine_file(folder, PLANE)
 
 
 @pytest.mark.parametrize("several", [False, True])
@@ -286,8 +206,8 @@ def test_what_is_left_of_a_ring_shows_squareness_and_scale(
     tmp_path: Path, errors: object, names: set[str], parameter: str, size: float, several: bool
 ) -> None:
     rings(tmp_path, np.array(errors), several)
-    call = ("-m", "machine.yaml", "--cmm", "cmm.csv", "--datum", "offset,diameter")
-    found = report("close-loop", *call, "--exclude", "cyclic", cwd=tmp_path)["results"]
+    call = ("-m", "m.yaml", "--cmm", "cmm.csv", "--datum", "offset,diameter")
+    found = report("close-loop", *call, *NO_WAVES, cwd=tmp_path)["results"]
     if not names:
         assert found["verdict"] == "none"
         return
@@ -301,12 +221,6 @@ def test_what_is_left_of_a_ring_shows_squareness_and_scale(
 # `mtu close-loop` on the readings of an axis whose scale grows from its zero as it warms up.
 
 
-WARM_AXIS = """schema: mtu/machine/1
-name: axis
-components:
-  pos: {of: x, unit: um}
-equations: {Ex: pos}
-"""
 TARGETS = (0, 50, 110, 170, 240, 300, 345, 400)
 
 
@@ -324,7 +238,7 @@ def read(folder: Path, seed: int, growth: float, scatter: float = 0.8) -> None:
             error = 2 + 0.03 * x + of_pass + 1e-3 * growth * x * warm + rng.normal(0, 0.6)
             rows.append(f"pos,{x},{number},{way},{error:.2f},um,{minute},{20 + warm:.2f}")
     (folder / "laser.csv").write_text("\n".join(rows) + "\n", "utf-8")
-    (folder / "machine.yaml").write_text(WARM_AXIS, "utf-8")
+    machine_file(folder, "{pos: {of: x, unit: um}}", "{Ex: pos}")
 
 
 def test_a_scale_that_grows_from_zero_is_named_and_no_scatter_any_more(tmp_path: Path) -> None:
@@ -333,9 +247,9 @@ def test_a_scale_that_grows_from_zero_is_named_and_no_scatter_any_more(tmp_path:
     """
     read(tmp_path, 1, 0.0)
     laser = ("--laser", "laser.csv")
-    done(mtu("fit-components", "-m", "machine.yaml", *laser, "-o", "quiet.json", cwd=tmp_path))
+    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "quiet.json", cwd=tmp_path))
     read(tmp_path, 1, 11.0)
-    done(mtu("close-loop", "-m", "machine.yaml", *laser, "--write-machine", "m.yaml",
+    done(mtu("close-loop", "-m", "m.yaml", *laser, "--write-machine", "e.yaml",
              "--write-components", "c.json", "-o", "o.json", cwd=tmp_path))  # fmt: skip
     # About the middle it is a growth and a drift, of which neither shows without the other.
     found = json.loads((tmp_path / "o.json").read_text("utf-8"))["results"]
@@ -347,8 +261,8 @@ def test_a_scale_that_grows_from_zero_is_named_and_no_scatter_any_more(tmp_path:
     assert abs(growth["value"] - 11.0) < 4 * growth["u"]
     assert growth["u"] < 1.0
     assert found["after"]["rms_um"] < 0.5 * found["before"]["rms_um"]
-    done(mtu("fit-components", "-m", "machine.yaml", *laser, "-o", "before.json", cwd=tmp_path))
-    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "after.json", cwd=tmp_path))
+    done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "before.json", cwd=tmp_path))
+    done(mtu("fit-components", "-m", "e.yaml", *laser, "-o", "after.json", cwd=tmp_path))
     quiet, before, after, written = (
         json.loads((tmp_path / f"{name}.json").read_text("utf-8"))["results"]["components"]["pos"]
         for name in ("quiet", "before", "after", "c")

@@ -26,7 +26,6 @@ equations: {Ex: dx_x}
 
 @pytest.fixture
 def instruments(tmp_path: Path) -> Path:
-    """A machine of one axis and the files."""
     (tmp_path / "m.yaml").write_text(LASER_MACHINE)
     for name, (_, content) in made.FILES.items():
         (tmp_path / name).write_bytes(content)
@@ -294,64 +293,39 @@ def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
     assert warm[[2, 4]].min() > 4
 
 
+TWIN = ("simulate", "-m", "machine.yaml", "-p", "part.yaml", "--write-drift", "d.csv")
+TRUE = ("simulate", "-m", TRUTH, "--positions", "0:140:8")
+SMALL = ("simulate", "small", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.csv")
+
+
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("call", "words", "message"),
     [
-        (("--twin", "T_c_degC: T_q_degC"), "--twin: unknown sensor"),
-        (("--twin", "T_b_degC: T_a_degC"), "--twin: not the name of a further sensor"),
-        (("--seed", "-1"), "--seed: out of range: '-1'; expected a number of at least 0"),
-        (("--drift-positions", "a: 0 301"), "a: out of range: '301 mm of y'"),
-        (("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
+        (TWIN, ("--twin", "T_c_degC: T_q_degC"), "--twin: unknown sensor"),
+        (TWIN, ("--twin", "T_b_degC: T_a_degC"), "--twin: not the name of a further sensor"),
+        (TWIN, ("--seed", "-1"), "--seed: out of range: '-1'; expected a number of at least 0"),
+        (TWIN, ("--drift-positions", "a: 0 301"), "a: out of range: '301 mm of y'"),
+        (TWIN, ("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
+        (TRUE, ("--write-drift", "d.csv"), "has a thermal model"),
+        (TRUE, ("--write-laser", "x.rtl"), "what the laser reads is missing"),
+        (TRUE, ("--write-laser", "x.rtl", "--laser-component", "dxx"), "did you mean"),
+        (TRUE, ("--write-laser", "x.rta", "--laser-component", "dx_x"), "a .rta file holds mrad"),
+        (TRUE, ("--write-laser", "x.csv", "--laser-component", "dx_x"), "ends in .rtl or .rta"),
+        (SMALL, ("--positions", "0:inf:8"), "--positions: not a finite number: 'inf'"),
+        (SMALL, ("--positions", "100:0:3"), "out of range: '100:0:3'; expected LOW below"),
+        (SMALL, ("--positions", "0:100:1"), "'0:100:1'; expected a COUNT from 2 to 10000"),
+        (SMALL, ("--effect", "0.004*dir_x"), "--effect: not NAME: EQUATION: '0.004*dir_x'"),
+        (SMALL, ("--effect", "Ez: 0.004"), "unknown equation: 'Ez'; expected one of: Ex, Ey"),
+        (SMALL, ("--covariate", "x_mm: 1"), "--covariate: not the name of a further column: 'x_"),
+        # No range without readings.
+        (TRUE[:3], ("--write-lbb", "a.csv"), "the range along x, y is missing"),
     ],
-)
-def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: str) -> None:
-    call = ("simulate", "-m", "machine.yaml", "-p", "part.yaml", "--write-drift", "d.csv")
+)  # fmt: skip
+def test_what_cannot_be_simulated(
+    call: tuple[object, ...], words: tuple[object, ...], message: str, folder: Path
+) -> None:
+    prepared(folder / "small")
     assert message in refused(folder, *call, *words)
-
-
-def test_what_the_truth_cannot_make(tmp_path: Path) -> None:
-    for words, message in (
-        (["--write-drift", "d.csv"], "has a thermal model"),
-        (["--write-laser", "x.rtl"], "what the laser reads is missing"),
-        (["--write-laser", "x.rtl", "--laser-component", "dxx"], "did you mean"),
-        (["--write-laser", "x.rta", "--laser-component", "dx_x"], "a .rta file holds mrad"),
-        (["--write-laser", "x.csv", "--laser-component", "dx_x"], "ends in .rtl or .rta"),
-    ):
-        call = ("simulate", "-m", TRUTH, "--positions", "0:140:8", *words)
-        assert message in refused(tmp_path, *call)
-
-
-@pytest.fixture
-def work(tmp_path: Path) -> Path:
-    """A copy of the small study."""
-    return prepared(tmp_path / "work")
-
-
-SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.csv"]
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (["--positions", "0:inf:8"], "--positions: not a finite number: 'inf'"),
-        (["--positions", "100:0:3"], "--positions: out of range: '100:0:3'; expected LOW below"),
-        (["--positions", "0:100:1"], "'0:100:1'; expected a COUNT from 2 to 10000"),
-        (["--effect", "0.004*dir_x"], "--effect: not NAME: EQUATION: '0.004*dir_x'"),
-        (["--effect", "Ez: 0.004"], "--effect: unknown equation: 'Ez'; expected one of: Ex, Ey"),
-        (
-            ["--covariate", "x_mm: 1"],
-            "--covariate: not the name of a further column: 'x_mm'; expected another name",
-        ),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_faulty_simulations(call: list[str], words: str, work: Path) -> None:
-    assert words in refused(work, *SIMULATE, *call)
-
-
-def test_a_study_has_no_truth_to_simulate_without_readings(work: Path) -> None:
-    message = refused(work, *SIMULATE, "-m", TRUTH)
-    assert message.startswith("mtu: the range along x, y is missing")
 
 
 def test_a_laser_needs_the_positions_of_its_axis_alone(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import re
 import sys
 from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,9 @@ from mtu_cli.cli.main import main
 from mtu_cli.cli.options import Options
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.reports.document import REPORTS, column_meanings, declaration, meanings
+from mtu_cli.model.effect_library import BUILT_IN
+from mtu_cli.model.settings import Settings
+from mtu_cli.reports.document import REPORTS, column_meanings, declaration, envelope, meanings
 from mtu_cli.reports.fields import Fields, Group, fields_of
 
 STUDY = """\
@@ -39,14 +42,6 @@ components: [known.json]
 """
 RUN = "not overwritten, as it is an input"
 FULL = pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-
-
-@pytest.fixture
-def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A copy of the small study, as the working folder."""
-    folder = prepared(tmp_path / "work")
-    monkeypatch.chdir(folder)
-    return folder
 
 
 @pytest.fixture
@@ -67,10 +62,8 @@ def work(small: Path) -> Path:
         ("anova", {"out": "known.json", "machine": None}, f"known.json: {RUN}"),
         ("predict-points", {"csv": "link.csv"}, f"link.csv: {RUN}"),
         ("fit-components", {"csv": "x/../lbb.csv"}, "lbb.csv: "),
-        ("fit-components", {"machine": "m.yaml", "csv": "cmm.csv"}, f"cmm.csv: {RUN}"),
         ("close-loop", {"machine": "m.yaml", "write_machine": "mtu.yaml"}, f"mtu.yaml: {RUN}"),
         ("close-loop", {"machine": "m.yaml", "csv": "m.yaml"}, "m.yaml: --csv does not write"),
-        ("anova", {"machine": "m.yaml", "out": "apart.csv"}, "apart.csv: -o does not write .csv"),
         ("simulate", {"write_cmm": "b.csv.gz"}, "--write-cmm does not write .gz"),
         ("anova", {"out": "/"}, "/: a folder, no file"),
         ("anova", {"csv": "measured.csv"}, "not overwritten, as it holds measured points"),
@@ -145,6 +138,8 @@ def test_warnings_are_said_once_and_notes_not_with_quiet(
         "warning: no formula: m [no-formula]",
         "note: not estimable: u (a); n [not-estimable]",
     ]
+    twice = envelope("lengths", inputs=(), settings=Settings(), results={}, warnings=[note] * 2)
+    assert twice["warnings"] == [note.to_dict()]
     for quiet in (True, False):
         options = Options("lengths", {"quiet": quiet})
         execute(options, lambda inputs: Result(inputs, Listing(), [note]))
@@ -311,12 +306,17 @@ def test_covariance_is_in_the_report_where_it_is_asked_for() -> None:
     for i, point in enumerate(points):
         assert matrix[2 * i][2 * i] == pytest.approx(point["var_x_um2"], rel=1e-12)
         assert matrix[2 * i + 1][2 * i + 1] == pytest.approx(point["var_y_um2"], rel=1e-12)
+        apart = point["independent"]
+        assert apart["u_y_um"] ** 2 == pytest.approx(apart["var_y_um2"], rel=1e-12)
 
 
 def test_the_study_is_found_here_and_above(tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
     below = work / "reports" / "2024"
     below.mkdir(parents=True)
+    (below.parent / "mtu.yaml").mkdir()
+    text = (work / "mtu.yaml").read_text().replace("lbb: [lbb.csv]", "lbb: lbb.csv")
+    (work / "mtu.yaml").write_text(text)
     here = done(mtu("lengths", cwd=work))
     assert "\nLengths\n" in here.stdout
     assert done(mtu("lengths", cwd=below)).stdout == here.stdout
@@ -368,6 +368,8 @@ def test_gates(tmp_path: Path) -> None:
         ("part", list(CONFIGS.glob("*/part.yaml"))),
         ("study", list(CONFIGS.glob("*/mtu.yaml"))),
         ("budget", list(CONFIGS.glob("budgets/*.yaml"))),
+        ("graph", list(CONFIGS.glob("graphs/*.yaml"))),
+        ("effects", [BUILT_IN]),
     ],
 )
 def test_json_schemas(kind: str, files: list[Path]) -> None:
@@ -375,7 +377,8 @@ def test_json_schemas(kind: str, files: list[Path]) -> None:
     schema = json.loads(done(mtu("schema", kind)).stdout)
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)
-    assert len(files) >= 2
+    assert schema["$id"] == f"mtu/{kind}/1"
+    assert files
     for path in files:
         data: dict[str, Any] = read_yaml(path, kind).data
         validator.validate(data)
@@ -405,6 +408,60 @@ CALLS = {
     "graph simulate": ["graphs/rotary-axis-a.yaml --trials 1000"],
     "graph sweep": ["graphs/ball-centre.yaml --of P1.z --vary axis_um=1,2,3 --trials 1000"],
 }
+SCORES = "rms_um rms_x_um rms_y_um p95_um max_um chi2_per_dof"
+COMPARED = "id operation predicted measured bias_um E_n ratio_u ratio_range range_width_um verdict"
+PROMISED = {
+    "predict-points": {
+        "points": "id x_mm y_mm z_mm Ex_um Ey_um u_x_um u_y_um var_x_um2 var_y_um2 U_x_um U_y_um "
+        "dof_effective_x dof_effective_y? interval95_x_um interval95_y_um independent"
+    },
+    "anova": {
+        "features": "operation feature axis parts n mean_error_um ms_between_um2 ms_within_um2 "
+        "df_between df_within F F_critical_95 p var_part_um2 var_repeat_um2 method s_pooled_um "
+        "var_part_interval95_um2 u_mean_um u_future_um U_future_um unusual_parts"
+    },
+    "compare": {
+        "features": f"{COMPARED} axis",
+        "features.predicted": "mean_um u_um U_um",
+        "features.measured": "mean_um u_um U_um parts",
+        "features.range_width_um": "predicted measured",
+        "lengths": COMPARED,
+    },
+    "close-loop": {
+        "": "verdict undeclared_effect_found before after floor_um in_sample improvement_percent "
+        "effects candidates unexplained",
+        **dict.fromkeys(("before", "after", "in_sample.before", "in_sample.after"), SCORES),
+        "effects": "name family axis covariate equations parameters searched p_familywise "
+        "log_bayes_factor posterior explained_share class aliases experiment?",
+        "candidates": "name p_familywise? log_bayes_factor? posterior? minimum_detectable_um?",
+        "unexplained": "found checks rms_um",
+        "unexplained.checks": "name p",
+    },
+    "thermal-fit": {
+        "components.pos_y": "model positions_mm sensors groups coefficients r2_fit rms_before_um "
+        "rms_after_um held_out collinearity residuals of unit degree reference_temperature_degC "
+        "time_constants_min covariance coefficient_dof leftover_covariance leftover_dof? "
+        "sensor_u_degC temperature_range_degC position_range_mm gradients inseparable",
+        "components.yaw_y": "rms_before_arcsec rms_after_arcsec",
+    },
+    "correct": {
+        "": "points circles spheres lengths",
+        "points": "part feature measured correction_um corrected",
+        "circles": "id diameter_mm error_um u_um reduction_percent n_repeats",
+        "circles.diameter_mm": "before after",
+        "circles.error_um": "before after",
+    },
+    "budget": {
+        "": "value u second_order dof_effective k U rows monte_carlo",
+        "rows": "name value u distribution dof? sensitivity contribution share",
+        "monte_carlo": "mean u interval shortest probability trials first_order_valid?",
+    },
+    "graph simulate": {
+        "": "places trials converged budget",
+        "places.PA.z": "unit nominal mean u U interval95 first_order_u",
+    },
+}
+"""Names that scripts rely on, by place in the report of the first call; ``?``: may be null."""
 LEAF = "a figure"
 
 
@@ -455,8 +512,22 @@ def test_every_field_and_column_is_declared_once(command: str) -> None:
         assert undeclared(known, made.report["results"]) == set()
         header = next(csv.reader([made.table.partition("\n")[0]]))
         free = ("share_", "coefficient_", "u_coefficient_")
-        columns = {name for name, _ in column_meanings(row)}
-        assert {x for x in header if not x.startswith(free)} <= columns
+        columns = [name for name, _ in column_meanings(row)]
+        assert len(columns) == len({*columns})
+        assert {x for x in header if not x.startswith(free)} <= {*columns}
+
+
+@pytest.mark.parametrize("command", PROMISED)
+def test_reports_have_the_figures_that_scripts_rely_on(command: str) -> None:
+    call = f"{command} configs/{CALLS[command][0]}"
+    for place, names in PROMISED[command].items():
+        items: list[Any] = [shared(call).report["results"]]
+        for step in filter(None, place.split(".")):
+            inner = [item[step] for item in items]
+            items = [x for each in inner for x in (each if isinstance(each, list) else [each])]
+        assert items
+        for item, name in product(items, names.split()):
+            assert item[name.rstrip("?")] is not None or name.endswith("?"), (place, name)
 
 
 @pytest.mark.parametrize("command", sorted({name.partition(" ")[0] for name in REPORTS}))
@@ -465,4 +536,5 @@ def test_help_explains_every_field_and_column(command: str) -> None:
     for name in (each for each in REPORTS if each.partition(" ")[0] == command):
         results, row = declaration(name)
         for key, meaning in [*meanings(results), *column_meanings(row)]:
+            assert meaning
             assert f"| `{key}` | {meaning.replace('|', chr(92) + '|')} |" in shown

@@ -57,23 +57,30 @@ def test_a_process_does_what_a_call_of_the_tests_does(call: str, tmp_path: Path)
     assert found[0] == found[1]
 
 
-def outcome(folder: Path, threads: int, env: dict[str, str]) -> Listing:
-    """All bytes of calls with absolute paths from another folder: files and standard streams."""
-    work, away = prepared(folder / "secret-folder"), folder / "away"
-    away.mkdir()
-    files = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.pdf"]
-    words = ["--threads", threads, "--trials", 20_000]
-    result = done(started("orthogonality", work / "mtu.yaml", *files, *words, cwd=away, env=env))
-    made = ("--write-lbb", "a.csv", "--write-cmm", "b.csv")
-    done(started("simulate", work / "mtu.yaml", *made, cwd=away, env=env))
-    return listing(away) | {"": result.stdout.encode(), " ": result.stderr.encode()}
+BYTES = {
+    "orthogonality {}/work/mtu.yaml --trials 20000 --plot o.pdf": "o.json o.csv o.pdf",
+    "simulate {}/work/mtu.yaml --write-lbb a.csv --write-cmm b.csv": "a.csv b.csv",
+    f"graph simulate {CONFIGS}/graphs/work-coordinates.yaml --plot o.svg": "o.json o.csv o.svg",
+    f"compare {CONFIGS}/gilsinn-ling-parts --plot o.png": "o.json o.csv o.png",
+}
+"""Calls with absolute paths, and what they write in another folder."""
 
 
-def test_threads_hash_seeds_languages_time_zones_and_places(tmp_path: Path) -> None:
-    first, other = (outcome(tmp_path / str(n), n, env) for n, env in SURROUNDINGS)
-    assert set(first) == {"", " ", "out.json", "out.csv", "out.pdf", "a.csv", "b.csv"}
-    assert other == first
-    for name, content in first.items():
+@pytest.mark.parametrize("call", BYTES)
+def test_threads_hash_seeds_languages_time_zones_and_places(call: str, tmp_path: Path) -> None:
+    found: list[Listing] = []
+    for threads, env in SURROUNDINGS:
+        folder = tmp_path / str(threads) / "secret-folder"
+        prepared(folder / "work")
+        (away := folder / "away").mkdir()
+        words = call.format(folder).split()
+        if words[0] != "simulate":
+            words += ["--threads", str(threads), "-o", "o.json", "--csv", "o.csv"]
+        result = done(started(*words, cwd=away, env=env))
+        found.append(listing(away) | {"": result.stdout.encode(), " ": result.stderr.encode()})
+    assert found[0].keys() == {"", " ", *BYTES[call].split()}
+    assert found[0] == found[1]
+    for name, content in found[0].items():
         text = (content or b"").decode("utf-8", "replace")
         assert "secret-folder" not in text, name
         assert str(Path.home()) + "/" not in text, name
@@ -240,17 +247,11 @@ def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch)
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 
 
-@pytest.fixture
-def work(tmp_path: Path) -> Path:
-    """A copy of the small study."""
-    return prepared(tmp_path / "work")
-
-
-def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
+def test_all_settings_out_of_range_are_told_at_once(small: Path) -> None:
     values = {"--k": "nan", "--digits": "5", "--seed": "-1", "--correlation": "some"}
     values |= {"--trials": "999", "--threads": "0"}
     call = [word for pair in values.items() for word in pair]
-    found = refused(work, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
+    found = refused(small, "lengths", *call, *OUTPUTS).removeprefix("mtu: ").splitlines()
     assert len(found) == len(values)
     begun = {line.partition("; expected ")[0] for line in found}
     assert begun == {f"{option}: out of range: '{value}'" for option, value in values.items()}
@@ -261,45 +262,37 @@ def test_all_settings_out_of_range_are_told_at_once(work: Path) -> None:
     [
         (["lengths", "--outptu", "a"], "no such option: --outptu (Possible options: --out"),
         (["graph", "draw", "--to"], "option '--to' requires an argument"),
-        (
-            ["close-loop", "--fail-if", "found,drifts"],
-            "unknown gate: 'drifts'; expected suspicious",
-        ),
+        (["close-loop", "--fail-if", "found,drifts"],
+         "unknown gate: 'drifts'; expected suspicious"),
         (["lengths", "--out", "-q"], "-q: -o does not write a file without an ending; expected"),
-        (
-            ["lengths", "--fail-if", "nonconforming=1"],
-            "--fail-if nonconforming: out of range: 'nonconforming=1'; expected a probability",
-        ),
-        (
-            ["lengths", "--fail-if", "nonconforming=0.5,nonconforming=0.1"],
-            "--fail-if nonconforming appears twice: 'nonconforming=0.1'",
-        ),
+        (["lengths", "--fail-if", "nonconforming=1"],
+         "--fail-if nonconforming: out of range: 'nonconforming=1'; expected a probability"),
+        (["lengths", "--fail-if", "nonconforming=0.5,nonconforming=0.1"],
+         "--fail-if nonconforming appears twice: 'nonconforming=0.1'"),
         (["lengths", "--fail-if", "nonconforming"], "unknown gate: 'nonconforming'; expected susp"),
         (["graph", "sweep", "g.yaml"], "missing option '--vary'"),
         (["graph", "chek"], "no such command 'chek'. Did you mean 'check' (see mtu graph --help)"),
         (["lengths", "--at", "-o"], "--at: not NAME=VALUE: '-o'"),
-        (
-            ["simulate", "--cmm-room", "22:25"],
-            "invalid value for '--cmm-room': not a number: '22:25'",
-        ),
+        (["simulate", "--cmm-room", "22:25"],
+         "invalid value for '--cmm-room': not a number: '22:25'"),
         (["simulate", "--passes", "0"], "--passes: out of range: '0'; expected from 1 to 10000"),
         (["lengths", "-p", ""], "invalid value for '-p' / '--part': it names no file"),
         (["\u65e5\u672c" * 40], "no such command '\u65e5\u672c"),
         (["lengths", "--a\x1b[31m\n"], "no such option: --a\\x1b[31m"),
     ],
     ids=lambda value: ascii(" ".join(value)[:20]) if isinstance(value, list) else "",
-)
-def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, work: Path) -> None:
-    message = refused(work, *call, env={"COLUMNS": "30"})
+)  # fmt: skip
+def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, small: Path) -> None:
+    message = refused(small, *call, env={"COLUMNS": "30"})
     assert message.startswith(f"mtu: {words}")
     assert len(message.splitlines()) == 1
 
 
-def test_sizes_of_a_machine_in_another_unit_are_asked_about(work: Path) -> None:
-    text = (work / "machine.yaml").read_text().replace("travel_mm: [0, 300]", "travel_mm: [0, 3]")
+def test_sizes_of_a_machine_in_another_unit_are_asked_about(small: Path) -> None:
+    text = (small / "machine.yaml").read_text().replace("travel_mm: [0, 300]", "travel_mm: [0, 3]")
     text = text.replace("components:", "constants: {z0: 127000}\ncomponents:")
-    (work / "machine.yaml").write_text(text.replace("of: y", "of: x"))
-    told = done(mtu("fit-components", ".", "-q", cwd=work)).stderr
+    (small / "machine.yaml").write_text(text.replace("of: y", "of: x"))
+    told = done(mtu("fit-components", ".", "-q", cwd=small)).stderr
     for words in ("axes.y.travel_mm: a travel of 3 mm", "constants.z0: a constant of 127000 mm"):
         assert f"{words} is hardly meant; probably " in told
 
@@ -324,25 +317,13 @@ def bomb() -> str:
     ("text", "words"),
     [
         (bomb(), "machine.yaml:6: more than 500000 values"),
-        (
-            MACHINE + f"equations: {{Ex: '{'(' * 5000}a{')' * 5000}'}}",
-            "machine.yaml:4: equations.Ex: more than 60 levels of an equation at column",
-        ),
-        (
-            MACHINE + f"equations: {{Ex: '{'-' * 9000}a'}}",
-            "machine.yaml:4: equations.Ex: more than 300 operators of an equation",
-        ),
-        (
-            MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
-            "machine.yaml:4: equations.Ex: not a finite number at column 3: '999",
-        ),
-        (
-            "!!python/object/apply:os.system ['touch stolen']\n",
-            "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
-        ),
+        (MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
+         "machine.yaml:4: equations.Ex: not a finite number at column 3: '999"),
+        ("!!python/object/apply:os.system ['touch stolen']\n",
+         "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted"),
     ],
-    ids=["aliases", "parentheses", "signs", "digits", "tag"],
-)
+    ids=["aliases", "digits", "tag"],
+)  # fmt: skip
 def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
     (work / "machine.yaml").write_text(text, "utf-8")

@@ -20,7 +20,6 @@ from mtu_cli.findings import InputError
 from mtu_cli.formats.base import Ask, Imported, of_content
 from mtu_cli.formats.instruments import converter, read
 from mtu_cli.formats.renishaw import features_of, run_file
-from mtu_cli.formats.table_map import read_profile
 
 ASK = Ask(component="dx_x", unit="um")
 
@@ -29,6 +28,12 @@ def raw(content: bytes | str, name: str = "x.txt") -> Any:
     """A file in memory."""
     content = content.encode() if isinstance(content, str) else content
     return of_content(Source(role="laser", path=Path(name), shown=name, sha256=""), content)
+
+
+def profiled(folder: Path, profile: str, text: str, **asked: Any) -> Imported:
+    """A table as a profile reads it."""
+    (folder / "map.yaml").write_text(profile)
+    return read(raw(text), Ask(kind="readings", profile=folder / "map.yaml", **asked))
 
 
 def rows(found: Imported, *names: str) -> list[tuple[Any, ...]]:
@@ -250,47 +255,41 @@ def test_a_logger_gives_drift_readings_with_temperatures() -> None:
 
 
 def test_a_profile_reads_any_table(tmp_path: Path) -> None:
-    path, text = tmp_path / "map.yaml", made.MAPPED
-    path.write_text(made.MAP)
-    ask = Ask(kind="readings", profile=path)
-    found = read(raw(text), ask)
+    text = made.MAPPED
+    found = profiled(tmp_path, made.MAP, text)
     assert rows(found, "component", "cycle") == [("dx_x", x) for x in "11122"]
     np.testing.assert_allclose(found.columns["error"], [0.001, 0.002, 0.001, 0.5, 0.25], atol=1e-12)
     assert rows(found, "pass", "direction")[1] == (1, "reverse")
     assert found.left_out == {"empty cells": 1, "columns (Note)": 1, "lines above the header": 1}
     with pytest.raises(InputError, match="column 'M2': the column is missing"):
-        read(raw(text.replace("M2", "M3")), ask)
+        profiled(tmp_path, made.MAP, text.replace("M2", "M3"))
     slip = made.MAP.replace("units: {error: mm}", "units: {position: mm}\nscale: {eror: -1}")
-    path.write_text(slip)
     with pytest.raises(InputError) as refused:
-        read_profile(path)
+        profiled(tmp_path, slip, text)
     assert [each.value for each in refused.value.findings] == ["position", "eror"]
-    path.write_text(made.MAP.replace("constants: {", "constants: {direction: forward, "))
+    twice = made.MAP.replace("constants: {", "constants: {direction: forward, ")
     with pytest.raises(InputError, match="directions of the unpivoted columns and"):
-        read(raw(text), ask)
-    path.write_text("schema: mtu/import/1\nunits: {error: furlong}\nfoo: 1\n")
+        profiled(tmp_path, twice, text)
     with pytest.raises(InputError, match="furlong"):
-        read_profile(path)
+        profiled(tmp_path, "schema: mtu/import/1\nunits: {error: furlong}\nfoo: 1\n", text)
 
 
 def test_targets_may_be_the_headings_of_a_profile(tmp_path: Path) -> None:
     """Read as numbers with the decimal sign of the file, and subtracted once they are rows."""
-    path = tmp_path / "map.yaml"
-    path.write_text("""schema: mtu/import/1
+    profile = """schema: mtu/import/1
 columns: {pass: Lauf, direction: Richtung}
 unpivot: {into: error, names: position_mm, columns: ["0,0", "50,5"]}
 subtract: {error: position_mm}
 units: {error: mm}
 constants: {component: dx_x}
-""")
+"""
     text = "Lauf;Richtung;0,0;50,5\n1;+;0,001;50,502\n1;-;0,003;50,504\n"
-    table = read(raw(text), Ask(kind="readings", profile=path))
+    table = profiled(tmp_path, profile, text)
     assert table.columns["position_mm"] == [0.0, 50.5, 0.0, 50.5]
     np.testing.assert_allclose(table.columns["error"], [0.001, 0.002, 0.003, 0.004], atol=1e-12)
-    path.write_text(path.read_text().replace("50,5", "50 mm"))
+    named = text.replace("50,5\n", "50 mm\n", 1)
     with pytest.raises(InputError, match="row 1, column '50 mm': not a number"):
-        read(raw(text.replace("50,5;", "50 mm;").replace("50,5\n", "50 mm\n")),
-             Ask(kind="readings", profile=path))  # fmt: skip
+        profiled(tmp_path, profile.replace("50,5", "50 mm"), named)
 
 
 @pytest.mark.parametrize(
@@ -306,20 +305,17 @@ def test_a_position_is_subtracted_in_the_unit_of_the_error(
     measured: str, unit: str, asked: str | None, error: float, made: str, tmp_path: Path
 ) -> None:
     """That of the profile or of the call; without one the error is in mm, too."""
-    path = tmp_path / "map.yaml"
-    path.write_text(f"""schema: mtu/import/1
-columns: {{position_mm: target, error: actual}}
-subtract: {{error: position_mm}}
-constants: {{component: dx_x}}
-{unit}
-""")
+    profile = """schema: mtu/import/1
+columns: {position_mm: target, error: actual}
+subtract: {error: position_mm}
+constants: {component: dx_x}
+"""
     text = f"target;actual\n67;{measured}\n"
-    table = read(raw(text), Ask(kind="readings", profile=path, unit=asked))
+    table = profiled(tmp_path, profile + unit, text, unit=asked)
     assert table.columns["unit"] == [made]
     assert table.columns["error"] == [pytest.approx(error, abs=1e-9)]
-    path.write_text(f"{path.read_text()}units: {{error: arcsec}}\n".replace(unit, "", bool(unit)))
     with pytest.raises(InputError, match=r"position_mm is in mm, and .* in arcsec"):
-        read(raw(text), Ask(kind="readings", profile=path))
+        profiled(tmp_path, profile + "units: {error: arcsec}\n", text)
 
 
 HEAD = "schema: mtu/import/1\nconstants: {component: c}\nunits: {error: mm}\n"
@@ -328,16 +324,12 @@ HEAD = "schema: mtu/import/1\nconstants: {component: c}\nunits: {error: mm}\n"
 @pytest.mark.parametrize(
     ("profile", "text", "columns"),
     [
-        (
-            "columns: {position_mm: pos}\nunpivot: {into: error, columns: [error, error_2]}",
-            "pos;error;error_2\n0;1,5;2,5\n",
-            {"error": [1.5, 2.5], "pass": [1, 2]},
-        ),
-        (
-            "columns: {position_mm: pos, error: M}\ncycles: {from: cycle}",
-            "pos;cycle;M\n0;8;1,5\n1;9;2,5\n0;8;1,5\n",
-            {"cycle": ["1", "1", "2"]},
-        ),
+        ("columns: {position_mm: pos}\nunpivot: {into: error, columns: [error, error_2]}",
+         "pos;error;error_2\n0;1,5;2,5\n",
+         {"error": [1.5, 2.5], "pass": [1, 2]}),
+        ("columns: {position_mm: pos, error: M}\ncycles: {from: cycle}",
+         "pos;cycle;M\n0;8;1,5\n1;9;2,5\n0;8;1,5\n",
+         {"cycle": ["1", "1", "2"]}),
         # Twice, and in inches.
         (
             "columns: {position_mm: Soll, error: Ist, gap: Ist}\nscale: {Soll: 25.4}\n"
@@ -346,14 +338,12 @@ HEAD = "schema: mtu/import/1\nconstants: {component: c}\nunits: {error: mm}\n"
             {"position_mm": [1, 2], "error": [25.5 - 25.4, 50.75 - 50.8]},
         ),
     ],
-)
+)  # fmt: skip
 def test_headings_that_a_profile_calculates_with(
     profile: str, text: str, columns: dict[str, Any], tmp_path: Path
 ) -> None:
     """They may be called as the columns that are made of them, and be converted first."""
-    path = tmp_path / "map.yaml"
-    path.write_text(HEAD + profile)
-    table = read(raw(text), Ask(kind="readings", profile=path))
+    table = profiled(tmp_path, HEAD + profile, text)
     for name, values in columns.items():
         assert table.columns[name] == values
     assert "Soll" not in table.columns
@@ -362,22 +352,20 @@ def test_headings_that_a_profile_calculates_with(
 
 def test_headings_in_a_column_of_numbers_are_numbers(tmp_path: Path) -> None:
     """In any that the contract's reader takes for one; sensors may have no reading."""
-    path = tmp_path / "map.yaml"
     text = "T_air_degC;0,0;90,5\n20,5;0,5;91,5\n;0,25;91\n"
     profile = HEAD.replace("error: mm", "error: deg") + (
         "columns: {T_air_degC: T_air_degC}\n"
         "unpivot: {into: error, names: position_deg, columns: ['0,0', '90,5']}\n"
     )
-    for subtract, errors in (("", [0.5, 91.5, 0.25, 91]), ("position_deg", [0.5, 1, 0.25, 0.5])):
-        path.write_text(profile + (f"subtract: {{error: {subtract}}}\n" if subtract else ""))
-        table = read(raw(text), Ask(kind="readings", profile=path))
+    subtracted = profile + "subtract: {error: position_deg}\n"
+    for known, errors in ((profile, [0.5, 91.5, 0.25, 91]), (subtracted, [0.5, 1, 0.25, 0.5])):
+        table = profiled(tmp_path, known, text)
         assert table.columns["position_deg"] == [0.0, 90.5] * 2
         assert table.columns["error"] == errors
         assert table.columns["T_air_degC"] == [20.5, 20.5, None, None]
-    path.write_text(path.read_text().replace("component: c", "component: c, position_mm: '5'")
-                    .replace(": position_deg}", ": position_mm}"))  # fmt: skip
+    texts = subtracted.replace("component: c", "component: c, position_mm: '5'")
     with pytest.raises(InputError, match="column 'position_mm': not numbers"):
-        read(raw(text), Ask(kind="readings", profile=path))
+        profiled(tmp_path, texts.replace(": position_deg}", ": position_mm}"), text)
 
 
 @pytest.mark.parametrize("name", ["x.rtl", "wide.csv", "e.dat", "laser.txt"])

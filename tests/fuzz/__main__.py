@@ -33,15 +33,11 @@ def main() -> None:
         prepared, folder = prepared_folder(Path(name) / "sound"), Path(name) / "calls" / "work"
         # Messages name files as a user in that folder would.
         os.chdir(prepared)
-        for task, count, every in (
-            ("readers", given.readers, 2000),
-            ("commands", given.commands, 200),
+        for task, count, every, cases_of in (
+            ("readers", given.readers, 2000, read_cases),
+            ("commands", given.commands, 200, call_cases),
         ):
-            numbers = range(given.first, given.first + count)
-            if task == "readers":
-                cases = read_cases(given, prepared, numbers)
-            else:
-                cases = call_cases(given, prepared, folder, numbers)
+            cases = cases_of(given, prepared, range(given.first, given.first + count), folder)
             tally, start = Tally(task, given.seed, ROOT / "out" / "fuzz"), time.monotonic()
             for done, case in enumerate(cases, 1):
                 tally.add(*case)
@@ -54,7 +50,7 @@ def main() -> None:
     sys.exit(1 if failures else 0)
 
 
-def read_cases(given: argparse.Namespace, prepared: Path, numbers: range) -> Found:
+def read_cases(given: argparse.Namespace, prepared: Path, numbers: range, _: Path) -> Found:
     """Damaged files through their readers."""
     samples = samples_of(prepared)
     for number in numbers:
@@ -62,7 +58,7 @@ def read_cases(given: argparse.Namespace, prepared: Path, numbers: range) -> Fou
         yield number, case.sample.kind, case.content, f"damaged.{case.sample.form}", judged(case)
 
 
-def call_cases(given: argparse.Namespace, prepared: Path, folder: Path, numbers: range) -> Found:
+def call_cases(given: argparse.Namespace, prepared: Path, numbers: range, folder: Path) -> Found:
     """Commands on damaged files, after those on sound ones, which must end well."""
     for pattern in PATTERNS if numbers and numbers.start == 0 else ():
         verdict = judged_call(sound_call(pattern, prepared, folder), folder)

@@ -194,9 +194,7 @@ def judged_call(call: Call, folder: Path) -> Verdict:
     ended = run(call.arguments, folder)
     failure = failure_of(ended, before, listing(folder), call)
     outcome = {0: "done", 2: "refused", 3: "gate"}.get(ended.code, "failed")
-    return Verdict(
-        outcome=outcome, seconds=ended.seconds, failure=failure, message=ended.error.strip()
-    )
+    return Verdict(outcome=outcome, failure=failure, message=ended.error.strip())
 
 
 def failure_of(ended: Ended, before: Listing, after: Listing, call: Call) -> str | None:

@@ -73,7 +73,6 @@ def damaged(sample: Sample, rng: Random, mild: float = 0.2) -> bytes:
 
 
 def nudged(content: bytes, rng: Random) -> bytes:
-    """A few places changed."""
     for _ in range(rng.randint(1, 4)):
         content = damaged_bytes(content, rng, spliced=True)
     return content

@@ -2,7 +2,6 @@
 
 import gzip
 import signal
-import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator
@@ -72,7 +71,6 @@ def judged(case: Case) -> Verdict:
     """The verdict on one case, its file written beside the sound one."""
     path = written(case.sample, case.content)
     reader = READERS[case.sample.kind]
-    start = time.process_time()
     outcome, failure, message = "read", None, ""
     try:
         with warnings.catch_warnings(), within_time():
@@ -83,9 +81,7 @@ def judged(case: Case) -> Verdict:
         failure = unclean(message)
     except (Exception, Hang):
         outcome, failure = "failed", traceback.format_exc()
-    return Verdict(
-        outcome=outcome, seconds=time.process_time() - start, failure=failure, message=message
-    )
+    return Verdict(outcome=outcome, failure=failure, message=message)
 
 
 def written(sample: Sample, content: bytes) -> Path:

@@ -12,28 +12,25 @@ class Verdict:
     """`outcome` of a case, with `failure` None; else what went wrong."""
 
     outcome: str
-    seconds: float
     failure: str | None = None
     message: str = ""
 
 
 @dataclass
 class Tally:
-    """Of one task: outcomes by kind of file or command, the slowest cases, and the failures."""
+    """Of one task: outcomes by kind of file or command, and the failures."""
 
     task: str
     seed: int
     folder: Path
     outcomes: Counter[tuple[str, str]] = field(default_factory=Counter)
     contents: set[bytes] = field(default_factory=set)
-    slowest: list[tuple[float, int, str]] = field(default_factory=list)
     failures: list[tuple[int, str, str]] = field(default_factory=list)
 
     def add(self, number: int, kind: str, content: bytes, name: str, verdict: Verdict) -> None:
         """One more case; the file of one that failed is kept with the reason."""
         self.outcomes[kind, verdict.outcome] += 1
         self.contents.add(blake2b(kind.encode() + content, digest_size=8).digest())
-        self.slowest = sorted([*self.slowest, (verdict.seconds, number, kind)])[-3:]
         if verdict.failure is None:
             return
         self.failures.append((number, kind, verdict.failure))
@@ -48,8 +45,6 @@ class Tally:
         yield f"{self.task}: {self.outcomes.total()} cases, {len(self.contents)} different files"
         for (kind, outcome), count in sorted(self.outcomes.items()):
             yield f"  {kind:<16}{count:7} {outcome}"
-        for seconds, number, kind in reversed(self.slowest):
-            yield f"  slow: case {number} ({kind}) {seconds:.2f} s"
         yield f"  failures: {len(self.failures)}"
         for number, kind, failure in self.failures[:20]:
             yield f"    case {number} ({kind}): {failure.strip().splitlines()[-1][:300]}"

@@ -14,7 +14,7 @@ from loop_bench.command import judged, rounded
 from loop_bench.figures import ratio, share
 from loop_bench.records import Record, read
 from loop_bench.rows import ROWS, table
-from loop_bench.sets import KINDS, Kind, drawn
+from loop_bench.sets import KINDS, drawn
 from shop_day import NOISES, Noise, ShopDay, measure
 from shop_day.day import Floats
 from shop_day.noise import REPEATS, SIG_CMM, SIG_HOLE, SIG_PART, SIG_PROCESS
@@ -29,17 +29,13 @@ EACH = ("null-normal", "laser-1", "missing-1", "hidden-scale",
 """A kind for each way of drawing."""
 
 
-def kind_of(name: str) -> Kind:
-    return next(kind for kind in KINDS if kind.name == name)
-
-
 @pytest.mark.parametrize("name", EACH)
 def test_the_command_takes_each_kind_of_set(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # What is held out takes most of the time.
     monkeypatch.setattr("mtu_cli.analyses.close_loop.FOLDS", (2, 2))
-    _, made = drawn(kind_of(name), 1, 1, tmp_path)
+    _, made = drawn(next(kind for kind in KINDS if kind.name == name), 1, 1, tmp_path)
     report = judged(made, tmp_path, 1)
     assert report["code"] == 0, report
     assert report["verdict"] in ("none", "named", "class", "unexplained")
@@ -82,7 +78,6 @@ def test_a_run_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Monk
 def stated(
     verdict: str, *effects: dict[str, Any], true: tuple[str | None, ...] = (), **more: Any
 ) -> Record:
-    """A record by hand."""
     blank = {"family": "", "parameters": {}, "searched": {}, "equations": ["Ex"]}
     report = {"code": 0, "verdict": verdict, "effects": [blank | own for own in effects],
               "unexplained": verdict == "unexplained", "seconds": 1.0}  # fmt: skip

@@ -24,7 +24,6 @@ from mtu_cli.files.headers import (
     Table,
     TableSpec,
     meant_by,
-    perhaps_equal,
     time_of,
 )
 from mtu_cli.files.machine import covariance_fault
@@ -109,14 +108,6 @@ def test_covariates_are_numbers_or_texts(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (
-            "name,value,count\na,1,1.50\n",
-            ": not a whole number: '1.50'; expected a whole number from 0 on",
-        ),
-        (
-            "name,value\na,9007199254740993000000000000000\n",
-            "'9007199254740993000000000000000'; expected at most 1e+12 in size",
-        ),
         ('{"name": 1}', "holds no table: '{\"name\": 1}'; expected a header row"),
         ("sep=;\nname;value\n", "holds no table: 'sep=;'; expected a header row"),
         ("name,value\nd,1_0\n", "not a number: '1_0'; expected a number"),
@@ -126,19 +117,6 @@ def test_covariates_are_numbers_or_texts(tmp_path: Path) -> None:
 def test_what_a_fault_says(content: str, words: str, tmp_path: Path) -> None:
     (found,) = faults(tmp_path, content)
     assert words in found
-
-
-def test_a_fault_of_a_whole_column_is_one_line(tmp_path: Path) -> None:
-    (tmp_path / "m.csv").write_text("name,value\n" + "a,x\n" * 3000 + "a,y\n")
-    found = CellFaults()
-    read_table(tmp_path / "m.csv", "lbb", SPEC, found)
-    with pytest.raises(InputError) as caught:
-        found.raise_if_any()
-    assert len(caught.value.findings) == 3001
-    assert str(caught.value).splitlines() == [
-        "m.csv, rows 2 to 3001, column 'value': not a number: 'x'; expected a number",
-        "m.csv, row 3002, column 'value': not a number: 'y'; expected a number",
-    ]
 
 
 def test_very_many_bad_cells_are_counted(tmp_path: Path) -> None:
@@ -182,17 +160,6 @@ def test_times_are_those_of_pandas(cell: str) -> None:
     stamp = pd.Timestamp(cell.upper())
     exact = stamp if stamp.tzinfo else stamp.tz_localize("UTC")
     assert found == (exact.value // 1000, stamp.tzinfo is not None)
-
-
-def test_equal_rows_are_marked_and_no_others() -> None:
-    """In several blocks, for floats and codes; 0.0 equals -0.0."""
-    rng, n = np.random.default_rng(1), 100_003
-    numbers, codes = rng.standard_normal(n), rng.integers(-1, 50, n)
-    assert not perhaps_equal([numbers, codes]).any()
-    numbers[[0, -1]], codes[-1] = [0.0, -0.0], codes[0]
-    assert np.flatnonzero(perhaps_equal([numbers, codes])).tolist() == [0, n - 1]
-    # The same values in another column are another row.
-    assert not perhaps_equal([np.array([1.0, 2.0]), np.array([2.0, 1.0])]).any()
 
 
 CELLS = st.sampled_from(
@@ -267,18 +234,10 @@ def test_non_finite_numbers_are_a_fault_of_the_program(value: object) -> None:
         report_bytes({"results": {"x": object()}})
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ('{"a": 1,\n "b": }', "r.json:2: cannot be read: no JSON: expecting value at column 7"),
-        (f'{{"a": -{"9" * 5000}}}', "cannot be read"),
-    ],
-)
-def test_faulty_json(tmp_path: Path, text: str, words: str) -> None:
-    (tmp_path / "r.json").write_text(text)
-    with pytest.raises(InputError) as caught:
+def test_a_number_that_is_too_long_for_json(tmp_path: Path) -> None:
+    (tmp_path / "r.json").write_text(f'{{"a": -{"9" * 5000}}}')
+    with pytest.raises(InputError, match="cannot be read"):
         read_json(tmp_path / "r.json", "components")
-    assert words in str(caught.value)
 
 
 def test_files_are_written_with_nothing_left_behind(tmp_path: Path) -> None:
@@ -350,16 +309,14 @@ def test_the_hash_is_of_the_bytes(tmp_path: Path) -> None:
     ("name", "role", "words"),
     [
         ("machine.yaml", "machine", "no such file"),
-        ("drft.csv", "lbb", "did you mean 'drift.csv'?"),
         ("lbb.csv", "lbb", "did you mean 'lbb.csv.gz'?"),
         ("v1.2", "study", "no such file"),
-        ("no/machine.yaml", "machine", "no such file"),
     ],
 )
 def test_a_missing_file_names_what_is_near(
     name: str, role: str, words: str, tmp_path: Path
 ) -> None:
-    for there in ("tm.yaml", "drift.csv", "lbb.csv.gz"):
+    for there in ("tm.yaml", "lbb.csv.gz"):
         (tmp_path / there).touch()
     told = message(tmp_path / name, role)
     assert told.startswith(f"{tmp_path}/{name}: no such file")
@@ -423,12 +380,10 @@ def test_a_folder_a_large_file_and_a_loop_of_links(tmp_path: Path) -> None:
         ([[1.0, 1.00000001], [1.00000001, 1.0]], None),
         ([[1.0, 1.0000005], [1.0000005, 1.0]], "a combination has a negative variance"),
         ([[1.0, 1.00001], [1.00001, 1.0]], "a combination has a negative variance"),
-        ([[-1.0, 0.0], [0.0, 1.0]], "a variance is negative"),
         ([[0.0, 1e-9], [1e-9, 1.0]], "a combination has a negative variance"),
         ([[1e-320, 1.0], [1.0, 1e-320]], "a combination has a negative variance"),
         ([[1e-320, 1e-320], [1e-320, 1e-320]], None),
         ([[1e300, 1e300], [-1e300, 1e300]], "not symmetric"),
-        ([[1.0, 0.0]], "not 1 x 1"),
         ([[1.0, 0.0], [0.0]], "not 2 x 2"),
     ],
 )

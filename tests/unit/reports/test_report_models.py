@@ -29,7 +29,7 @@ from support import CONFIGS
 
 from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
-from mtu_cli.analyses.graph import shares_by_place, simulate_graph
+from mtu_cli.analyses.graph import shares_by_place
 from mtu_cli.analyses.thermal_fit import ThermalFit
 from mtu_cli.cli.analyse import fitted_drift
 from mtu_cli.cli.load import Inputs
@@ -41,8 +41,6 @@ from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_report
 from mtu_cli.model.measurands import Conformance, PositionConformance
-from mtu_cli.model.settings import Settings
-from mtu_cli.reports import graph as report
 from mtu_cli.reports import graph_drawing, predictions
 from mtu_cli.reports.budget import document, figure
 from mtu_cli.reports.close_loop import document as loop_document
@@ -55,12 +53,6 @@ from mtu_cli.reports.thermal_fit import document as drift_document
 from mtu_cli.reports.thermal_fit import figure as drift_figure
 
 pytestmark = pytest.mark.usefixtures("styled")
-
-POINT = [
-    "id", "x_mm", "y_mm", "z_mm", "Ex_um", "Ey_um", "u_x_um", "u_y_um", "var_x_um2",
-    "var_y_um2", "U_x_um", "U_y_um", "dof_effective_x", "dof_effective_y", "interval95_x_um",
-    "interval95_y_um", "independent",
-]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -79,39 +71,12 @@ def spatial(tmp_path_factory: pytest.TempPathFactory) -> Example:
     )
 
 
-def results(document: Document) -> dict[str, Any]:
-    """`results` as JSON reads them back: nothing is lost on the way."""
-    found = document.record()
-    assert json.loads(report_bytes(found)) == found
-    return found
-
-
-def documents(given: Example, settings: Settings | None = None, digits: int = 2) -> list[Document]:
-    more = {} if settings is None else {"settings": settings}
+def documents(given: Example) -> list[Document]:
     return [
-        predictions.points(given.points(**more), digits),
-        predictions.lengths(given.lengths(**more), digits),
-        predictions.orthogonality(given.angles(**more), digits),
+        predictions.points(given.points()),
+        predictions.lengths(given.lengths()),
+        predictions.orthogonality(given.angles()),
     ]
-
-
-def test_points_hold_the_contract_fields(paper: Example) -> None:
-    result = paper.points()
-    found = results(predictions.points(result))
-    assert "covariance_um2" not in found
-    assert len(found["points"]) == 24
-    for i, point in enumerate(found["points"]):
-        assert set(POINT) <= set(point)
-        assert point["Ex_um"] == pytest.approx(result.prediction.mean[2 * i] * 1e3, rel=1e-12)
-        assert point["var_y_um2"] == pytest.approx(result.variance[2 * i + 1] * 1e6, rel=1e-12)
-        assert point["U_x_um"] == pytest.approx(2 * point["u_x_um"], rel=1e-12)
-        assert point["u_x_um"] ** 2 == pytest.approx(point["var_x_um2"], rel=1e-12)
-        low, high = point["interval95_x_um"]
-        assert (low + high) / 2 == pytest.approx(point["Ex_um"], abs=1e-9)
-        assert sum(point["shares"]["x"].values()) == pytest.approx(1, rel=1e-9)
-        apart = point["independent"]
-        assert apart["u_y_um"] == pytest.approx(np.sqrt(apart["var_y_um2"]), rel=1e-12)
-        assert point["z_mm"] is None
 
 
 @pytest.mark.parametrize("planar", [True, False])
@@ -229,29 +194,6 @@ transitions:
     assert figure_bytes(lambda: drawing(drawn), "svg").startswith(b"<?xml")
 
 
-def test_report_of_a_simulation() -> None:
-    result = simulate_graph(shipped("rotary-axis-a"), Settings(trials=20_000))
-    made = report.simulate(result)
-    results = made.record()
-    assert set(results) == {"places", "trials", "converged", "budget"}
-    assert list(results["places"]) == ["PA", "VA", "RA"]
-    assert list(results["places"]["VA"]) == ["i", "j", "k"]
-    one = results["places"]["RA"]["value"]
-    assert one["unit"] == "mm"
-    assert one["interval95"][0] < one["mean"] < one["interval95"][1]
-    assert one["U"] == 2 * one["u"]
-    assert results["places"]["VA"]["j"]["unit"] == "1"
-    assert results["budget"]["VA"]["i"]["u1_axis"] is None
-    header, rows = made.rows()
-    assert all(len(row) == len(header) for row in rows)
-    places = made.tables[0].sheet(2, detail=True)
-    assert [row[0] for row in places.rows][:2] == ["PA.x", "PA.y"]
-    unjudged = [item.validation is None for item in result.coordinates]
-    assert [row[-1] == "-" for row in places.rows] == unjudged
-    assert made.figure is not None
-    assert figure_bytes(made.figure, "png").startswith(b"\x89PNG")
-
-
 def test_variances_of_lengths_and_directions_are_not_added() -> None:
     graph = shipped("work-coordinates")
     (frame,) = (name for name, item in graph.graph.places.items() if item.kind == "frame")
@@ -262,12 +204,6 @@ def test_variances_of_lengths_and_directions_are_not_added() -> None:
 
 # The report, table, CSV and figure of a budget say what the result holds.
 
-
-CONTRACT = {"value", "u", "second_order", "dof_effective", "k", "U", "rows", "monte_carlo"}
-ROW = {"name", "value", "u", "distribution", "dof", "sensitivity", "contribution", "share"}
-MONTE_CARLO = {
-    "mean", "u", "interval", "shortest", "probability", "trials", "first_order_valid",
-}  # fmt: skip
 
 CSV_COLUMNS = "output,name,unit,value,u,type,distribution,dof,sensitivity,contribution,share"
 
@@ -300,11 +236,8 @@ def two() -> BudgetResult:
     return evaluated(TWO)
 
 
-def test_the_report_is_that_of_the_contract(one: BudgetResult) -> None:
+def test_figures_of_a_budget(one: BudgetResult) -> None:
     found = json.loads(report_bytes(document(one).record()))
-    assert set(found) >= CONTRACT
-    assert set(found["monte_carlo"]) >= MONTE_CARLO
-    assert [set(row) >= ROW for row in found["rows"]] == [True] * 4
     assert found["value"] == pytest.approx(7.15)
     assert found["U"] == pytest.approx(found["k"] * found["u"])
     rows = {row["name"]: row for row in found["rows"]}
@@ -321,7 +254,6 @@ def test_the_report_is_that_of_the_contract(one: BudgetResult) -> None:
 def test_several_outputs(two: BudgetResult) -> None:
     found = json.loads(report_bytes(document(two).record()))
     assert set(found["outputs"]) == {"s", "p"}
-    assert all(set(item) >= CONTRACT for item in found["outputs"].values())
     assert found["outputs"]["s"]["unit"] == "mm"
     lines = csv_text(*document(two).rows()).splitlines()
     assert lines[0] == CSV_COLUMNS
@@ -382,13 +314,6 @@ def test_correlations_of_inputs_are_reported_and_a_footer_explains_no_missing_co
 
 
 STUDY = CONFIGS / "valdes-ring"
-DRIFT_CONTRACT = {
-    "model", "positions_mm", "sensors", "groups", "coefficients", "r2_fit", "rms_before_um",
-    "rms_after_um", "held_out", "collinearity", "residuals", "of", "unit", "degree",
-    "reference_temperature_degC", "time_constants_min", "covariance", "coefficient_dof",
-    "leftover_covariance", "leftover_dof", "sensor_u_degC", "temperature_range_degC",
-    "position_range_mm", "gradients", "inseparable",
-}  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -411,7 +336,6 @@ def test_names_and_units(fit: ThermalFit) -> None:
         ("yaw_y", "arcsec", "um", np.pi / 648000),
     ):
         entry, known = found[name], fit.components[name]
-        assert set(entry) >= {key.replace("_um", f"_{unit}") for key in DRIFT_CONTRACT}
         assert f"_{other}" not in json.dumps(entry)
         held, expected, at = entry["held_out"], known.held_out, known.gradients[0]
         assert expected is not None
@@ -462,17 +386,6 @@ def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
     assert lines[0].get_color() != lines[2].get_color()
 
 
-def test_details_have_the_gradient_of_every_sensor_at_every_position(fit: ThermalFit) -> None:
-    (table,) = (each for each in drift_document(fit).tables if "Gradients" in each.title)
-    known = [each for item in fit.components.values() for each in item.gradients]
-    sheet = table.sheet(2, detail=True)
-    assert len(sheet.rows) == len(known) > 100
-    heads = [column.title for column in sheet.columns]
-    values = [row[heads.index("gradient\nper degC")] for row in sheet.rows]
-    assert all("±" in value for value in values)
-    assert "Gradients" not in plain_text(drift_document(fit).blocks())
-
-
 # The report of close-loop: its sentence, its fields, its tables and its picture.
 
 
@@ -490,13 +403,6 @@ HEADER = ["component", "candidate", "family", "p_familywise", "log_bayes_factor"
           "minimum_detectable_um", "found", "in_class", "unavailable", "notes"]  # fmt: skip
 
 
-def test_the_first_sentence_is_a_machinists() -> None:
-    assert verdict_text(on_table(BACKLASH), 0.05) == (
-        "X loses 8.20 ± 0.30 um at reversal (backlash-x); with the correction the rms error of "
-        "held-out parts falls from 3.6 to 2.0 um; repeatability 1.8 um."
-    )
-
-
 @pytest.mark.parametrize(
     ("found", "component", "said"),
     [
@@ -504,18 +410,14 @@ def test_the_first_sentence_is_a_machinists() -> None:
         (BACKLASH, "dx_x", "dx_x is 8.20 ± 0.30 um lower forward than in reverse"),
         (SMOOTH, None, "a smooth error of x along x: rms 2.50 ± 0.30 um"),
         (SCATTER, None, "one operation scatters more (milled): 2.5 times the rest"),
-        (
-            effect("squareness-xy", parameter("angle", "arcsec", 11.4, 1.8)),
-            None,
-            "X and Y are out of square by 11.4 ± 1.8 arcsec, more than 90 degrees",
-        ),
-        (
-            effect("mine-x", parameter("a", "um", 1, 0.1), parameter("b", "um/m", 2, 0.1)),
-            None,
-            "what mine does: a 1.00 ± 0.10 um, b 2.00 ± 0.10 um/m",
-        ),
+        (effect("squareness-xy", parameter("angle", "arcsec", 11.4, 1.8)),
+         None,
+         "X and Y are out of square by 11.4 ± 1.8 arcsec, more than 90 degrees"),
+        (effect("mine-x", parameter("a", "um", 1, 0.1), parameter("b", "um/m", 2, 0.1)),
+         None,
+         "what mine does: a 1.00 ± 0.10 um, b 2.00 ± 0.10 um/m"),
     ],
-)
+)  # fmt: skip
 def test_an_effect_in_words(found: FoundEffect, component: str | None, said: str) -> None:
     item = on_table(found, component=component)
     assert effect_text(item.effects[0], item) == said
