@@ -5,13 +5,16 @@ a load cell whose deflection is all but a straight line of the load. The ring ga
 Giacomo & Paziani, Table 3, diameter errors (calibrated minus measured) at 20 and 26 degC.
 """
 
+import contextlib
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from model_examples import run_command
 from test_strd import PONTIUS_Y, REFERENCES, numbers
+
+from mtu_cli.cli.main import exit_code
 
 LOADS_KLB = 150.0 * np.arange(1, 21)
 DIGITS = 7.0
@@ -21,10 +24,9 @@ TABLE_3 = {20: (12, 9, 16, 13, 9), 26: (32, 32, 34, 28, 16)}
 
 
 def report(folder: Path, *args: str) -> dict[str, Any]:
-    with pytest.MonkeyPatch.context() as patch:
-        code, found, said = run_command(patch, folder, *args, "-q")
-    assert code == 0, said
-    results: dict[str, Any] = found["results"]
+    with contextlib.chdir(folder):
+        assert exit_code([*args, "-q", "-o", "report.json"]) == 0
+    results: dict[str, Any] = json.loads((folder / "report.json").read_text())["results"]
     return results
 
 
