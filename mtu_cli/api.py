@@ -41,6 +41,8 @@ FUNCTIONS = {
     if command.chapter != "help" and name not in ("graph draw", "import")
 }
 """The functions of the commands that report or make something, by their names in Python."""
+OF_READINGS = ("readings", "drift", "before")
+"""Kinds of input that are readings."""
 OUTPUTS = (*WRITTEN, "date", "detail", "quiet")
 """Options of what the command line writes and shows: a `Result` is asked for it."""
 FilePath = str | Path
@@ -64,12 +66,16 @@ def read_study(path: FilePath) -> LoadedStudy:
 def read_readings(
     paths: Iterable[FilePath], machine: LoadedMachine | None = None, role: str = "lbb"
 ) -> Readings:
-    """Readings of one `role`: ``lbb``, ``laser`` or ``drift``; raises InputError with all faults.
+    """Readings of one `role`: ``lbb``, ``laser``, ``drift``, or ``before`` of an earlier test;
+    raises InputError with all faults.
 
     `machine` names the components; without it any name is accepted. A file may be an instrument's
     own, ``NAME=FILE`` where it reads one component.
     """
-    readings: Readings = _read(DRIFT if role == DRIFT else "readings", role, paths, machine=machine)
+    kind = next((name for name in OF_READINGS if role in KINDS[name]), None)
+    if kind is None:
+        raise ValueError(f"role: {role!r} is none of 'lbb', 'laser', 'drift', 'before'")
+    readings: Readings = _read(kind, role, paths, machine=machine)
     return readings
 
 
@@ -84,6 +90,9 @@ def _read(kind: str, role: str, paths: Iterable[FilePath], **objects: Any) -> An
     given = {name: item for name, item in objects.items() if item is not None}
     values = {name: item.source.path for name, item in given.items()}
     values[role] = [Path(path) for path in paths]
+    if not values[role]:
+        raise ValueError("no files to read")
+    # Without a machine as of a command that takes readings of any.
     inputs = Inputs(Options("fit-components" if given else "iso230", values))
     inputs.__dict__ |= {"study": None, **given}
     return inputs.read(kind)
@@ -184,7 +193,7 @@ def _place(item: Any, command: str, values: dict[str, Any], data: dict[str, Any]
             # As if it had been written and read.
             from mtu_cli.files.reports_read import ModelReports, report_from
 
-            name = item.command.replace("-", "_")
+            name = item.command.replace("-", "_").replace(" ", "_")
             source = Source(role="components", path=Path(name), shown=name, sha256="")
             report = report_from(source, item.report())
             data["reports"] = ModelReports(**{report.source.role: report})

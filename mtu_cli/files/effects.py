@@ -320,9 +320,9 @@ def _check_equation(
         if (powers := column_dimensions(filled(name, STAND_INS))) is not None:
             columns[name] = powers
     units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
-    equation = filled_tree(tree, number)
-    check_dimension(equation, internal(LENGTH), {}, units, columns)
-    if linear_form(tree, parameters).remainder is not None:
+    form = linear_form(tree, parameters)
+    check_dimension(filled_tree(tree, number), internal(LENGTH), {}, units, columns)
+    if form.remainder is not None:
         reason, expected = "a term without a parameter", "parameters in every term"
         raise error("not-applicable", reason=reason, column=1, expected=expected)
 

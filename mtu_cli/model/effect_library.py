@@ -356,7 +356,7 @@ def bound(
         size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
         grid = grid_of(search, data.values.get(along), size)
         if not len(grid):
-            raise NoMember(f"too few values of {along} to search {searched}")
+            raise NoMember(f"too few values {f'of {along} ' if along else ''}to search {searched}")
         if search.grid == "between":
             ends = np.unique(data.values[along])
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
@@ -463,9 +463,8 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
             try:
                 if isinstance(item, str):
                     raise NoMember(item)
-                effect, *margins = (
-                    bound(family, x, form.search, item, data) for x in (form, *family.margins)
-                )
+                effect = bound(family, form, form.search, item, data)
+                margins = [bound(family, x, family.search, item, data) for x in family.margins]
                 if form.search:
                     effect.change_unit()
                 levers = [node for by_name in effect.levers.values() for node in by_name.values()]

@@ -440,7 +440,9 @@ def predict(
 
 
 def outside_ranges(model: MachineModel, ids: Sequence[str], points: FloatArray) -> Outside:
-    """Which of the `points` (n, 3), mm, are beyond the measured range of which component."""
+    """Which of the `points` (n, 3), mm, are beyond the measured range of which component; of
+    several of one name the farthest out.
+    """
     place, result = places(model, points), Outside()
     for term in model.terms:
         estimate, drift = term.estimate, term.drift
@@ -448,8 +450,12 @@ def outside_ranges(model: MachineModel, ids: Sequence[str], points: FloatArray) 
             continue
         (low, high), position = estimate.position_range, place[estimate.of]
         name = estimate.name if drift is None else f"the drift of {drift.component}"
-        for i in np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist():
-            result.setdefault((name, low, high), {}).setdefault(ids[i], float(position[i]))
+        far = np.maximum(low - position, position - high)
+        farthest: dict[str, int] = {}
+        for i in np.flatnonzero(far > 1e-9).tolist():
+            farthest[ids[i]] = max(i, farthest.get(ids[i], i), key=far.__getitem__)
+        if farthest:
+            result[name, low, high] = {x: float(position[i]) for x, i in farthest.items()}
     return result
 
 

@@ -458,9 +458,11 @@ class Cells:
         """Means (P, H, ...) of values (n, ...), nan where there are none; equal values keep their
         digits.
         """
+        if not len(values):
+            return np.full((*self.shape, *values.shape[1:]), np.nan)
         first = np.zeros(math.prod(self.shape), np.int64)
         first[self.cell[::-1]] = np.arange(len(values))[::-1]
-        result = values[first]
+        result = values[first].astype(float)
         away = np.zeros_like(result)
         np.add.at(away, self.cell, values - result[self.cell])
         count = self.repeats.ravel()

@@ -63,7 +63,8 @@ SIZE = """
     dof_effective | dof | degrees of freedom of u; null: infinite
     interval95_mm | interval95 | 95 % interval of the corrected size
     u_error_um | u_error | standard uncertainty of the error after
-    interval95_um | error_interval95 | of the error after | 95 % interval, interval, u=u_error
+    interval95_um | error_interval95 | 95 % interval of the error after \
+        | 95 % interval, interval, u=u_error
     s_repeats_um | s_repeats | standard deviation of the repeats | s repeats, detail
     *ring
 """
@@ -133,7 +134,7 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
     scatter = "unknown"
     if result.scatter is not None:
         scatter = f"{significant(result.scatter.s / UM)} um from {result.scatter.origin} included"
-    errors = f"error: measured minus reference, ± u of both; scatter of points {scatter}"
+    errors = f"error: measured minus reference, ± u of both; scatter beyond the model {scatter}"
     maxima = np.nan_to_num(np.abs(result.error)).max(axis=0)
     largest, axis = significant(maxima.max() / UM, 3), AXES[int(maxima.argmax())]
     verdict = f"The largest correction is {largest} um, along {axis}."

@@ -126,7 +126,7 @@ class Design:
         self.candidates, self.columns = tuple(candidates), Columns(strata)
         self.members = list[Member]()
         self._around: dict[int, tuple[int, ...]] = {}
-        self._fine: dict[int, tuple[tuple[int, ...], FloatArray]] = {}
+        self._fine: dict[int, tuple[tuple[int, ...], FloatArray, tuple[float, float]]] = {}
         powers = fitted_powers(table).T
         at, X = strata.of_levers([{0: power[None, None]} for power in powers], 1)
         X = X[:, np.linalg.norm(X[0], axis=1) > EMPTY]
@@ -171,6 +171,9 @@ class Design:
             lever = _freed_lever(lever, table) if table.motions else lever
             levers[i] = {a: self.gaps.filled(v) for a, v in lever.items()}
         at, X = self.strata.of_levers(levers, G)
+        if form.scale == "frequency":
+            # Of a wave that all targets see at its zeros one column is rounding.
+            squares[:, :k] = squares[:, :k].max(axis=1, keepdims=True)
         X[np.linalg.norm(X, axis=2) <= EMPTY * np.sqrt(squares)] = 0.0
         # What no column has is no direction: most columns are of one stratum.
         live = X.any(axis=(0, 1))
@@ -202,14 +205,15 @@ class Design:
             values = np.asarray(back(np.interp(at, np.arange(len(values)), to(values))))
         return self.members_at(form, values)
 
-    def fine(self, member: Member) -> tuple[tuple[int, ...], FloatArray]:
-        """All members of the grid of a member's form, finer ones too, in their order, and the arc
-        (n,) that each stands for.
+    def fine(self, member: Member) -> tuple[tuple[int, ...], FloatArray, tuple[float, float]]:
+        """All members of the grid of a member's form, finer ones too, in their order, the arc (n,)
+        that each stands for, and the ends of the grid, where a wave may lack a column.
         """
         if (key := id(member.form)) not in self._fine:
-            items = sorted(self.grid_members(member.form), key=lambda item: item.value)
-            items, _, arcs = neighbours(items)
-            self._fine[key] = self.add(member.candidate, items), arcs
+            every = sorted(self.grid_members(member.form), key=lambda item: item.value)
+            items, _, arcs = neighbours(every)
+            limits = every[0].value, every[-1].value
+            self._fine[key] = self.add(member.candidate, items), arcs, limits
         return self._fine[key]
 
     def add(self, c: int, members: Sequence[Member]) -> tuple[int, ...]:

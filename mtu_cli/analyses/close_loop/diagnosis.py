@@ -194,7 +194,7 @@ def searched_set(models: ModelSet, model: Model, item: int, member: Member) -> S
     if not form.searched:
         return None
     base = like.fit(models.columns(tuple(x for x in model if x != item)))
-    items, arcs = design.fine(member)
+    items, arcs, (lowest, highest) = design.fine(member)
     values = np.array([design.members[m].value for m in items])
     gains = _gains(like, base, items)
     logs = gains / 2 + np.log(np.maximum(arcs, 1e-12))
@@ -203,7 +203,8 @@ def searched_set(models: ModelSet, model: Model, item: int, member: Member) -> S
     ranked = np.argsort(-shares, kind="stable")
     credible[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
     # Runs of values; a gap of one value is bridged, as the grid may miss a peak.
-    hits, ends = np.flatnonzero(credible), np.pad(values, 1, mode="edge")
+    hits = np.flatnonzero(credible)
+    ends = np.r_[2 * lowest - values[0], values, 2 * highest - values[-1]]
     lows, highs = (ends[:-2] + values) / 2, (ends[2:] + values) / 2
     places = np.zeros(0)
     if form.ends is not None:

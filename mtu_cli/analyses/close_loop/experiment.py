@@ -93,7 +93,9 @@ def follow_ups(
     make = "run" if readings else "make and measure"
     used = {name for rival in rivals for name in rival.form.used}
     names = [name for name in table.covariates if name in used]
-    counting = [name for name in COUNTING if name in table.covariates]
+    counters = [name for name in COUNTING if name in table.covariates]
+    # A clock that starts anew with each part is alike in all of them.
+    counting = [name for name in counters if len(table.covariates[name]) == P > 1]
     rows = {n: np.broadcast_to(v, (P, v.shape[1])) for n, v in table.covariates.items()}
     last = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
     more = taken(table, np.r_[:P, last], 0)
@@ -116,7 +118,7 @@ def follow_ups(
     reverse = {name: -rows[name][last] for name in names if name.startswith("dir_")}
     if reverse and not readings:
         yield "run the program in the reverse direction", made(reverse)
-    again = {n: rows[n][np.arange(MORE) % P] for n in counting if n != "sequence"}
+    again = {n: rows[n][np.arange(MORE) % P] for n in counters if n != "sequence"}
     if again and used & {*COUNTING}:
         rest = "after a cold start" if "time_min" in used else "with a new tool"
         yield f"{make} {MORE} more {noun} {rest}", made(again)

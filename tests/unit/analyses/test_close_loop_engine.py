@@ -15,7 +15,7 @@ from scipy.stats import binom, invgamma
 from mtu_cli.analyses.close_loop import diagnosis as engine
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
-from mtu_cli.analyses.close_loop.experiment import minimum_detectable
+from mtu_cli.analyses.close_loop.experiment import follow_ups, minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.result import FoundEffect
@@ -495,3 +495,32 @@ def test_a_column_is_asked_in_the_strata_that_know_of_it() -> None:
         tested.append([p for p, form in zip(lp[0], forms, strict=True) if form.used == ("load",)])
     assert len(tested[0]) == 2
     assert tested[0] == pytest.approx(tested[1], rel=1e-6)
+
+
+def test_a_wave_of_two_steps_has_no_size_of_rounding() -> None:
+    """Regular targets see its sine at the zeros alone: that column says nothing of its size."""
+    rng, places = np.random.default_rng(22), np.full((11, 3), np.nan)
+    places[:, 0] = 50.0 * np.arange(11)
+    passes = {"sequence": np.arange(1.0, 4)[:, None]}
+    own = table(
+        3, 11, axes=("x",), places=places, covariates=passes, component="dx_x", operations=("",),
+        fitted_degree=1,
+    )  # fmt: skip
+    errors = 1e-3 * rng.normal(size=own.errors.shape)
+    errors[..., 0] += 3e-3 * np.cos(np.pi * np.arange(11))
+    line = np.linalg.qr(np.vander(np.arange(11.0), 2))[0]
+    errors -= (line @ (line.T @ errors.mean(axis=0)))[None]
+    waves = [x for x in candidates_of(own, effect_library()) if x.family == "cyclic"]
+    found = diagnosis_of(replace(own, errors=errors), waves, alpha=0.05, most=1, seed=1, nulls=99)
+    (wave,) = found.sizes.effects
+    assert wave.searched is not None
+    assert any(low <= 100 <= high for low, high in wave.searched.intervals)
+    assert max(abs(p.value) for p in wave.parameters) < 0.1
+
+
+def test_a_clock_that_starts_anew_with_each_part_does_not_go_on() -> None:
+    own = noise(1)
+    clock = {**own.covariates, "time_min": np.arange(float(H))[None]}
+    text, more = next(follow_ups(replace(own, covariates=clock), ()))
+    assert "as before" in text
+    assert (more.covariates["time_min"][-1] == np.arange(H)).all()

@@ -277,6 +277,10 @@ def test_features_have_the_coordinates_that_the_equations_need(tmp_path: Path) -
     seen = replace(model, terms=(replace(model.terms[0], estimate=px), *model.terms[1:]))
     (outside,) = outside_warnings(predict(seen, ids, points).outside)
     assert "feature 'b' at 140 mm" in outside.message
+    # Of several points of one name the farthest out.
+    thrice = np.array([[100.001, 0, 0], [140, 0, 0], [101, 0, 0]])
+    (outside,) = outside_warnings(predict(seen, ("b",) * 3, thrice).outside)
+    assert "feature 'b' at 140 mm" in outside.message
     # Along other axes the same features are elsewhere.
     along_y = (
         "py: {of: y, unit: um, coefficients: [0, 0], covariance: [[0, 0], [0, 0]]}\nequations:"

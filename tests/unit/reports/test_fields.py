@@ -3,9 +3,11 @@
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, nan, pi
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -17,8 +19,21 @@ from report_examples import Example, example
 from rich.console import Console
 
 from mtu_cli.analyses.fit_components import fit_result
+from mtu_cli.files.source import Source, report_bytes
+from mtu_cli.findings import finding
+from mtu_cli.model.settings import Settings
 from mtu_cli.reports import fit_components, numbers, predictions
-from mtu_cli.reports.document import Document, Sheet, Table, plain_text
+from mtu_cli.reports.document import (
+    REPORTS,
+    Document,
+    Sheet,
+    Table,
+    column_meanings,
+    declaration,
+    envelope,
+    meanings,
+    plain_text,
+)
 from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
 from mtu_cli.reports.figures import blank, figure_bytes
 
@@ -129,6 +144,42 @@ def test_rows_of_arrays_are_items() -> None:
         {"mean_mm": 1.0, "last_mm": 4.0},
         {"mean_mm": 2.0, "last_mm": 6.0},
     ]
+
+
+@pytest.mark.parametrize("name", REPORTS)
+def test_every_figure_is_declared_once_and_explained(name: str) -> None:
+    results, row = declaration(name)
+    for known in (list(meanings(results)), list(column_meanings(row))):
+        assert [path for path, meaning in known if not meaning] == []
+        assert [path for path, n in Counter(path for path, _ in known).items() if n > 1] == []
+
+
+def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:
+    path = Path("/secret/machine.yaml")
+    source = Source(role="machine", path=path, shown="machine.yaml", sha256="ab")
+    warning = finding("unrelated", output="C.x", names=["a"], file="a.csv", row=3)
+    document = envelope(
+        "lengths",
+        inputs=[source],
+        settings=Settings(trials=None, seed=3),
+        results={"lengths": []},
+        warnings=[warning, warning],
+        at={"dir_x": 1},
+    )
+    assert list(document) == ["schema", "tool", "inputs", "settings", "results", "warnings"]
+    assert document["schema"] == "mtu/lengths/1"
+    (given,), (listed,) = document["inputs"], document["warnings"]
+    assert given == {"role": "machine", "path": "machine.yaml", "sha256": "ab", "rows": None}
+    assert document["settings"] == {
+        "coverage_factor": 2.0, "seed": 3, "correlation": "shared", "digits": 2, "trials": None,
+        "at": {"dir_x": 1.0},
+    }  # fmt: skip
+    assert listed == {
+        "code": "unrelated", "severity": "warning", "file": "a.csv", "row": 3,
+        "message": "a.csv, row 3: C.x does not depend on a",
+        "facts": {"output": "C.x", "names": ["a"]},
+    }  # fmt: skip
+    assert b"secret" not in report_bytes(document)
 
 
 def shown_at(sheet: Sheet, width: int) -> str:

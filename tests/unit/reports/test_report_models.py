@@ -29,7 +29,7 @@ from support import CONFIGS
 
 from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
-from mtu_cli.analyses.graph import shares_by_place
+from mtu_cli.analyses.graph import shares_by_place, simulate_graph
 from mtu_cli.analyses.thermal_fit import ThermalFit
 from mtu_cli.cli.analyse import fitted_drift
 from mtu_cli.cli.load import Inputs
@@ -41,6 +41,8 @@ from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_report
 from mtu_cli.model.measurands import Conformance, PositionConformance
+from mtu_cli.model.settings import Settings
+from mtu_cli.reports import graph as report
 from mtu_cli.reports import graph_drawing, predictions
 from mtu_cli.reports.budget import document, figure
 from mtu_cli.reports.close_loop import document as loop_document
@@ -77,6 +79,24 @@ def documents(given: Example) -> list[Document]:
         predictions.lengths(given.lengths()),
         predictions.orthogonality(given.angles()),
     ]
+
+
+def test_points_hold_the_contract_fields(paper: Example) -> None:
+    result = paper.points()
+    found = predictions.points(result).record()
+    assert "covariance_um2" not in found
+    assert len(found["points"]) == 24
+    for i, point in enumerate(found["points"]):
+        assert point["Ex_um"] == pytest.approx(result.prediction.mean[2 * i] * 1e3, rel=1e-12)
+        assert point["var_y_um2"] == pytest.approx(result.variance[2 * i + 1] * 1e6, rel=1e-12)
+        assert point["U_x_um"] == pytest.approx(2 * point["u_x_um"], rel=1e-12)
+        assert point["u_x_um"] ** 2 == pytest.approx(point["var_x_um2"], rel=1e-12)
+        low, high = point["interval95_x_um"]
+        assert (low + high) / 2 == pytest.approx(point["Ex_um"], abs=1e-9)
+        assert sum(point["shares"]["x"].values()) == pytest.approx(1, rel=1e-9)
+        apart = point["independent"]
+        assert apart["u_y_um"] == pytest.approx(np.sqrt(apart["var_y_um2"]), rel=1e-12)
+        assert point["z_mm"] == 127.0
 
 
 @pytest.mark.parametrize("planar", [True, False])
@@ -192,6 +212,29 @@ transitions:
     assert 'p1(("a_b"))' in graph_drawing.mermaid(drawn)
     assert len(drawn.arcs) == 2
     assert figure_bytes(lambda: drawing(drawn), "svg").startswith(b"<?xml")
+
+
+def test_report_of_a_simulation() -> None:
+    result = simulate_graph(shipped("rotary-axis-a"), Settings(trials=20_000))
+    made = report.simulate(result)
+    results = made.record()
+    assert set(results) == {"places", "trials", "converged", "budget"}
+    assert list(results["places"]) == ["PA", "VA", "RA"]
+    assert list(results["places"]["VA"]) == ["i", "j", "k"]
+    one = results["places"]["RA"]["value"]
+    assert one["unit"] == "mm"
+    assert one["interval95"][0] < one["mean"] < one["interval95"][1]
+    assert one["U"] == 2 * one["u"]
+    assert results["places"]["VA"]["j"]["unit"] == "1"
+    assert results["budget"]["VA"]["i"]["u1_axis"] is None
+    header, rows = made.rows()
+    assert all(len(row) == len(header) for row in rows)
+    places = made.tables[0].sheet(2, detail=True)
+    assert [row[0] for row in places.rows][:2] == ["PA.x", "PA.y"]
+    unjudged = [item.validation is None for item in result.coordinates]
+    assert [row[-1] == "-" for row in places.rows] == unjudged
+    assert made.figure is not None
+    assert figure_bytes(made.figure, "png").startswith(b"\x89PNG")
 
 
 def test_variances_of_lengths_and_directions_are_not_added() -> None:
@@ -384,6 +427,17 @@ def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
     assert starts == sorted(starts)
     assert (len(lines), len({*starts})) == (32, 4)
     assert lines[0].get_color() != lines[2].get_color()
+
+
+def test_details_have_the_gradient_of_every_sensor_at_every_position(fit: ThermalFit) -> None:
+    (table,) = (each for each in drift_document(fit).tables if "Gradients" in each.title)
+    known = [each for item in fit.components.values() for each in item.gradients]
+    sheet = table.sheet(2, detail=True)
+    assert len(sheet.rows) == len(known) > 100
+    heads = [column.title for column in sheet.columns]
+    values = [row[heads.index("gradient\nper degC")] for row in sheet.rows]
+    assert all("±" in value for value in values)
+    assert "Gradients" not in plain_text(drift_document(fit).blocks())
 
 
 # The report of close-loop: its sentence, its fields, its tables and its picture.
