@@ -71,12 +71,7 @@ class Contract(BaseModel):
     """Base of all contract models: no unknown keys, no coercion, finite numbers, frozen."""
 
     model_config = ConfigDict(
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        frozen=True,
-        populate_by_name=True,
-        defer_build=True,
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True, populate_by_name=True
     )
 
     def check(self, faults: Faults) -> None:

@@ -230,10 +230,8 @@ def document(result: AnovaResult, digits: int = 2) -> Document:
     trends = [item for item in result.trends if item.p <= FAMILY_RATE]
     datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
     of_totals = "feature s: of the features' mean errors; parts differ: F test, 5 % over all (Holm)"
-    of_unusual = (
-        "deviation from the mean of the other parts; false alarms in "
-        f"{100 * FAMILY_RATE:g} % of studies"
-    )
+    rate = f"{100 * FAMILY_RATE:g} % of studies"
+    of_unusual = f"deviation from the mean of the other parts; false alarms in {rate}"
     of_trends = "change as sequence rises by 1, p over all tables (Holm)"
     of_capability = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"
     papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))" * (result.method == "paper")

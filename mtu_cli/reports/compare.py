@@ -138,10 +138,8 @@ def document(result: CompareResult, digits: int = 2) -> Document:
         title += f": faults first, {SHOWN} of {len(features)} features"
     summaries = [*result.features.summaries, *(result.lengths.summaries if result.lengths else ())]
     faults = "items with each fault (5 % over the study); ratios: measured over predicted"
-    footer = (
-        f"± u, of means that of one future part; E_n = bias/({result.coverage_factor:g} u); "
-        "p: Holm; consistent: no fault is proven"
-    )
+    footer = f"± u, of means that of one future part; E_n = bias/({result.coverage_factor:g} u); "
+    footer += "p: Holm; consistent: no fault is proven"
     tables = [
         Table("", ROW, [*features, *lengths], selection=()),
         Table("Verdicts and ratios", SUMMARY, summaries, faults),

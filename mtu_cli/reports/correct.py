@@ -63,8 +63,7 @@ SIZE = """
     dof_effective | dof | degrees of freedom of u; null: infinite
     interval95_mm | interval95 | 95 % interval of the corrected size
     u_error_um | u_error | standard uncertainty of the error after
-    interval95_um | error_interval95 | 95 % interval of the error after \
-        | 95 % interval, interval, u=u_error
+    interval95_um | error_interval95 | its 95 % interval | 95 % interval, interval, u=u_error
     s_repeats_um | s_repeats | standard deviation of the repeats | s repeats, detail
     *ring
 """

@@ -275,8 +275,7 @@ ANGLE = declare(
         | 95 % interval, interval, u=scale
     shortest95_arcsec | shortest() | shortest interval that holds 95 of 100 trials | -, interval
     first_order.mean_arcsec | model.linear_mean.0 | the angle of the mean errors of the features
-    first_order.u_arcsec | model.linear_u.0.0 | standard uncertainty of first order \
-        | first order u, detail
+    first_order.u_arcsec | model.linear_u.0.0 | u of first order | first order u, detail
     first_order.dof_effective | model.dof.0 | effective degrees of freedom \
         (Welch-Satterthwaite); null: infinite | -, csv=dof_effective
     first_order.interval95_arcsec | interval95 | mean -+ t u of first order | -, json
