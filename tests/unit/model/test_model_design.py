@@ -131,6 +131,20 @@ def test_constants_with_uncertainty_propagate(tmp_path: Path) -> None:
     assert np.isinf(found.variance(np.eye(4)).dof).all()
 
 
+def test_an_uncertain_lever_arm_of_an_uncertain_angle(tmp_path: Path) -> None:
+    """Var(c a) = u(c)^2 u(a)^2 where both are 0 but for their uncertainties (JCGM 100, 5.1.2)."""
+    model = stated(
+        tmp_path,
+        """
+        constants: {c: {value: 0, u: 20}}
+        components: {a: {unit: mrad, coefficients: [0], covariance: [[0.09]]}}
+        equations: {Ex: c*a}
+        """,
+    )
+    found = predict(model, ["1", "2"], np.zeros((2, 3)))
+    assert found.covariance == pytest.approx(np.full((2, 2), (20 * 0.3e-3) ** 2), rel=1e-9)
+
+
 # Covariates, fixed positions and degrees of the design matrix, and what it refuses.
 
 
