@@ -298,7 +298,7 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
     try:
         data = json.loads(text)
     except (RecursionError, ValueError) as fault:
-        why = f"no JSON: {fault}"
+        why = "no JSON: nested too deeply, or a number of too many digits"
         if isinstance(fault, json.JSONDecodeError):
             why = f"no JSON: {fault.msg.lower().removesuffix(' starting at')}"
             place |= {"line": fault.lineno, "column": fault.colno}
