@@ -27,11 +27,11 @@ PLACE = """
 """
 DEFINITIONS: dict[str, Any] = {
     "place": PLACE,
-    "mm": lambda x: None if x[0].asked.rotary else x[1],
-    "deg": lambda x: x[1] if x[0].asked.rotary else None,
+    "mm": lambda x: None if x["of"].asked.rotary else x["place"],
+    "deg": lambda x: x["place"] if x["of"].asked.rotary else None,
     "units": ("um", "arcsec"),
-    "um": lambda x: x[2] if x[0].unit.name == "um" else None,
-    "arcsec": lambda x: x[2] if x[0].unit.name == "arcsec" else None,
+    "um": lambda x: x["item"] if x["of"].unit.name == "um" else None,
+    "arcsec": lambda x: x["item"] if x["of"].unit.name == "arcsec" else None,
     "mean": np.mean,
     "range": np.ptp,
     "median": np.median,
@@ -42,21 +42,21 @@ DEFINITIONS: dict[str, Any] = {
 ROW = declare(
     """
     *place
-    unit | 0.unit.name | unit of errors | -
-    forward | 2.0 | error asked for, forward | forward, SHARED
-    reverse | 2.1 | error asked for, reverse | reverse, SHARED
-    held_forward | 2.2 | as read back from the file, forward | forward held, SHARED
-    held_reverse | 2.3 | as read back from the file, reverse | reverse held, SHARED
+    unit | of.unit.name | unit of errors | -
+    forward | item.0 | error asked for, forward | forward, SHARED
+    reverse | item.1 | error asked for, reverse | reverse, SHARED
+    held_forward | item.2 | as read back from the file, forward | forward held, SHARED
+    held_reverse | item.3 | as read back from the file, reverse | reverse held, SHARED
     """,
     NAME="position",
     WHAT="machine position",
-    SHARED="u=0.quantum, unit=, size=0.unit.to_internal",
+    SHARED="u=of.quantum, unit=, size=of.unit.to_internal",
     **DEFINITIONS,
 )
 MOVE = declare(
     """
     *place
-    direction | 2.direction | from which side | direction, text
+    direction | item.direction | from which side | direction, text
     for UNIT in units
         -. | UNIT()
             expect_without_UNIT | without | error expected without the table | without, u=u
@@ -71,14 +71,15 @@ MOVE = declare(
 )
 
 
-def _points(result: CompensateResult) -> list[tuple[Any, ...]]:
+def _points(result: CompensateResult) -> list[dict[str, Any]]:
     """Points of the table: errors requested and read back, forward and reverse."""
     errors = np.vstack([result.asked.errors, result.held.errors]).T
-    return [(result, *each) for each in zip(result.asked.at, errors, strict=True)]
+    pairs = zip(result.asked.at, errors, strict=True)
+    return [{"of": result, "place": place, "item": item} for place, item in pairs]
 
 
-def _moves(result: CompensateResult) -> list[tuple[Any, ...]]:
-    return [(result, move.command, move) for move in result.moves]
+def _moves(result: CompensateResult) -> list[dict[str, Any]]:
+    return [{"of": result, "place": move.command, "item": move} for move in result.moves]
 
 
 RESULTS = declare(
@@ -128,10 +129,11 @@ RESULTS = declare(
 )
 SUMMARY = declare(
     """
-    name | 0 | the figure | figure, text
-    before | 1 | of the readings | before, sig3, size=3
-    median | median(2) | of a new test | after (median), sig3, size=3
-    interval95 | interval95(2) | of 95 of 100 new tests | 95 % interval, interval, u=std(2), size=3
+    name | | the figure | figure, text
+    before | | of the readings | before, sig3, size=size
+    median | median(after) | of a new test | after (median), sig3, size=size
+    interval95 | interval95(after) | of 95 of 100 new tests \
+        | 95 % interval, interval, u=std(after), size=size
     """,
     **DEFINITIONS,
 )
@@ -147,7 +149,11 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
     meaning = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
     moves = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
     before, after, size = result.before or {}, result.after or {}, result.unit.to_internal
-    rows = [(x, E, after.get(x), size) for x, E in before.items() if np.isfinite(E)]
+    rows = [
+        {"name": name, "before": value, "after": after.get(name), "size": size}
+        for name, value in before.items()
+        if np.isfinite(value)
+    ]
     tables = [
         Table(f"Table of {component}", ROW, _points(result), footer),
         Table("Before and after", SUMMARY, rows, f"{unit}; {meaning}"),

@@ -84,48 +84,51 @@ RESULTS = declare(
 )
 ROW = declare(
     """
-    component | 0.name | name of the component | component, text
-    of | 0.estimate.of | its axis
-    unit | 0.unit.name | of the figures | unit, text
-    model | 0.model | stepwise, ridge or lagged
-    degree | 0.estimate.degree | of the polynomial in position
+    component | drift.name | name of the component | component, text
+    of | drift.estimate.of | its axis
+    unit | drift.unit.name | of the figures | unit, text
+    model | drift.model | stepwise, ridge or lagged
+    degree | drift.estimate.degree | of the polynomial in position
     -. | with_sensor()
-        position_mm | 1.position | observed position | position, exact
-        sensor | 2.sensors | of the model; empty: it has none | sensor, text
+        position_mm | at.position | observed position | position, exact
+        sensor | sensor.sensors | of the model; empty: it has none | sensor, text
         stands_for | twins() | sensors that move as it does
-        gradient_per_degC | 1.value | drift per degC \
-            | gradient / per degC, plus-minus, u=1.u, size=0.unit.to_internal
-        u_gradient_per_degC | 1.u | its standard uncertainty | -, size=0.unit.to_internal
-        interval95_gradient | 1.interval | its 95 % interval \
-            | 95 % interval / per degC, interval, u=1.u, size=0.unit.to_internal
+        gradient_per_degC | at.value | drift per degC \
+            | gradient / per degC, plus-minus, u=at.u, size=drift.unit.to_internal
+        u_gradient_per_degC | at.u | its standard uncertainty | -, size=drift.unit.to_internal
+        interval95_gradient | at.interval | its 95 % interval \
+            | 95 % interval / per degC, interval, u=at.u, size=drift.unit.to_internal
         separable | separable() | false: its gradient is known together with other sensors' only \
             | sepa- / rable, yes_no
-        u_by | 1.by | u from the scatter of cycles, or the model of the errors | u by, text
+        u_by | at.by | u from the scatter of cycles, or the model of the errors | u by, text
         share_rms | share() | rms of its part of the modelled drift \
-            | rms / part, sig3, size=0.unit.to_internal
-        time_constant_min | 2.time_constants | time constant; 0: none | lag, unit=min
+            | rms / part, sig3, size=drift.unit.to_internal
+        time_constant_min | sensor.time_constants | time constant; 0: none | lag, unit=min
         vif | vif() | variance inflation factor; empty: infinite | VIF, sig3
-        temperature_low_degC | 2.temperature_range.0 | lowest temperature read
-        temperature_high_degC | 2.temperature_range.1 | highest temperature read
+        temperature_low_degC | sensor.temperature_range.0 | lowest temperature read
+        temperature_high_degC | sensor.temperature_range.1 | highest temperature read
     """,
-    with_sensor=lambda row: row if row[1] else None,
-    twins=lambda row: next((x[1:] for x in row[0].groups if x[0] == row[2].sensors), ()),
+    with_sensor=lambda row: row if row["at"] else None,
+    twins=lambda row: next(
+        (x[1:] for x in row["drift"].groups if x[0] == row["sensor"].sensors), ()
+    ),
     separable=lambda row: (
         not any(
-            x.position == row[1].position and row[2].sensors in x.sensors
-            for x in row[0].inseparable
+            x.position == row["at"].position and row["sensor"].sensors in x.sensors
+            for x in row["drift"].inseparable
         )
     ),
-    share=lambda row: row[0].shares.get(row[2].sensors),
-    vif=lambda row: row[0].vif.get(row[2].sensors),
+    share=lambda row: row["drift"].shares.get(row["sensor"].sensors),
+    vif=lambda row: row["drift"].vif.get(row["sensor"].sensors),
 )
 
 
-def rows(item: ComponentDrift) -> list[tuple[Any, ...]]:
+def rows(item: ComponentDrift) -> list[dict[str, Any]]:
     """Gradients with what the model has of their sensors; one row without where it has none."""
     model = item.estimate
     places = [(at, model.sensors.index(at.sensors[0])) for at in item.gradients]
-    return [(item, at, RowOf(model, i)) for at, i in places] or [(item, None, None)]
+    entries = [{"drift": item, "at": at, "sensor": RowOf(model, i)} for at, i in places]
+    return entries or [{"drift": item, "at": None, "sensor": None}]
 
 
 MODEL = declare(
@@ -165,7 +168,7 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
         footer += "; zeroed in every cycle: from its mean"
     entries = [row for item in items for row in rows(item)]
     of_sensors = "± u; rms part: of modelled drift; not separable: known together with others only"
-    gradients = [row for row in entries if row[1]]
+    gradients = [row for row in entries if row["at"]]
     tables = [
         Table("", ROW, entries, selection=()),
         Table("Thermal models", MODEL, items, footer),

@@ -58,8 +58,8 @@ def test_a_process_does_what_a_call_of_the_tests_does(call: str, tmp_path: Path)
 
 
 BYTES = {
-    "orthogonality {}/work/mtu.yaml --trials 20000 --plot o.pdf": "o.json o.csv o.pdf",
-    "simulate {}/work/mtu.yaml --write-lbb a.csv --write-cmm b.csv": "a.csv b.csv",
+    "orthogonality {}/study/mtu.yaml --trials 20000 --plot o.pdf": "o.json o.csv o.pdf",
+    "simulate {}/study/mtu.yaml --write-lbb a.csv --write-cmm b.csv": "a.csv b.csv",
     f"graph simulate {CONFIGS}/graphs/work-coordinates.yaml --plot o.svg": "o.json o.csv o.svg",
     f"compare {CONFIGS}/gilsinn-ling-parts --plot o.png": "o.json o.csv o.png",
 }
@@ -71,7 +71,7 @@ def test_threads_hash_seeds_languages_time_zones_and_places(call: str, tmp_path:
     found: list[Listing] = []
     for threads, env in SURROUNDINGS:
         folder = tmp_path / str(threads) / "secret-folder"
-        prepared(folder / "work")
+        prepared(folder / "study")
         (away := folder / "away").mkdir()
         words = call.format(folder).split()
         if words[0] != "simulate":

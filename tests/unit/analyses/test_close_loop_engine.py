@@ -516,6 +516,10 @@ def test_a_wave_of_two_steps_has_no_size_of_rounding() -> None:
     assert wave.searched is not None
     assert any(low <= 100 <= high for low, high in wave.searched.intervals)
     assert max(abs(p.value) for p in wave.parameters) < 0.1
+    form = found.design.members[found.models.members(found.model)[0]].form
+    (member,) = found.design.members_at(form, np.array([100.0]))
+    sine, cosine = np.sort(np.linalg.norm(member.columns[:2], axis=1))
+    assert (sine, cosine > 5.0) == (0.0, True)
 
 
 def test_a_clock_that_starts_anew_with_each_part_does_not_go_on() -> None:
