@@ -465,14 +465,19 @@ def counted(number: int, noun: str, several: str = "") -> str:
 
 
 def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
-    """The known name that `name` was probably meant to be, if there is one.
+    """The known name that `name` was probably meant to be, if there is one: the only one that
+    begins with it, else the closest.
 
     >>> nearest("coverge_factor", ["seed", "coverage_factor"])
     ('coverage_factor',)
+    >>> nearest("device_U", ["device_U_um_per_m", "device"])
+    ('device_U_um_per_m',)
     """
     words = {str(x).casefold(): str(x) for x in names if len(str(x)) <= LONGEST_NAME}
     key = name.casefold()[:LONGEST_NAME]
-    return tuple(words[each] for each in difflib.get_close_matches(key, words, 1, 0.65))
+    longer = [each for each in words if key and each.startswith(key)]
+    near = longer if len(longer) == 1 else difflib.get_close_matches(key, words, 1, 0.65)
+    return tuple(words[each] for each in near)
 
 
 def suggestion(name: str, names: Iterable[str]) -> dict[str, Any]:
