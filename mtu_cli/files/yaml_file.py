@@ -1,8 +1,8 @@
 """The one YAML reader: plain data, and the line of every value.
 
 Every key of a mapping is text as it is written, so that a feature may be called ``007`` or ``no``.
-What nobody can read in one way alone (a key that appears twice, a tag, a decimal comma in a list) is
-an error, and so is what would grow without bounds.
+What nobody can read in one way alone (a key that appears twice, a tag, a decimal comma in a list)
+is an error, and so is what would grow without bounds.
 """
 
 from __future__ import annotations
@@ -117,8 +117,8 @@ def read_yaml(path: Path, role: str) -> YamlDocument:
 def parse_yaml(text: str, source: Source) -> YamlDocument:
     """YAML text as plain data with lines.
 
-    Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice, decimal
-    commas in a list, more than one document, or too many levels or values.
+    Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice,
+    decimal commas in a list, more than one document, or too many levels or values.
     """
     file, root = source.shown, composed(text, source)
     lines, faults = dict[YamlPath, int](), list[Finding]()
