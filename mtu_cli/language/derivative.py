@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language.functions import BUDGET_FUNCTIONS, FUNCTIONS, apply_scalar, value_of
+from mtu_cli.language.functions import BUDGET_FUNCTIONS, finite_value, numpy_function, value_of
 from mtu_cli.language.parser import parse
 from mtu_cli.language.tree import Call, Name, Node, Number, names
 from mtu_cli.language.tree import names as names_in
@@ -144,9 +144,9 @@ class _Expansion:
             case "*":
                 return _product(first, last)
             case "+" | "-" | "neg":
-                result: FloatArray = FUNCTIONS[function].scalar(*parts)
+                result: FloatArray = numpy_function(function)(*parts)
                 return result
-        value = apply_scalar(function, (float(first[0, 0]),))
+        value = finite_value(function, float(first[0, 0]))
         return self.chained(f"{function}()", value, partial(_slopes, function), first, column)
 
     def constant(self, value: float) -> FloatArray:
@@ -156,13 +156,13 @@ class _Expansion:
 
     def power(self, base: FloatArray, exponent: float, what: str, column: int) -> FloatArray:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
-        value = apply_scalar("**", (float(base[0, 0]), exponent))
+        value = finite_value("**", float(base[0, 0]), exponent)
         return self.chained(what, value, partial(_power_slopes, exponent), base, column)
 
     def raised(self, base: FloatArray, exponent: FloatArray, column: int) -> FloatArray:
         if not np.any(exponent[1:]):
             return self.power(base, float(exponent[0, 0]), "'**'", column)
-        value = apply_scalar("**", (float(base[0, 0]), float(exponent[0, 0])))
+        value = finite_value("**", float(base[0, 0]), float(exponent[0, 0]))
         if value is None or base[0, 0] <= 0.0:
             return self.chained("'**' with an uncertain exponent", None, None, base, column)
         logarithm = self.call("log", [base], column)
@@ -223,7 +223,7 @@ KINKS = ("abs", "step")
 @cache
 def _slope_of(function: str) -> Node:
     """The derivative of a function, as an equation in u."""
-    return parse(FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
+    return parse(BUDGET_FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
 
 
 def _slopes(function: str, x: float, order: int) -> list[float]:
@@ -242,7 +242,7 @@ def _power_slopes(exponent: float, x: float, order: int) -> list[float]:
     slopes, factor = [], 1.0
     for k in range(order):
         factor *= exponent - k
-        rest = apply_scalar("**", (x, exponent - k - 1)) if factor else 0.0
+        rest = finite_value("**", x, exponent - k - 1) if factor else 0.0
         slopes.append(math.nan if rest is None else factor * rest)
     return slopes
 
