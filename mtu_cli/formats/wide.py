@@ -18,6 +18,7 @@ SUMMARY = re.compile(
     r"mean|average|avg|mittel|std|sigma|stdev|^s$|^b$|reversal|range|max|min", re.I
 )
 """Headings of columns that were calculated from the runs."""
+DIRECTIONS = ("alternate", "forward", "reverse")
 
 
 def numeric_rows(grid: Grid) -> slice | None:
@@ -45,19 +46,38 @@ def way_of(heading: str) -> str | None:
     return result.pop() if len(result) == 1 else None
 
 
-def directed(headings: Sequence[str], how: str | None) -> tuple[list[str | None], list[int]]:
-    """The direction of each run, as the `headings` have it, or this one, or ``alternate``; and its
-    number, counted in each direction.
+def runs_of(headings: Sequence[str], ways: Sequence[str | None]) -> list[int]:
+    """The numbers of runs: those of the headings, where each has one and they are a run's alike
+    there and back; else counted in each direction.
 
-    >>> directed(["Hin", "Her", "Hin", "Her"], "headings")
-    (['forward', 'reverse', 'forward', 'reverse'], [1, 1, 2, 2])
+    >>> ways = ["forward", "reverse"] * 2
+    >>> runs_of(["Hin 1", "Her 1", "Hin 2", "Her 3"], ways)
+    [1, 1, 2, 3]
+    >>> runs_of(["1 +", "2 -", "3 +", "4 -"], ways)
+    [1, 1, 2, 2]
+    """
+    plain = (re.sub(r"[\[(].*?[\])]", " ", heading) for heading in headings)
+    digits = [re.findall(r"\d+", each) for each in plain]
+    if all(len(found) == 1 and len(found[0]) < 4 for found in digits):
+        numbers = [int(found[0]) for found in digits]
+        pairs = {*zip(numbers, ways, strict=True)}
+        both = ({n for n, way in pairs if way == each} for each in ("forward", "reverse"))
+        if len(pairs) == len(numbers) and set.intersection(*both):
+            return numbers
+    return [list(ways[:n]).count(way) + 1 for n, way in enumerate(ways)]
+
+
+def directed(headings: Sequence[str], how: str | None) -> tuple[list[str | None], list[int]]:
+    """The direction of each run and its number: both as the `headings` have them, or of this
+    direction or ``alternate``, counted as they come.
     """
     ways: list[str | None] = [how] * len(headings)
     if how == "headings":
         ways = [way_of(heading) for heading in headings]
-    elif how == "alternate":
+        return ways, runs_of(headings, ways)
+    if how == "alternate":
         ways = [("forward", "reverse")[n % 2] for n in range(len(headings))]
-    return ways, [ways[: n + 1].count(way) for n, way in enumerate(ways)]
+    return ways, runs_of([""] * len(headings), ways)
 
 
 def sniff(file: RawFile) -> bool:

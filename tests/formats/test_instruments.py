@@ -410,6 +410,19 @@ def test_a_damaged_file_is_read_in_part_or_is_one_error(name: str) -> None:
             assert len(found.rows) <= 2 * whole
 
 
+def test_a_run_that_is_missing_leaves_the_pairs_of_the_others() -> None:
+    """Headings number the runs; where each column has a number of its own they are counted."""
+    numbered = {
+        "Hin 1;Her 1;Hin 2;Hin 3;Her 3": [1, 1, 2, 3, 3],
+        "1 +;2 -;3 +;4 -;5 +": [1, 1, 2, 2, 3],
+        "1 + 20.1 C;1 - 20.2 C;2 + 20.2 C;2 - 20.3 C;3 + 20 C": [1, 1, 2, 2, 3],
+    }
+    for headings, runs in numbered.items():
+        text = f"Ziel;{headings}\n0;1;2;3;4;5\n50;1;2;3;4;6\n"
+        table = read(raw(text), Ask(kind="readings", component="c", unit="um"))
+        assert table.columns["pass"][:5] == runs
+
+
 def test_a_logger_without_units_has_one_channel_or_is_undecided() -> None:
     text = "Zeit min;T Spindel;Taster\n0;20,1;0\n1;20,3;0,5\n"
     ask = Ask(kind="drift", component="c", unit="um")
