@@ -58,7 +58,9 @@ class Profile(Contract):
     skip_rows: Annotated[int, Field(ge=0)] = optional("Lines above the header", 0)
     separator: str | None = optional("Such as ';' or tab; found by itself without it")
     decimal: Literal[".", ","] | None = optional("Decimal sign")
-    columns: dict[str, str] = optional("Column of the contract: heading", {})
+    columns: dict[str, str | int] = optional(
+        "Column of the contract: heading, or number from 1", {}
+    )
     constants: dict[str, Annotated[str | float, CELL]] = optional("Columns with one value", {})
     scale: dict[str, float] = optional("Factors of columns", {})
     subtract: dict[str, str] = optional("Columns less another: error: target", {})
@@ -223,22 +225,24 @@ def _calculated(result: Import, profile: Profile, table: DataFrame) -> DataFrame
 def _places(result: Import, header: Row, profile: Profile) -> dict[str, int]:
     """The index of each column that the profile names; headings are compared without case."""
 
-    def plain(text: str) -> str:
-        return re.sub(r"\s+", " ", text).casefold()
+    def plain(text: object) -> str:
+        return re.sub(r"\s+", " ", str(text)).casefold()
 
     names, places = [plain(cell) for cell in header.cells], dict[str, int]()
     operands = [*profile.operands, *([profile.cycles.from_] if profile.cycles else [])]
     operands += profile.unpivot.columns if profile.unpivot else []
     headings = {name: name for name in operands} | profile.columns
     for name, heading in headings.items():
-        if names.count(plain(heading)) == 1:
+        if isinstance(heading, int) and 1 <= heading <= len(names):
+            places[name] = heading - 1
+        elif names.count(plain(heading)) == 1:
             places[name] = names.index(plain(heading))
         else:
             twice = plain(heading) in names
             code = "appears-twice" if twice else "missing-column"
             facts = {"what": f"the column {heading!r}"} if twice else {}
             facts |= {"expected": f"one of: {', '.join(header.cells[:12])}"}
-            result.fault(code, row=header.line, column=heading, **facts)
+            result.fault(code, row=header.line, column=str(heading), **facts)
     result.faults.raise_if_any()
     return places
 
