@@ -74,10 +74,6 @@ CATALOGUE: dict[str, Kind] = {
     "not-applicable": _error("{reason}"),
     # Budgets.
     "no-limits": _error("a {distribution} distribution has no limits"),
-    "equal-readings": _warning(
-        "all {n} readings are equal, so that u is 0; add the resolution r as half_width: r/2 "
-        "with distribution: rectangular (JCGM 100, F.2.2.1)"
-    ),
     "not-differentiable": _warning(
         "{output}: {reason}: no first-order uncertainty exists, use the Monte Carlo"
     ),

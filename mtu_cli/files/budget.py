@@ -368,16 +368,13 @@ def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
 
 
 def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) -> Iterator[Finding]:
-    """Inputs without use, uncertainty or scatter; ``g: 9.81`` and ``u: 0`` mean constants."""
+    """Inputs without use or uncertainty; ``g: 9.81`` and ``u: 0`` mean constants."""
     symbols = {name for tree in trees.values() for name in names(tree)}
     constants = []
     for name, item in budget.inputs.items():
         path: YamlPath = ("inputs", name)
         if name not in symbols:
             yield finding("unused", what="input", name=name, **document.place(path))
-        elif item.readings and not item.varies:
-            place = document.place((*path, "readings"))
-            yield finding("equal-readings", n=len(item.readings), **place)
         elif isinstance(document.at(*path), dict) and not item.varies and not item.ways:
             constants.append(name)
     if constants:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language.functions import BUDGET_FUNCTIONS, FUNCTIONS, apply_scalar, evaluate, value_of
+from mtu_cli.language.functions import BUDGET_FUNCTIONS, finite_value, numpy_function, value_of
 from mtu_cli.language.parser import parse
 from mtu_cli.language.tree import Call, Name, Node, Number, names
 from mtu_cli.language.tree import names as names_in
@@ -27,8 +27,8 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Directions = Callable[[str], FloatArray | None]
 """The two directions (2, pairs) of each pair along a name; None where they do not move it."""
-Slopes = Callable[[float], list[float]]
-"""The first to third derivative of a function, nan or infinite where there is none."""
+Slopes = Callable[[float, int], list[float]]
+"""The derivatives of a function up to an order, nan or infinite where there is none."""
 
 ORDER = 3
 TERMS = tuple((total - b, b) for total in range(ORDER + 1) for b in range(total + 1))
@@ -110,13 +110,14 @@ def _product(left: FloatArray, right: FloatArray) -> FloatArray:
 
 @dataclass(slots=True)
 class _Expansion:
-    """Truncated polynomials of the nodes of a tree: arrays (10, pairs) of coefficients. What does
-    not vary to the third order counts as a constant.
+    """Polynomials of the nodes of a tree: arrays (10, pairs) of coefficients, which count up to
+    `order`. What does not vary to the third order counts as a constant.
     """
 
     values: Mapping[str, float]
     along: Directions
     pairs: int
+    order: int = ORDER
     faults: list[Finding] = field(default_factory=list)
 
     def of(self, node: Node) -> FloatArray:
@@ -143,9 +144,9 @@ class _Expansion:
             case "*":
                 return _product(first, last)
             case "+" | "-" | "neg":
-                result: FloatArray = FUNCTIONS[function].scalar(*parts)
+                result: FloatArray = numpy_function(function)(*parts)
                 return result
-        value = apply_scalar(function, (float(first[0, 0]),))
+        value = finite_value(function, float(first[0, 0]))
         return self.chained(f"{function}()", value, partial(_slopes, function), first, column)
 
     def constant(self, value: float) -> FloatArray:
@@ -155,13 +156,13 @@ class _Expansion:
 
     def power(self, base: FloatArray, exponent: float, what: str, column: int) -> FloatArray:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
-        value = apply_scalar("**", (float(base[0, 0]), exponent))
+        value = finite_value("**", float(base[0, 0]), exponent)
         return self.chained(what, value, partial(_power_slopes, exponent), base, column)
 
     def raised(self, base: FloatArray, exponent: FloatArray, column: int) -> FloatArray:
         if not np.any(exponent[1:]):
             return self.power(base, float(exponent[0, 0]), "'**'", column)
-        value = apply_scalar("**", (float(base[0, 0]), float(exponent[0, 0])))
+        value = finite_value("**", float(base[0, 0]), float(exponent[0, 0]))
         if value is None or base[0, 0] <= 0.0:
             return self.chained("'**' with an uncertain exponent", None, None, base, column)
         logarithm = self.call("log", [base], column)
@@ -189,8 +190,8 @@ class _Expansion:
         if value is None or slopes is None:
             self.fault(what, at, column)
             return np.full_like(inner, math.nan)
-        series, derivatives = self.constant(value), slopes(at)
-        if not math.isfinite(derivatives[0]):
+        series, derivatives = self.constant(value), slopes(at, self.order)
+        if derivatives and not math.isfinite(derivatives[0]):
             return self.without_slopes(series, np.any(inner[1:], axis=0), what, inner, column)
         h = inner.copy()
         h[0] = 0.0
@@ -220,25 +221,28 @@ KINKS = ("abs", "step")
 
 
 @cache
-def _slope_of(function: str, order: int) -> Node:
-    """The derivative of this order of a function, as an equation in u."""
-    if order == 1:
-        return parse(FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
-    return slope(_slope_of(function, order - 1), "u")
+def _slope_of(function: str) -> Node:
+    """The derivative of a function, as an equation in u."""
+    return parse(BUDGET_FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
 
 
-def _slopes(function: str, x: float) -> list[float]:
+def _slopes(function: str, x: float, order: int) -> list[float]:
+    """The derivatives of a function: the first is an equation, whose own are the others."""
+    if order == 0:
+        return []
     if function in KINKS and x == 0.0:
-        return [math.nan] * ORDER
-    return [float(evaluate(_slope_of(function, k + 1), {"u": x})) for k in range(ORDER)]
+        return [math.nan] * order
+    u = np.array([[1.0], [0.0]])
+    series = _Expansion({"u": x}, {"u": u}.get, 1, order - 1).of(_slope_of(function))
+    return [math.factorial(k) * float(series[PLACE[k, 0], 0]) for k in range(order)]
 
 
-def _power_slopes(exponent: float, x: float) -> list[float]:
+def _power_slopes(exponent: float, x: float, order: int) -> list[float]:
     """Those of ``x**exponent``, negative x and 0 included."""
     slopes, factor = [], 1.0
-    for k in range(ORDER):
+    for k in range(order):
         factor *= exponent - k
-        rest = apply_scalar("**", (x, exponent - k - 1)) if factor else 0.0
+        rest = finite_value("**", x, exponent - k - 1) if factor else 0.0
         slopes.append(math.nan if rest is None else factor * rest)
     return slopes
 
@@ -284,7 +288,7 @@ def _partial(node: Call) -> tuple[Node, ...]:
             return power, _call("*", node, _call("log", first))
         case "neg":
             return (MINUS,)
-    return (_placed(_slope_of(node.function, 1), first),)
+    return (_placed(_slope_of(node.function), first),)
 
 
 def _placed(node: Node, u: Node) -> Node:

@@ -230,7 +230,7 @@ def test_warnings() -> None:
     assert not warnings("9.81")
     assert not warnings("{value: 1, u: 0}")
     assert warnings("{value: 1}") == [("no-uncertainty", 6)]
-    assert warnings("{readings: [1, 1, 1]}") == [("equal-readings", 6)]
+    assert warnings("{readings: [1, 1, 1]}") == [("no-uncertainty", 6)]
     assert not warnings("{readings: [1, 1, 1], half_width: 0.5, distribution: rectangular}")
     unused = loaded("equation: a\ninputs:\n  a: {value: 1, u: 1}\n  b: {value: 1, u: 1}\n")
     assert [each.message for each in unused.warnings] == [
