@@ -28,7 +28,7 @@ from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
 from mtu_cli.model.features import dof_warnings, guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import no_shared_axis, roundings
+from mtu_cli.model.measured import axis_warnings, no_shared_axis, roundings
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.coverage import PROBABILITY
 from mtu_cli.stats.least_squares import FloatArray
@@ -117,7 +117,8 @@ def correct(
         independent=settings.independent,
     )
     warnings = [*idle, *guess_warnings(model, rows.places, values)]
-    warnings += _axis_warnings(model, points)
+    left = "{} stays as it was measured", "not corrected there"
+    warnings += axis_warnings(points, model.axes, *left, nominal=False)
     error, u = rows.errors()
     corrected = points.measured - np.nan_to_num(error)
     measurands, absent = ([], []) if part is None else measurands_of(part, points, at)
@@ -179,14 +180,3 @@ def _size_warnings(
             rms_um=worst.rms / UM,
             explained_um=worst.explained / UM,
         )
-
-
-def _axis_warnings(model: MachineModel, points: Points) -> Iterator[Finding]:
-    for i, axis in enumerate(AXES):
-        measured = np.isfinite(points.measured[:, i])
-        if axis not in model.axes and measured.any():
-            consequence = f"{axis} stays as it was measured"
-            yield finding("axis-without-equation", axis=axis, consequence=consequence)
-        elif axis in model.axes and not measured.all():
-            what, consequence = f"{int((~measured).sum())} points", "not corrected there"
-            yield finding("axis-not-measured", what=what, axis=axis, consequence=consequence)
