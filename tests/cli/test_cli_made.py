@@ -39,7 +39,7 @@ def test_a_laser_run_is_fitted_as_it_came(instruments: Path) -> None:
     )
     assert "x.rtl: read as rtl: 14 readings; left out: 1 material sensor" in done(found).stderr
     made_csv = mtu("import", "dx_x=x.rtl", "--as", "readings", "-o", "x.csv", cwd=instruments)
-    assert done(made_csv).stdout.startswith("x.rtl: read as rtl: 14 readings")
+    assert done(made_csv).stderr.startswith("note: x.rtl: read as rtl: 14 readings")
     again = instruments / "csv.json"
     done(mtu("fit-components", "-m", "m.yaml", "--laser", "x.csv", "-o", again, cwd=instruments))
     results = [json.loads(path.read_text())["results"] for path in (out, again)]
@@ -160,7 +160,7 @@ def test_passes_and_cycles_of_files_are_apart(instruments: Path) -> None:
     (instruments / "z.yaml").write_text(LASER_MACHINE.replace("of: x, ", ""))
     # The unit is that of the machine's component, which the profile names.
     call = ("import", *days, "--as", "readings", "--map", "d.yaml", "-m", "m.yaml", "-o", "d.csv")
-    assert "taken in um, the component's unit" in done(mtu(*call, cwd=instruments)).stdout
+    assert "taken in um, the component's unit" in done(mtu(*call, cwd=instruments)).stderr
     rows = [line.split(",") for line in (instruments / "d.csv").read_text().splitlines()]
     assert {row[rows[0].index("pass")] for row in rows[1:]} == {"0", "1", "2", "3"}
     logged = mtu("import", *warm_ups, "--as", "drift", "--component", "dx_x", cwd=instruments)
