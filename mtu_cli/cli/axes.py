@@ -13,6 +13,7 @@ import numpy as np
 
 from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses import iso230 as positioning
+from mtu_cli.cli.analyse import fitted
 from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
@@ -354,14 +355,11 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
         expected = "a component without `of`, such as axy"
         raise error("not-applicable", reason=f"{name} is no angle between two axes",
                     expected=expected)  # fmt: skip
-    readings, rows = inputs.readings, _rows(inputs.readings, name)
-    if entry.coefficients is not None:
-        angle = entry.coefficients[0] * UNITS[entry.unit].to_internal
-    elif readings is not None and len(rows):
-        angle = float(readings.error[rows].mean())
-    else:
+    estimate = fitted(inputs, inputs.machine).estimates.components.get(name)
+    if estimate is None:
         expected = "readings of it, or coefficients in the machine file"
         raise error("missing-input", what=f"an estimate of {name}", expected=expected)
+    angle = float(estimate.coefficients[0])
     text = write_skew(angle, parameters)
     readback = read_skew(text)
     if abs(readback - angle) > quantum / 2:
