@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from mtu_cli.reports.document import envelope
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
-T = TypeVar("T")
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 DWELL_S = 3.0
 ROTARY = "c"
@@ -67,9 +66,8 @@ def iso230(inputs: Inputs) -> Result:
         standard=options.standard,
     )
     # What the checks of all readings have reported is not repeated.
-    outliers = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
-    warnings = [x for x in result.warnings
-                if x.code != "outlying-value" or x.facts["what"] not in outliers]  # fmt: skip
+    reported = {(x.code, x.facts.get("what")) for x in inputs.suspicions}
+    warnings = [x for x in result.warnings if (x.code, x.facts.get("what")) not in reported]
     result = replace(result, warnings=tuple(warnings))
 
     def nonconforming(_: float) -> str | None:
@@ -329,7 +327,7 @@ def _columns(
     return position, direction, readings.error[rows], passes.runs[group]
 
 
-def _read(inputs: Inputs, path: Path, reader: Callable[[str], T]) -> T:
+def _read(inputs: Inputs, path: Path, reader: Callable[[str], Any]) -> Any:
     """What a control's file holds for its reader; raises InputError with the file's name."""
     source, content = read_source(path, "table")
     inputs.sources.append(source)

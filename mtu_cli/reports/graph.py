@@ -159,10 +159,8 @@ COORDINATE_ROW = coordinate(("<source>",))
 
 def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     """One row a coordinate."""
-    title = f"Graph: {result.graph.graph.name}"
-    footer = f"U = k u; {result.trials} Monte Carlo trials"
-    fields = coordinate(result.sources)
-    places = Table(title, fields, result.coordinates, footer)
+    fields, footer = coordinate(result.sources), f"U = k u; {result.trials} Monte Carlo trials"
+    places = Table(f"Graph: {result.graph.graph.name}", fields, result.coordinates, footer)
     valid = {x.output: x.validation.passed for x in result.coordinates if x.validation}
     verdict = "First order is valid (JCGM 101, clause 8)." if valid else ""
     if failures := listed(output for output, passed in valid.items() if passed is False):
