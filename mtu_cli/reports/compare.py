@@ -143,8 +143,8 @@ def document(result: CompareResult, digits: int = 2) -> Document:
         Table(title, ROW, [*lengths, *selection], footer),
     ]
     verdict = "\n".join(f"{verdict_text(x)}." for x in summaries)
-    title = "Predicted against measured"
-    return Document(title, (RESULTS, result), tables, figure, verdict, digits)
+    name = "Predicted against measured"
+    return Document(name, (RESULTS, result), tables, figure, verdict, digits)
 
 
 def figure(result: CompareResult) -> figures.Figure:
