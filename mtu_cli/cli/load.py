@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -316,5 +315,5 @@ def check_cell(name: str, value: float) -> None:
     low, high = SENSOR_DEGC
     if is_temperature(name) and not low <= value <= high:
         raise error("out-of-range", **place, expected=f"degC, {low:g} to {high:g}")
-    if name == "sequence" and isfinite(value) and value != int(value):
+    if name == "sequence" and value != int(value):
         raise error("wrong-type", **place, kind="a whole number")
