@@ -203,10 +203,6 @@ CATALOGUE: dict[str, Kind] = {
     ),
     # Comparison and correction.
     "not-tested": _warning("{what} not tested ({items}): {reason}"),
-    "no-thermal-component": _warning(
-        "the points are off the reference of {reference:.4g} degC ({sensor} reads {reading:.4g} "
-        "degC), but the model has no thermal component"
-    ),
     "outside-measured-range": _warning(
         "{what} is outside the measured range of {names}, {low:g} to {high:g} {unit}: extrapolated"
     ),

@@ -100,8 +100,7 @@ class Summary(NamedTuple):
     """The items of one operation, features or lengths (`kind`).
 
     `verdicts` counts each item once, by its gravest fault; `faults` every fault, with the least and
-    the largest |bias| (mm), or ratio of scatter, of the items that have it. `ratio_u`,
-    `ratio_range` and `ratio_scatter` are the least and the largest known ones.
+    the largest |bias| (mm), or ratio of scatter, of the items that have it.
     """
 
     kind: str
@@ -109,9 +108,6 @@ class Summary(NamedTuple):
     items: int
     verdicts: dict[Verdict, int]
     faults: dict[Verdict, tuple[int, Ends | None]]
-    ratio_u: Ends | None
-    ratio_range: Ends | None
-    ratio_scatter: Ends | None
     pooled: Pooled | None
 
     @property
@@ -217,9 +213,6 @@ class Compared:
                 items=len(rows),
                 verdicts={name: verdicts.count(name) for name in VERDICTS},
                 faults={name: (len(i), ends(sizes[name], i)) for name, i in of_fault.items()},
-                ratio_u=ends(self.ratio_u, rows),
-                ratio_range=ends(self.ratio_range, rows),
-                ratio_scatter=ends(self.ratio_scatter, rows),
                 pooled=self.pooled.get(operation),
             )
             result.append(summary)

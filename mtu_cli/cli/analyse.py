@@ -313,13 +313,10 @@ def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | Non
 
 def correct(inputs: Inputs) -> Result:
     from mtu_cli.analyses.correct import correct as analysis
-    from mtu_cli.analyses.correct import unused_warmth
 
-    reference = inputs.machine.machine.reference_temperature_degC
     part = inputs.part_if_any
     rounds: Iterable[Any] = (*part.part.circles, *part.part.spheres) if part else ()
     # A calibrated diameter may need a temperature that no equation uses.
     model, warnings = modelled(inputs, [item.temperature for item in rounds if item.temperature])
     result = analysis(model, part, inputs.points, inputs.settings, inputs.at)
-    warmth = unused_warmth(model, inputs.points, reference)
-    return Result.reported(inputs, result, [*warnings, *warmth])
+    return Result.reported(inputs, result, warnings)

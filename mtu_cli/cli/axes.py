@@ -7,12 +7,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses import iso230 as positioning
+from mtu_cli.cli.analyse import fitted
 from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
@@ -30,7 +31,6 @@ from mtu_cli.reports.document import envelope
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
-T = TypeVar("T")
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 DWELL_S = 3.0
 ROTARY = "c"
@@ -66,9 +66,8 @@ def iso230(inputs: Inputs) -> Result:
         standard=options.standard,
     )
     # What the checks of all readings have reported is not repeated.
-    outliers = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
-    warnings = [x for x in result.warnings
-                if x.code != "outlying-value" or x.facts["what"] not in outliers]  # fmt: skip
+    reported = {(x.code, x.facts.get("what")) for x in inputs.suspicions}
+    warnings = [x for x in result.warnings if (x.code, x.facts.get("what")) not in reported]
     result = replace(result, warnings=tuple(warnings))
 
     def nonconforming(_: float) -> str | None:
@@ -200,16 +199,13 @@ def compensate(inputs: Inputs) -> Result:
         seed=inputs.settings.seed, trials=inputs.settings.trials,
     )  # fmt: skip
     if readings := inputs.verify:
-        file = ", ".join(source.shown for source in readings.sources)
         if first.name not in readings.components:
             components = ", ".join(readings.components)
             reason = f"--verify holds readings of {components}, not of {first.name}"
+            file = ", ".join(source.shown for source in readings.sources)
             raise error("not-applicable", reason=reason, file=file)
         columns = _columns(readings, _rows(readings, first.name), first.axis)
-        try:
-            result = analysis.verify(result, *columns)
-        except InputError as fault:
-            raise InputError([each.at(file=file) for each in fault.findings]) from None
+        result = analysis.verify(result, *columns)
 
     files, table = dict[Path, bytes](), options.to_file
     if table:
@@ -328,7 +324,7 @@ def _columns(
     return position, direction, readings.error[rows], passes.runs[group]
 
 
-def _read(inputs: Inputs, path: Path, reader: Callable[[str], T]) -> T:
+def _read(inputs: Inputs, path: Path, reader: Callable[[str], Any]) -> Any:
     """What a control's file holds for its reader; raises InputError with the file's name."""
     source, content = read_source(path, "table")
     inputs.sources.append(source)
@@ -354,14 +350,11 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
         expected = "a component without `of`, such as axy"
         raise error("not-applicable", reason=f"{name} is no angle between two axes",
                     expected=expected)  # fmt: skip
-    readings, rows = inputs.readings, _rows(inputs.readings, name)
-    if entry.coefficients is not None:
-        angle = entry.coefficients[0] * UNITS[entry.unit].to_internal
-    elif readings is not None and len(rows):
-        angle = float(readings.error[rows].mean())
-    else:
+    estimate = fitted(inputs, inputs.machine).estimates.components.get(name)
+    if estimate is None:
         expected = "readings of it, or coefficients in the machine file"
         raise error("missing-input", what=f"an estimate of {name}", expected=expected)
+    angle = float(estimate.coefficients[0])
     text = write_skew(angle, parameters)
     readback = read_skew(text)
     if abs(readback - angle) > quantum / 2:

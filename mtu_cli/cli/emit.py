@@ -35,8 +35,6 @@ MOST_ALIKE = 20
 """Warnings of one code that are shown."""
 USED = {"k": "coverage_factor", **{x: x for x in ("seed", "digits", "correlation", "trials")}}
 """Settings that a report to hand on states, by the options of the commands that have them."""
-TITLES = {"anova": "ANOVA", "iso230": "Positioning test", "circular": "Circular test"}
-"""Of reports to hand on, where they are not called as the command."""
 DELAY_S, EVERY_S = 1.0, 0.1
 """After what time, and how often, progress is shown."""
 Gate = Callable[[float], str | None]
@@ -49,6 +47,7 @@ class Listing:
     lines: Sequence[str] = ()
     results: Mapping[str, Any] = field(default_factory=dict)
     table: tuple[Sequence[str], Sequence[Sequence[object]]] = ((), ())
+    title: str = ""
     figure: None = None
 
     def record(self) -> dict[str, Any]:
@@ -255,14 +254,13 @@ def _page(result: Result) -> bytes:
     names += [inputs.study.source.shown] if inputs.study else []
     names = names or [source.shown for source in inputs.sources]
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
-    command = TITLES.get(result.command) or result.command.replace("-", " ").capitalize()
     return page_bytes(
         options.report.suffix.lower(),
         svg,
         result.document.blocks(detail=options.detail),
         result.warnings,
         settings | {f"{name} =": value for name, value in inputs.at.items()},
-        title=": ".join([command, *names[:1]]),
+        title=": ".join([result.document.title, *names[:1]]),
         subject=[*names[1:], *synthetic],
         inputs=inputs.sources,
         date=options.date,

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cached_property
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -147,35 +146,38 @@ class Inputs:
         return [path for path in paths if path]
 
     def converter(self) -> Convert:
-        """Reads instruments' files as the contract's CSV, by what the call, its study and the
-        machine say of them; how they were understood is noted.
-        """
+        """Reads instruments' files as the contract's CSV; how they were understood is noted."""
+        from mtu_cli.formats.instruments import converter
+
+        return converter(self.ask, self.note)
+
+    def ask(self, path: Path, role: str) -> Ask:
+        """What the call, its study and the machine say of an instrument's file."""
         from mtu_cli.formats.base import Ask
-        from mtu_cli.formats.instruments import KIND_OF, converter
+        from mtu_cli.formats.instruments import KIND_OF
 
-        def ask(path: Path, role: str) -> Ask:
-            study = self.study
-            instrument = (study and study.instruments.get(path)) or Instrument(file="-")
-            names = {file: name for name, file in self.named_files(role)}
-            # Where neither names one, the component of --component.
-            of_call = self.options.component or (None,)
-            entries = self.machine.machine.components if self.files("machine") else {}
-            folder = study.source.path.parent if study else Path()
-            return Ask(
-                kind=KIND_OF[role],
-                component=names.get(path) or instrument.component or of_call[0],
-                unit=instrument.unit,
-                machine_units={name: entry.unit for name, entry in entries.items()},
-                decimal=instrument.decimal,
-                directions=instrument.directions,
-                profile=folder / instrument.map if instrument.map else None,
-            )
+        options, study = self.options, self.study
+        instrument = (study and study.instruments.get(path)) or Instrument(file="-")
+        names = {file: name for name, file in self.named_files(role)}
+        # Where neither names one, the (first) component of --component.
+        of_call = options.component or None
+        of_call = of_call[0] if isinstance(of_call, list) else of_call
+        entries = self.machine.machine.components if self.files("machine") else {}
+        folder = study.source.path.parent if study else Path()
+        return Ask(
+            kind=options.as_ or KIND_OF[role],
+            component=names.get(path) or instrument.component or of_call,
+            unit=options.unit or instrument.unit,
+            machine_units={name: entry.unit for name, entry in entries.items()},
+            decimal=options.decimal or instrument.decimal,
+            directions=options.directions or instrument.directions,
+            profile=options.map or (folder / instrument.map if instrument.map else None),
+        )
 
-        def note(file: RawFile, table: Imported) -> None:
-            self.suspicions.append(file.finding("instrument-file", how=table.sentence))
-            self.suspicions += [file.finding("instrument-doubt", doubt=x) for x in table.doubts]
-
-        return converter(ask, note)
+    def note(self, file: RawFile, table: Imported) -> None:
+        """Enters how an instrument's file was understood among the warnings."""
+        self.suspicions.append(file.finding("instrument-file", how=table.sentence))
+        self.suspicions += [file.finding("instrument-doubt", doubt=x) for x in table.doubts]
 
     def input_files(self) -> list[tuple[str, Path]]:
         """Role and path of all files that the call, its study or that of this folder names; of a
@@ -313,5 +315,5 @@ def check_cell(name: str, value: float) -> None:
     low, high = SENSOR_DEGC
     if is_temperature(name) and not low <= value <= high:
         raise error("out-of-range", **place, expected=f"degC, {low:g} to {high:g}")
-    if name == "sequence" and isfinite(value) and value != int(value):
+    if name == "sequence" and value != int(value):
         raise error("wrong-type", **place, kind="a whole number")

@@ -171,42 +171,32 @@ def _lines(results: dict[str, Any]) -> Iterable[str]:
     yield from (f"  left out: {count} {what}" for what, count in results["left_out"].items())
     yield from (f"  fault: {text}" for text in results["faults"])
     yield from (f"  {count:5} {path}" for path, count in [*results["elements"].items()][:LISTED])
-    if rest := len(results["elements"]) - LISTED:
-        yield from [f"  and {rest} more element paths (-o)"] if rest > 0 else []
+    if (rest := len(results["elements"]) - LISTED) > 0:
+        yield f"  and {rest} more element paths (-o)"
 
 
 def import_(inputs: Inputs) -> Result:
     """The contract's CSV of all files, and how they were understood."""
     options, kind = inputs.options, inputs.options.as_
-    spec, entries = instruments.SPECS[kind], {}
+    spec = instruments.SPECS[kind]
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
-    if options.machine:
-        entries = inputs.machine.machine.components
-    if entries and kind != "points":
-        spec = spec.with_texts("component", entries)
-    ask = Ask(
-        kind=kind,
-        unit=known_name("--unit", "value", options.unit, UNITS),
-        decimal=options.decimal,
-        directions=options.directions,
-        machine_units={name: entry.unit for name, entry in entries.items()},
-        profile=options.map,
-    )
+    if options.machine and kind != "points":
+        spec = spec.with_texts("component", inputs.machine.machine.components)
+    known_name("--unit", "value", options.unit, UNITS)
     files, tables = list[tuple[Path, str]](), list[Imported]()
-    findings, faults, last = list[Finding](), CellFaults(), dict[tuple[object, str], int]()
-    for name, path in inputs.named_files("file"):
+    faults, last = CellFaults(), dict[tuple[object, str], int]()
+    for _, path in inputs.named_files("file"):
         try:
             file = raw_file(path, "file")
             if instruments.is_contract(file.content) and not options.map:
                 raise file.error("other-table", kind="the contract's CSV already")
-            table = instruments.read(file, replace(ask, component=name or options.component))
+            table = instruments.read(file, inputs.ask(path, "file"))
         except InputError as fault:
             for each in fault.findings:
                 faults.add(each)
             continue
-        findings.append(file.finding("instrument-file", how=table.sentence))
-        findings += [file.finding("instrument-doubt", doubt=text) for text in table.doubts]
+        inputs.note(file, table)
         if kind != "points":
             table.count_on(last)
         tables.append(table)
@@ -223,7 +213,5 @@ def import_(inputs: Inputs) -> Result:
     bodies = [content.partition(b"\n")[2] for content, *_ in parts[1:]]
     content = b"".join([parts[0][0], *bodies])
     if options.to_csv in (None, STANDARD_OUTPUT):
-        return Result(inputs, Listing([content.decode().rstrip("\n")]), findings)
-    lines = [each.message for each in findings if each.severity == "note"]
-    warnings = [each for each in findings if each.severity != "note"]
-    return Result(inputs, Listing(lines), warnings, files={options.to_csv: content})
+        return Result(inputs, Listing([content.decode().rstrip("\n")]))
+    return Result(inputs, Listing(), files={options.to_csv: content})

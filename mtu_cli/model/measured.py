@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any
 
@@ -82,17 +82,6 @@ def feature_tables(
     )
 
 
-def left_out(points: Points) -> list[Finding]:
-    """Axes that only some points have, or that have no nominal: they are not analysed."""
-    measured, whole = np.isfinite(points.measured), axes_of(points)
-    what = "some of the points, or of their nominal places,"
-    return [
-        finding("axis-not-measured", what=what, axis=name, consequence=f"{name} is left out")
-        for k, name in enumerate(AXES)
-        if measured[:, k].any() and k not in whole
-    ]
-
-
 def no_shared_axis(model: MachineModel, points: Points, measured: Sequence[int]) -> InputError:
     """The error of points with no axis of the machine's equations among the `measured` ones."""
     columns = listed(f"{AXES[i]}_mm" for i in measured)
@@ -110,25 +99,37 @@ def judged_axes(
     model: MachineModel, points: Points, consequence: str
 ) -> tuple[tuple[int, ...], list[Finding]]:
     """The axes (0, 1, 2) that every point was measured along and an equation is for, and warnings
-    of the others: measured at some of the points, without an equation (with the `consequence`, of
-    the axis {}), or with one and not measured.
+    of the others: with the `consequence`, of the axis {}, of those without an equation.
 
     Raises InputError where there is no such axis.
     """
-    measured, absent = axes_of(points), np.asarray(np.isnan(points.measured).all(axis=0))
+    measured = axes_of(points)
     axes = tuple(k for k in measured if AXES[k] in model.axes)
     if not axes:
         raise no_shared_axis(model, points, measured)
-    warnings = left_out(points)
+    missing = "the E{} of the machine is not judged"
+    return axes, axis_warnings(points, model.axes, consequence, missing)
+
+
+def axis_warnings(
+    points: Points, axes: Collection[str], without: str, missing: str, *, nominal: bool = True
+) -> list[Finding]:
+    """Warnings of axes that were measured and are none of the `axes` (of the equations), and of
+    those of them that points lack a coordinate of, or its `nominal`; with the consequence of
+    either, of the axis {}.
+    """
+    result = []
+    measured = np.isfinite(points.measured)
+    usable = measured & np.isfinite(points.nominal) if nominal else measured
     for k, axis in enumerate(AXES):
-        if k in measured and k not in axes:
-            facts = {"axis": axis, "consequence": consequence.format(axis)}
-            warnings.append(finding("axis-without-equation", **facts))
-        elif absent[k] and axis in model.axes:
-            judged = f"the E{axis} of the machine is not judged"
-            facts = {"what": "the points", "axis": axis, "consequence": judged}
-            warnings.append(finding("axis-not-measured", **facts))
-    return axes, warnings
+        if axis not in axes and measured[:, k].any():
+            facts = {"axis": axis, "consequence": without.format(axis)}
+            result.append(finding("axis-without-equation", **facts))
+        elif axis in axes and not usable[:, k].all():
+            what = some(~usable[:, k], "points" + " or their nominal places" * nominal)
+            facts = {"what": what, "axis": axis, "consequence": missing.format(axis)}
+            result.append(finding("axis-not-measured", **facts))
+    return result
 
 
 def some(rows: BoolArray, name: str) -> str:

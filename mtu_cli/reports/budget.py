@@ -161,7 +161,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     items = rows_of(result, len(outputs)) if len(outputs) > 1 else []
     correlation = Table("Correlation of the outputs, first order", fields, items)
     return Document(
-        result.name,
+        "Uncertainty budget",
         (SINGLE if single else RESULTS, result),
         [contributions, estimates, correlation],
         figure,

@@ -79,9 +79,6 @@ SUMMARY = declare(
         ratio_scatter | ratio | their scatter, measured over predicted
         p_scatter_familywise | p | p of it, adjusted for all tests (Holm) | p / pooled, p
         verdict | pooled_verdict() | what the test shows
-    ratio_u | | least and largest ratio of u | u ratio, span
-    ratio_scatter | | least and largest ratio of scatter from part to part | scatter ratio, span
-    ratio_range | | least and largest ratio of range widths | range ratio, span
     """,
     name=lambda x: f"{x.operation} {x.kind}".strip(),
     some=lambda value, u, digits: str(value) if value else MISSING,
@@ -137,12 +134,12 @@ def document(result: CompareResult, digits: int = 2) -> Document:
         selection = [features[i] for i in result.features.by_interest[:SHOWN]]
         title += f": faults first, {SHOWN} of {len(features)} features"
     summaries = [*result.features.summaries, *(result.lengths.summaries if result.lengths else ())]
-    faults = "items with each fault (5 % over the study); ratios: measured over predicted"
+    faults = "items with each fault (5 % over the study); consistent: no fault is proven"
     footer = f"± u, of means that of one future part; E_n = bias/({result.coverage_factor:g} u); "
-    footer += "p: Holm; consistent: no fault is proven"
+    footer += "ratio: measured over predicted; p: Holm"
     tables = [
         Table("", ROW, [*features, *lengths], selection=()),
-        Table("Verdicts and ratios", SUMMARY, summaries, faults),
+        Table("Verdicts", SUMMARY, summaries, faults),
         Table(title, ROW, [*lengths, *selection], footer),
     ]
     verdict = "\n".join(f"{verdict_text(x)}." for x in summaries)

@@ -142,7 +142,7 @@ class Document:
     """A report: `results` are the fields of the JSON document and the item they are read from. The
     first of `tables` is the main one, of which ``--csv`` has every item; `draw` takes the item of
     `results`, and is None where there is nothing to draw. `verdict` is what the figures say, in a
-    sentence.
+    sentence; `title` heads the file that is handed on.
     """
 
     title: str

@@ -86,7 +86,6 @@ SHOWN: dict[str, Show] = {
     "percent": lambda value, u, digits: numbers.percent(value),
     "percent1": lambda value, u, digits: numbers.fixed(100 * value, 1),
     "dof": lambda value, u, digits: numbers.degrees_of_freedom(value),
-    "span": lambda ends, u, digits: numbers.span(*(numbers.significant(x, digits) for x in ends)),
     "plain": lambda value, u, digits: f"{value:g}" if numbers.known(value) else numbers.MISSING,
     "count": lambda value, u, digits: str(value),
     "text": lambda value, u, digits: str(value),

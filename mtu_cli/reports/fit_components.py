@@ -92,7 +92,8 @@ COMPONENT = """
     half_difference_mean_square | half_differences | part of the mean square between passes that \
         is of runs there and back; null: none | -, json, size=size2()
     run_covariance | | of the two passes of a run, of several instruments | -, json, size=size2()
-    s_pass | s_pass() | standard deviation from pass to pass at pass_center_mm
+    s_pass | root(pass_covariance.0.0) | standard deviation from pass to pass at pass_center_mm \
+        | -, size=size()
     - | scatter.1 | | s_pass / unit, size=size()
     pass_center_mm | pass_center | mean position of the readings
     pass_dof | estimate.pass_dof | of pass_covariance; null: infinite
@@ -135,8 +136,6 @@ def component(powers: int) -> Fields:
         powers=[(str(n), head) for n, head in enumerate(heads[:powers])],
         **{f"per_m{n}": partial(_size, power=n) for n in range(powers)},
         shape=lambda x: "polynomial" if x.estimate.table is None else "table",
-        # To the last bit the root of pass_covariance as the report states it.
-        s_pass=lambda x: math.sqrt(x.pass_covariance[0, 0] / _size(x) ** 2),
     )
 
 

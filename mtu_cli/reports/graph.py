@@ -89,7 +89,7 @@ def check(result: MeasurementGraph, digits: int = 2) -> Document:
     steps = f"{len(items)} transitions, {counts['probings']} probings"
     verdict = f"The graph is sound: {places}, {steps}."
     source = CHECK, result
-    return Document(result.graph.name, source, [order], lambda x: drawing(net_of(x)), verdict)
+    return Document("Measurement graph", source, [order], lambda x: drawing(net_of(x)), verdict)
 
 
 COORDINATE = """
@@ -159,10 +159,8 @@ COORDINATE_ROW = coordinate(("<source>",))
 
 def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     """One row a coordinate."""
-    name = result.graph.graph.name
-    title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
-    fields = coordinate(result.sources)
-    places = Table(title, fields, result.coordinates, footer)
+    fields, footer = coordinate(result.sources), f"U = k u; {result.trials} Monte Carlo trials"
+    places = Table(f"Graph: {result.graph.graph.name}", fields, result.coordinates, footer)
     valid = {x.output: x.validation.passed for x in result.coordinates if x.validation}
     verdict = "First order is valid (JCGM 101, clause 8)." if valid else ""
     if failures := listed(output for output, passed in valid.items() if passed is False):
@@ -171,7 +169,8 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
         )
     elif None in valid.values():
         verdict = "Too few trials to validate first order."
-    return Document(name, (SIMULATION, result), [places], simulation_figure, verdict, digits)
+    source = SIMULATION, result
+    return Document("Measurement graph", source, [places], simulation_figure, verdict, digits)
 
 
 GRID_POINT = """

@@ -152,7 +152,7 @@ def positioning(result: analysis.Iso230Result, digits: int = 2) -> Document:
         differ = listed(f"{x.name} of {axis.name}" for axis, x in rows if x.differs)
         texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
     source, verdict = (POSITIONING, result), " ".join(texts)
-    return Document("Positioning", source, tables, positioning_figure, verdict, digits)
+    return Document("Positioning test", source, tables, positioning_figure, verdict, digits)
 
 
 def _figure_text(axis: analysis.Axis, digits: int, standard: str = "iso230-2") -> str:

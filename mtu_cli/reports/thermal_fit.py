@@ -47,7 +47,6 @@ COMPONENT = """
         by | cycle() | what was held out
         rms_before_UNIT | before | rms of the drift
         rms_after_UNIT | after | rms of the residuals
-        ordinary_UNIT | ordinary | the same of ordinary least squares on all sensors
         r2 | | share of the variance that the model predicts
     collinearity.condition_number | condition | of the standardised sensors
     collinearity.vif | vif | variance inflation factor by sensor; null: infinite
@@ -144,7 +143,6 @@ MODEL = declare(
     - | held_out.before | | held-out / without, sig3, size=rms_unit.to_internal
     - | held_out.after | | / with, sig3, size=rms_unit.to_internal
     - | held_out.reduction | | reduction / %, reduction()
-    - | held_out.ordinary | | all sensors / held out, sig3, size=rms_unit.to_internal, detail
     - | condition | | condition / number, sig3, detail
     - | lag1 | | autocorr., detail
     - | normality_p | | normal / p, p, detail

@@ -26,12 +26,13 @@ from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.features import BELOW_THREE, FEW_DOF
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import (
     Label,
     MeasuredTables,
     angle_tables,
+    axis_warnings,
     feature_tables,
-    left_out,
     length_tables,
     length_warnings,
     missing_entries,
@@ -110,7 +111,8 @@ def analyse_variance(
     tables: dict[Kind, MeasuredTables] = {
         "feature": feature_tables(aligned_points, rounding=roundings(points))
     }
-    warnings = [*left_out(points), *incomplete]
+    measured = [AXES[k] for k in range(3) if np.isfinite(points.measured[:, k]).any()]
+    warnings = [*axis_warnings(points, measured, "", "{} is left out"), *incomplete]
     if part is not None:
         lengths, angles = part.part.lengths, part.part.orthogonality
         names = [name for item in lengths for name in (item.from_, item.to)]

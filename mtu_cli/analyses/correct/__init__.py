@@ -22,21 +22,17 @@ from mtu_cli.analyses.correct.sizes import (
     measured_sizes,
     point_scatter,
 )
-from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.readings import Points
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns
 from mtu_cli.model.features import dof_warnings, guess_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import no_shared_axis, roundings
+from mtu_cli.model.measured import axis_warnings, no_shared_axis, roundings
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.coverage import PROBABILITY
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
-
-FAR_K = 1.0
-"""A machine this far from its reference temperature errs by 10 um in each metre and more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +84,7 @@ class CorrectResult:
         return before, after
 
 
-__all__ = ["CorrectResult", "Size", "correct", "unused_warmth"]
+__all__ = ["CorrectResult", "Size", "correct"]
 
 
 def correct(
@@ -121,7 +117,8 @@ def correct(
         independent=settings.independent,
     )
     warnings = [*idle, *guess_warnings(model, rows.places, values)]
-    warnings += _axis_warnings(model, points)
+    left = "{} stays as it was measured", "not corrected there"
+    warnings += axis_warnings(points, model.axes, *left, nominal=False)
     error, u = rows.errors()
     corrected = points.measured - np.nan_to_num(error)
     measurands, absent = ([], []) if part is None else measurands_of(part, points, at)
@@ -183,33 +180,3 @@ def _size_warnings(
             rms_um=worst.rms / UM,
             explained_um=worst.explained / UM,
         )
-
-
-def _axis_warnings(model: MachineModel, points: Points) -> Iterator[Finding]:
-    for i, axis in enumerate(AXES):
-        measured = np.isfinite(points.measured[:, i])
-        if axis not in model.axes and measured.any():
-            consequence = f"{axis} stays as it was measured"
-            yield finding("axis-without-equation", axis=axis, consequence=consequence)
-        elif axis in model.axes and not measured.all():
-            what, consequence = f"{int((~measured).sum())} points", "not corrected there"
-            yield finding("axis-not-measured", what=what, axis=axis, consequence=consequence)
-
-
-def unused_warmth(model: MachineModel, points: Points, reference: float) -> list[Finding]:
-    """A warning where sensors of the points were more than `FAR_K` from the `reference` in degC,
-    but the model has no thermal component and no effect of a temperature.
-    """
-    if any(is_temperature(name) for name in model.covariates()):
-        return []
-    readings = {
-        name: float(column[np.nanargmax(np.abs(column - reference))])
-        for name, column in points.covariates.items()
-        if is_temperature(name) and column.dtype != object and np.isfinite(column).any()
-    }
-    name = max(readings, key=lambda key: abs(readings[key] - reference), default="")
-    if not name or abs(readings[name] - reference) <= FAR_K:
-        return []
-    facts = {"reference": reference, "sensor": name, "reading": readings[name]}
-    expected = "--drift FILE, or -c with a report of thermal-fit"
-    return [finding("no-thermal-component", **facts, expected=expected)]

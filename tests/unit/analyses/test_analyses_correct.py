@@ -24,7 +24,7 @@ from model_examples import part_of, stated
 from numpy.typing import NDArray
 from support import codes
 
-from mtu_cli.analyses.correct import correct, unused_warmth
+from mtu_cli.analyses.correct import correct
 from mtu_cli.analyses.correct.sizes import REACH
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.geometry import fit_circle
@@ -254,27 +254,6 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     for part, of in ((ring, points.where(np.arange(11) != 4)), (other, points)):
         found = correct(model, part, of, SETTINGS)
         assert (codes(found), found.sizes) == (["not-measured", "no-scatter-known"], ())
-
-
-@pytest.mark.parametrize(
-    ("columns", "told"),
-    [
-        ({"T_a_degC": 20.9, "T_b_degC": 19.1, "load": 90.0}, None),
-        ({"T_a_degC": 17.5, "T_b_degC": 22.0, "T_c_degC": np.nan}, "(T_a_degC reads 17.5 degC)"),
-    ],
-)
-def test_temperatures_that_nothing_in_the_model_goes_by_are_told(
-    tmp_path: Path, columns: dict[str, float], told: str | None
-) -> None:
-    cold = stated(tmp_path, "components: {px: {unit: um, coefficients: [2], u_future: 1}}\n"
-                            "equations: {Ex: px}\n")  # fmt: skip
-    measured = rings(1)[1]
-    own = {name: np.append(np.full(10, 20.0), value) for name, value in columns.items()}
-    points = ring_points(measured, ["a"], None, dict(own))
-    found = unused_warmth(cold, points, 20.0)
-    assert [item.code for item in found] == ([] if told is None else ["no-thermal-component"])
-    assert told is None or told in found[0].message
-    assert unused_warmth(machine(tmp_path), points, 20.0) == []
 
 
 def lagging(model: MachineModel, taus: tuple[float, float]) -> MachineModel:

@@ -387,7 +387,6 @@ def test_names_and_units(fit: ThermalFit) -> None:
             entry[f"rms_after_{unit}"]: known.rms_after,
             held[f"rms_before_{unit}"]: expected.before,
             held[f"rms_after_{unit}"]: expected.after,
-            held[f"ordinary_{unit}"]: expected.ordinary,
             entry["gradients"][0][f"gradient_{unit}_per_degC"]: at.value,
         }
         assert list(pairs) == pytest.approx([value / size for value in pairs.values()])
