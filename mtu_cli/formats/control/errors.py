@@ -26,6 +26,8 @@ LARGEST = 1e15
 """No number of a table is as large."""
 EQUAL_STEP = 1e-6
 """mm: steps that differ by less are equal."""
+FOLLOWS = 0.02
+"""How near a slope on the positions is to 1 or -1 of what are positions, read as errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,6 +141,10 @@ class Controller:
             refuse(f"{len(table.at)} point(s)", expected="two points or more")
         if (np.diff(table.at) <= 0).any():
             refuse("the positions do not rise", expected="rising positions")
+        x = table.at - table.at.mean()
+        if abs(abs(table.errors.mean(axis=0) @ x / (x @ x)) - 1) < FOLLOWS:
+            expected = "the --set parameters, type or variant, that it was written with"
+            refuse("read so its errors follow the positions", expected=expected)
         return table
 
 

@@ -234,6 +234,8 @@ ENC = golden("siemens-enc")
         ("siemens-enc", ENC.replace("=100.0", "=200.0"), "MAX is 200"),
         ("aerotech", ":START 1 SAMPLEDIST=10\n1\n:END\n", "two points or more"),
         ("table", golden("table").replace("\n2,100", "\n2,40"), "rising positions"),
+        # Of the other type, each.
+        ("linuxcnc", golden("linuxcnc", type="1"), "errors follow the positions"),
     ],
 )
 def test_what_a_control_would_not_read_is_refused(name: str, text: str, said: str) -> None:
