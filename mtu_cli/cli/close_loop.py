@@ -22,7 +22,7 @@ from mtu_cli.findings import Finding, finding, listed, plain
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_library import effect_library
-from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, searched_warnings
+from mtu_cli.model.effect_parameters import joint_effects
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, machine_warnings
 from mtu_cli.model.residuals import ResidualTable, reading_tables, residual_table
 from mtu_cli.reports import close_loop as report
@@ -77,13 +77,13 @@ def _tables(inputs: Inputs, datum: Any) -> tuple[tuple[ResidualTable, ...], list
     readings, fit_report = inputs.readings, inputs.reports.components
     if readings is None:
         raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")
-    before, warnings = estimates_from_fit(machine, None), searched_warnings(machine)
-    if fit_report is not None:
+    if fit_report is None:
+        before = estimates_from_fit(machine, None)
+    else:
         before = estimates_from_report(machine, fit_report)
-        warnings += effect_warnings(machine, before.effects, fit_report.source.shown)
     unused = [f"--at {name}" for name in inputs.at] + ["--datum"] * (datum != "none")
     why = ": readings are judged, no points of parts (--cmm) are given"
-    warnings += [finding("option-not-used", path=name, why=why) for name in unused]
+    warnings = [finding("option-not-used", path=name, why=why) for name in unused]
     thermal, doubts = drift_estimates(inputs)
     tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)
     return tables, [*machine_warnings(machine, before), *warnings, *doubts, *odd]
@@ -137,10 +137,6 @@ def _written_files(
     ]
     if names := [effect.name for effect, _ in additions if len(effect.class_names) > 1]:
         warnings.append(finding("written-class", names=names))
-    if names := [effect.name for effect, item in additions if item.verdict == "unexplained"]:
-        warnings.append(finding("written-unexplained", names=names))
-    if not additions:
-        warnings.append(finding("nothing-added"))
     return files, [*warnings, *extended.warnings]
 
 
