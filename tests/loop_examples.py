@@ -124,13 +124,6 @@ def judged(name: str, factor: float | None, why: str | None = None) -> Judged:
     )
 
 
-def _of_readings(found: FoundEffect) -> FoundEffect:
-    family = FAMILIES.get(found.candidate.family)
-    return of_candidate(
-        found, sentence=(family and family.sentence_readings) or found.candidate.sentence
-    )
-
-
 def on_table(
     *effects: FoundEffect, verdict: str = "named", component: str | None = None, **changed: Any
 ) -> TableResult:
@@ -139,7 +132,6 @@ def on_table(
     own = points_table(9, 12)
     if component:
         own = readings_table(name="x", component=component, unit=unit)
-        effects = tuple(_of_readings(item) for item in effects)
     rng = np.random.default_rng(5)
     scale = PARAMETER_UNITS[unit].to_internal
     own = replace(own, errors=3 * scale * rng.standard_normal(own.errors.shape))

@@ -132,7 +132,6 @@ class Family(Contract):
         "parameter",
         "",
     )
-    sentence_readings: str = optional("The same of readings of a component", "")
     kind: Kind = optional("What of the errors it changes", "mean")
     over: Literal["feature", "part", "operation"] | None = optional(
         "`chosen` is 1 on one of these, 0 on the others"

@@ -466,7 +466,7 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
         over=family.over,
         says=filled(family.says, binding),
         separates=None if separates is None else filled(separates, binding),
-        sentence=(readings and family.sentence_readings) or family.sentence,
+        sentence=family.sentence,
         forms=tuple(forms),
         unavailable=notes or NOTHING_LEFT if missing else None,
         notes="" if missing else notes,

@@ -295,11 +295,8 @@ SCORED_TABLE = """
     - | verdict | | verdict, text
     - | before.rms | | rms / before, sig2(), size=size(table.unit)
     - | after.rms | | rms / after, sig2(), size=size(table.unit)
-    - | before.p95 | | 95 % / before, sig2(), size=size(table.unit)
-    - | after.p95 | | 95 % / after, sig2(), size=size(table.unit)
     - | floor | | repeatability, sig2(), size=size(table.unit), unit=
     - | table.unit | | unit, text
-    - | checks_text() | | checks of / what is left, text, detail
 """
 
 
@@ -341,7 +338,6 @@ DEFINITIONS: dict[str, Any] = {
     "checks": lambda item: [
         {"name": name, "p": p, "fired": name in item.fired} for name, p in item.checks
     ],
-    "checks_text": lambda item: ", ".join(f"{name} p {p:.2g}" for name, p in item.checks),
     # Of an effect.
     "sentence": lambda x: effect_text(x.one, x.item),
     "equations": lambda x: x.one.equations if x.one.candidate.over is None else {},
