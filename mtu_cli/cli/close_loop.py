@@ -142,7 +142,7 @@ def _written_files(
 
 def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
     """An effect as the machine file has it; a smooth one is a component with a table."""
-    rows, candidate, components = effect.written, effect.candidate, {}
+    parameters, candidate, components = effect.written, effect.candidate, {}
     if (table := effect.table) is not None:
         scale = UNITS[item.table.unit].to_internal
         components[effect.component] = {
@@ -155,9 +155,9 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
             "roughness_um2_per_mm3": table.roughness / scale**2,
             "between_um2": table.between / scale**2,
         }
-    parameters = [effect.parameters[i] for i in rows]
+    rows = [p.row for p in parameters]
     f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
-    C = effect.covariance[np.ix_(rows, rows)] / np.outer(f, f)
+    C = item.covariance[np.ix_(rows, rows)] / np.outer(f, f)
     columns = [x for x in effect.used if x not in {*components, *(p.name for p in parameters)}]
     roles = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
     sources = [source for source in inputs.sources if source.role in roles]
@@ -211,12 +211,11 @@ def joint(additions: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
     """The joint covariance of the parameters of the effects in order, in internal units: of
     those estimated jointly that of their table.
     """
-    ends = np.cumsum([0, *(len(effect.written) for effect, _ in additions)]).tolist()
+    rows = [[p.row for p in effect.written] for effect, _ in additions]
+    ends = np.cumsum([0, *map(len, rows)]).tolist()
     whole = np.zeros((ends[-1], ends[-1]))
     places = [slice(*pair) for pair in pairwise(ends)]
     for (i, (one, item)), (j, (other, peer)) in product(enumerate(additions), repeat=2):
-        if i == j:
-            whole[places[i], places[i]] = one.covariance[np.ix_(one.written, one.written)]
-        elif item is peer and one.table is None and other.table is None:
-            whole[places[i], places[j]] = item.covariance[np.ix_(one.rows, other.rows)]
+        if i == j or (item is peer and one.table is None and other.table is None):
+            whole[places[i], places[j]] = item.covariance[np.ix_(rows[i], rows[j])]
     return np.asarray((whole + whole.T) / 2)

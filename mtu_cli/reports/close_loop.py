@@ -91,7 +91,8 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         amplitudes = np.array([p.value for p in sizes])
         k, length = len(amplitudes), float(np.linalg.norm(amplitudes))
         J = amplitudes / length if length > 0 else np.full(k, k**-0.5)
-        u = float(np.sqrt(J @ effect.covariance[:k, :k] @ J))
+        rows = [p.row for p in sizes]
+        u = float(np.sqrt(J @ item.covariance[np.ix_(rows, rows)] @ J))
         words["wave"] = _size(sizes[0].unit, length, u)
     return words
 

@@ -23,7 +23,17 @@ from cli_runner import (
     mtu,
     report,
 )
-from loop_examples import BACKLASH, CLASS, CYCLIC, SCATTER, SMOOTH, effect, parameter, searched
+from loop_examples import (
+    BACKLASH,
+    CLASS,
+    CYCLIC,
+    SCATTER,
+    SMOOTH,
+    effect,
+    parameter,
+    searched,
+    uncorrelated,
+)
 from support import CONFIGS, DATA
 
 from mtu_cli.analyses import close_loop
@@ -170,15 +180,12 @@ LOST = effect(
     "backlash-x",
     parameter("lost_motion", "um", 2.0, 0.3),
     equations={"Ex": "lost_motion*dir_x"},
-    covariance=JOINT[:1, :1] * 1e-6,
 )
 TURN = effect(
     "turn",
     parameter("angle", "arcsec", 3.0, 0.5),
     parameter("scale", "um/m", 7.0, 0.2),
-    covariance=(JOINT * np.outer(FACTORS, FACTORS))[1:, 1:],
     equations={"Ex": "-angle*(y - 40) + scale*(x - 50)", "Ey": "angle*(x - 50)"},
-    rows=(1, 2),
 )
 WRITE = ("--write-machine", "new.yaml", "--write-components", "new.json")
 PLACES = np.array([[50.0, 20.0], [120.0, 130.0]])
@@ -195,12 +202,11 @@ def given(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     def call(*effects: FoundEffect, verdict: Any = "named", more: Sequence[str] = ()) -> Result:
         def found(*args: Any, **options: Any) -> Any:
             KNOWN[:] = KNOWN or [real(*args, **options)]
-            table = replace(
-                KNOWN[0].tables[0],
-                effects=effects,
-                verdict=verdict,
-                covariance=JOINT * np.outer(FACTORS, FACTORS),
-            )
+            numbered, covariance = uncorrelated(*effects)
+            if effects == (LOST, TURN):
+                covariance = JOINT * np.outer(FACTORS, FACTORS)
+            known = KNOWN[0].tables[0]
+            table = replace(known, effects=numbered, verdict=verdict, covariance=covariance)
             return replace(KNOWN[0], verdict=verdict, tables=(table,))
 
         monkeypatch.setattr(close_loop, "close_loop", found)

@@ -353,23 +353,21 @@ def estimates_of(models: ModelSet, model: Model) -> Estimates:
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     numbers = zip(labels, values.tolist(), u.tolist(), dof, strict=True)
     sizes = tuple(
-        Parameter(name=name, unit=unit, role=role, value=value, u=s, dof=nu)
-        for (name, unit, role), value, s, nu in numbers
+        Parameter(name=name, unit=unit, role=role, value=value, u=s, dof=nu, row=row)
+        for row, ((name, unit, role), value, s, nu) in enumerate(numbers)
     )
     effects, members = [], [design.members[best] for best, _ in optima]
     for item, member, (_, tangent), ends in zip(
         items, members, optima, pairwise(starts), strict=True
     ):
-        form, rows = member.form, tuple(range(*ends))
+        form, own = member.form, sizes[slice(*ends)]
         searched = searched_set(models, model, item, member)
         effects.append(
             FoundEffect(
                 candidate=design.candidates[member.candidate],
                 covariate=form.covariate,
-                parameters=sizes[slice(*ends)],
-                covariance=covariance[np.ix_(rows, rows)],
-                rows=rows,
-                equations=_equations(member, tangent, sizes[slice(*ends)], searched),
+                parameters=own,
+                equations=_equations(member, tangent, own, searched),
                 chosen=form.chosen[member.chosen] if form.chosen else None,
                 searched=searched,
             )
