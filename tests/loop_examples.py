@@ -178,4 +178,4 @@ def on_table(
 def result(*tables: TableResult) -> CloseLoopResult:
     """The weakest verdict of all."""
     verdict = min((item.verdict for item in tables), key=WORST.index)
-    return CloseLoopResult(verdict=verdict, tables=tables, alpha=0.05, datum="none")
+    return CloseLoopResult(verdict=verdict, tables=tables, alpha=0.05)

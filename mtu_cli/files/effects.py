@@ -104,12 +104,6 @@ class MemberTemplate(Contract):
         return {key: parse(text, name=BRACED) for key, text in self.equations.items()}
 
     @cached_property
-    def levers(self) -> dict[str, dict[str, Node]]:
-        """By key of the equation those of the parameters."""
-        forms = {key: linear_form(tree, self.parameters) for key, tree in self.trees.items()}
-        return {key: form.coefficients for key, form in forms.items()}
-
-    @cached_property
     def symbols(self) -> tuple[str, ...]:
         """The names in its equations, each once."""
         return (*dict.fromkeys(name for tree in self.trees.values() for name in names(tree)),)

@@ -34,7 +34,7 @@ from mtu_cli.files.effects import (
 )
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, finding, nearest
-from mtu_cli.language import Node, evaluate, names
+from mtu_cli.language import Node, evaluate, linear_form, names
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.tree import filled_text, filled_tree
 from mtu_cli.model.effect_parameters import grid_of
@@ -316,10 +316,8 @@ def bound(
         filling = {raw: fill(raw, scope) for raw in (*symbols, *form.parameters)}
         fillings.append(filling)
         equations[a] = filled_tree(form.trees[key], filling)
-        levers[a] = {
-            str(filling[raw]): filled_tree(lever, filling)
-            for raw, lever in form.levers[key].items()
-        }
+        own = [str(filling[raw]) for raw in form.parameters]
+        levers[a] = linear_form(equations[a], own).coefficients
     units = {
         str(filling[raw]): re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
         for raw, unit in form.parameters.items()

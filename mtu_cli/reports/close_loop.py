@@ -258,7 +258,7 @@ RESULTS_OF = """
     undeclared_effect_found | found() | whether the verdict is another than none
     verdict_text | sentences() | the verdict in sentences, one a table
     alpha | | family-wise rate of false alarms
-    datum | | best-fit alignment removed from each part
+    datum | tables.0.table.datum | best-fit alignment removed from each part
     effects[]. | effects() | *effect
     candidates[]. | candidates() | *candidate
     outliers[]. | outliers() | *outlier

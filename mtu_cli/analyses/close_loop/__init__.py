@@ -89,12 +89,10 @@ def close_loop(
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
         results = tuple(one_table(number, table) for number, table in enumerate(large))
-    datum = large[0].datum
     return CloseLoopResult(
         verdict=min((item.verdict for item in results), key=WORST.index),
         tables=results,
         alpha=alpha,
-        datum=datum,
         warnings=(*findings, *_warnings(results, max_effects)),
     )
 

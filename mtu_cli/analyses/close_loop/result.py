@@ -230,7 +230,6 @@ class CloseLoopResult:
     verdict: str
     tables: tuple[TableResult, ...]
     alpha: float
-    datum: str
     warnings: tuple[Finding, ...] = ()
 
     @property
