@@ -385,6 +385,11 @@ def test_a_searched_value_at_an_end_of_its_range_does_not_leave_it() -> None:
     assert effect.searched.value == pytest.approx(60.0)
     (change,) = effect.of_role("searched")
     assert change.value == pytest.approx(0.0, abs=1e-12)
+    # By the logarithm of the time constant, of a fall.
+    (text,) = effect.equations.values()
+    lever = linear_form(parse(text), [p.name for p in effect.parameters]).coefficients[change.name]
+    slope = time / 60 * np.exp(-time / 60)
+    assert evaluate(lever, {"time_min": time}) == pytest.approx(slope, rel=1e-6)
     # Parts and features hardly scatter: plain least squares.
     settled = 1 - np.exp(-time[:, 0] / 60.0)
     X = np.column_stack([settled, np.ones(parts)])
