@@ -189,17 +189,9 @@ CATALOGUE: dict[str, Kind] = {
     "max-effects": _warning(
         "the search{of} stopped at {most}, and more would pass (--max-effects)"
     ),
-    "datum-freed": _warning(
-        "the best-fit alignment ({datum}) was removed from each part; it takes these effects with "
-        "it: {unseen}"
-    ),
     "effect-not-written": _warning("{effect} is not added to the machine: {reason}"),
-    "nothing-added": _warning("no effect is added: what is written is the machine as it was"),
     "written-class": _warning(
         "of effects that this data cannot separate the likeliest is written: {names}"
-    ),
-    "written-unexplained": _warning(
-        "{names}: written as tentative, as a part of the errors remains unexplained"
     ),
     # Comparison and correction.
     "not-tested": _warning("{what} not tested ({items}): {reason}"),

@@ -1,6 +1,7 @@
 """Results of closing the loop made by hand, with numbers that are known to the last digit."""
 
 from dataclasses import replace
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.model.effect_library import Candidate, effect_library
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
 
 FAMILIES = {own.family: own for own in effect_library().families}
@@ -36,7 +38,7 @@ def searched(name: str, value: float, *intervals: tuple[float, float]) -> Search
 
 
 def effect(name: str, *parameters: Parameter, **changed: Any) -> FoundEffect:
-    """A mean effect with parameters that are not correlated."""
+    """A mean effect."""
     family, _, axis = name.rpartition("-")
     found = FoundEffect(
         candidate=Candidate(
@@ -48,8 +50,6 @@ def effect(name: str, *parameters: Parameter, **changed: Any) -> FoundEffect:
             separates="reverse the program",
         ),
         parameters=parameters,
-        covariance=np.diag([p.u**2 for p in parameters]),
-        rows=tuple(range(len(parameters))),
         equations={f"E{axis}": " + ".join(p.name for p in parameters)},
         p_familywise=0.003,
         log_bayes_factor=31.2,
@@ -58,6 +58,16 @@ def effect(name: str, *parameters: Parameter, **changed: Any) -> FoundEffect:
         class_names=(name,),
     )
     return replace(found, **changed)
+
+
+def uncorrelated(*effects: FoundEffect) -> tuple[tuple[FoundEffect, ...], FloatArray]:
+    """Effects as those of one table, and the covariance of all their parameters."""
+    rows = count()
+    numbered = tuple(
+        replace(e, parameters=tuple(replace(p, row=next(rows)) for p in e.parameters))
+        for e in effects
+    )
+    return numbered, np.diag([p.u**2 for e in effects for p in e.parameters])
 
 
 def of_candidate(found: FoundEffect, **changed: Any) -> FoundEffect:
@@ -124,13 +134,6 @@ def judged(name: str, factor: float | None, why: str | None = None) -> Judged:
     )
 
 
-def _of_readings(found: FoundEffect) -> FoundEffect:
-    family = FAMILIES.get(found.candidate.family)
-    return of_candidate(
-        found, sentence=(family and family.sentence_readings) or found.candidate.sentence
-    )
-
-
 def on_table(
     *effects: FoundEffect, verdict: str = "named", component: str | None = None, **changed: Any
 ) -> TableResult:
@@ -139,7 +142,7 @@ def on_table(
     own = points_table(9, 12)
     if component:
         own = readings_table(name="x", component=component, unit=unit)
-        effects = tuple(_of_readings(item) for item in effects)
+    effects, covariance = uncorrelated(*effects)
     rng = np.random.default_rng(5)
     scale = PARAMETER_UNITS[unit].to_internal
     own = replace(own, errors=3 * scale * rng.standard_normal(own.errors.shape))
@@ -166,7 +169,7 @@ def on_table(
         held_out=own.plurals[0],
         floor=1.8 * scale,
         crossings=(),
-        covariance=np.diag([1.0, 2.0, 3.0]) * 1e-8,
+        covariance=covariance,
         stopped=False,
     )
     return replace(found, **changed)
@@ -175,4 +178,4 @@ def on_table(
 def result(*tables: TableResult) -> CloseLoopResult:
     """The weakest verdict of all."""
     verdict = min((item.verdict for item in tables), key=WORST.index)
-    return CloseLoopResult(verdict=verdict, tables=tables, alpha=0.05, datum="none")
+    return CloseLoopResult(verdict=verdict, tables=tables, alpha=0.05)

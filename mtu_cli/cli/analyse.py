@@ -19,7 +19,6 @@ from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_f
 from mtu_cli.files.source import read_source, report_bytes, shown_path
 from mtu_cli.findings import Finding, error, finding, listed, nearest
 from mtu_cli.model import fit as fitting
-from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates, ThermalEstimate
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 from mtu_cli.reports import fit_components as reporting
@@ -45,22 +44,20 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> tuple[MachineModel,
     Raises InputError for components without an estimate.
     """
     machine, report, fit = inputs.machine, inputs.reports.components, None
-    warnings = searched_warnings(machine)
     if report is not None:
         estimates = fitting.estimates_from_report(machine, report)
-        warnings += effect_warnings(machine, estimates.effects, report.source.shown)
-        warnings += _not_read(inputs, ("lbb", "laser"), report)
     elif inputs.readings is not None:
         result = fitted(inputs, machine)
         fit, estimates = result.fit, _as_reported(machine, result)
     else:
         estimates = fitting.estimates_from_fit(machine, None)
     thermal, drift_warnings = drift_estimates(inputs)
-    warnings = [*fitting.machine_warnings(machine, estimates), *warnings, *drift_warnings]
+    warnings = [*fitting.machine_warnings(machine, estimates), *drift_warnings]
     model = build_model(machine, replace(estimates, thermal=thermal))
     # What u of a part does not contain, from the fit or from the report of it.
     terms = {term.estimate.name for term in model.terms}
     if report is not None:
+        warnings += _not_read(inputs, ("lbb", "laser"), report)
         warnings += _report_warnings(report, LIMITS, terms)
     for item in () if fit is None else fitting.fit_warnings(fit):
         if item.code not in LIMITS or item.facts["component"] in terms:

@@ -22,7 +22,7 @@ from mtu_cli.findings import Finding, finding, listed, plain
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_library import effect_library
-from mtu_cli.model.effect_parameters import effect_warnings, joint_effects, searched_warnings
+from mtu_cli.model.effect_parameters import joint_effects
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, machine_warnings
 from mtu_cli.model.residuals import ResidualTable, reading_tables, residual_table
 from mtu_cli.reports import close_loop as report
@@ -77,13 +77,13 @@ def _tables(inputs: Inputs, datum: Any) -> tuple[tuple[ResidualTable, ...], list
     readings, fit_report = inputs.readings, inputs.reports.components
     if readings is None:
         raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")
-    before, warnings = estimates_from_fit(machine, None), searched_warnings(machine)
-    if fit_report is not None:
+    if fit_report is None:
+        before = estimates_from_fit(machine, None)
+    else:
         before = estimates_from_report(machine, fit_report)
-        warnings += effect_warnings(machine, before.effects, fit_report.source.shown)
     unused = [f"--at {name}" for name in inputs.at] + ["--datum"] * (datum != "none")
     why = ": readings are judged, no points of parts (--cmm) are given"
-    warnings += [finding("option-not-used", path=name, why=why) for name in unused]
+    warnings = [finding("option-not-used", path=name, why=why) for name in unused]
     thermal, doubts = drift_estimates(inputs)
     tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)
     return tables, [*machine_warnings(machine, before), *warnings, *doubts, *odd]
@@ -137,16 +137,12 @@ def _written_files(
     ]
     if names := [effect.name for effect, _ in additions if len(effect.class_names) > 1]:
         warnings.append(finding("written-class", names=names))
-    if names := [effect.name for effect, item in additions if item.verdict == "unexplained"]:
-        warnings.append(finding("written-unexplained", names=names))
-    if not additions:
-        warnings.append(finding("nothing-added"))
     return files, [*warnings, *extended.warnings]
 
 
 def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
     """An effect as the machine file has it; a smooth one is a component with a table."""
-    rows, candidate, components = effect.written, effect.candidate, {}
+    parameters, candidate, components = effect.written, effect.candidate, {}
     if (table := effect.table) is not None:
         scale = UNITS[item.table.unit].to_internal
         components[effect.component] = {
@@ -159,9 +155,9 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
             "roughness_um2_per_mm3": table.roughness / scale**2,
             "between_um2": table.between / scale**2,
         }
-    parameters = [effect.parameters[i] for i in rows]
+    rows = [p.row for p in parameters]
     f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
-    C = effect.covariance[np.ix_(rows, rows)] / np.outer(f, f)
+    C = item.covariance[np.ix_(rows, rows)] / np.outer(f, f)
     columns = [x for x in effect.used if x not in {*components, *(p.name for p in parameters)}]
     roles = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
     sources = [source for source in inputs.sources if source.role in roles]
@@ -215,12 +211,11 @@ def joint(additions: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
     """The joint covariance of the parameters of the effects in order, in internal units: of
     those estimated jointly that of their table.
     """
-    ends = np.cumsum([0, *(len(effect.written) for effect, _ in additions)]).tolist()
+    rows = [[p.row for p in effect.written] for effect, _ in additions]
+    ends = np.cumsum([0, *map(len, rows)]).tolist()
     whole = np.zeros((ends[-1], ends[-1]))
     places = [slice(*pair) for pair in pairwise(ends)]
     for (i, (one, item)), (j, (other, peer)) in product(enumerate(additions), repeat=2):
-        if i == j:
-            whole[places[i], places[i]] = one.covariance[np.ix_(one.written, one.written)]
-        elif item is peer and one.table is None and other.table is None:
-            whole[places[i], places[j]] = item.covariance[np.ix_(one.rows, other.rows)]
+        if i == j or (item is peer and one.table is None and other.table is None):
+            whole[places[i], places[j]] = item.covariance[np.ix_(rows[i], rows[j])]
     return np.asarray((whole + whole.T) / 2)

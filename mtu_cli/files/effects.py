@@ -104,12 +104,6 @@ class MemberTemplate(Contract):
         return {key: parse(text, name=BRACED) for key, text in self.equations.items()}
 
     @cached_property
-    def levers(self) -> dict[str, dict[str, Node]]:
-        """By key of the equation those of the parameters."""
-        forms = {key: linear_form(tree, self.parameters) for key, tree in self.trees.items()}
-        return {key: form.coefficients for key, form in forms.items()}
-
-    @cached_property
     def symbols(self) -> tuple[str, ...]:
         """The names in its equations, each once."""
         return (*dict.fromkeys(name for tree in self.trees.values() for name in names(tree)),)
@@ -132,7 +126,6 @@ class Family(Contract):
         "parameter",
         "",
     )
-    sentence_readings: str = optional("The same of readings of a component", "")
     kind: Kind = optional("What of the errors it changes", "mean")
     over: Literal["feature", "part", "operation"] | None = optional(
         "`chosen` is 1 on one of these, 0 on the others"

@@ -24,7 +24,6 @@ SAME = 1e-9
 """Relative; less is the rounding of a value that went through a file's unit."""
 SLACK = 0.1
 """Share of the range seen that may be exceeded without a warning."""
-ELSEWHERE = "elsewhere each predicts other errors, and u is that of this one"
 
 
 Known = dict[str, ComponentEstimate]
@@ -115,43 +114,6 @@ def joint_effects(
         values=np.array([item.coefficients[0] for item in items]),
         covariance=C,
     )
-
-
-def effect_warnings(
-    machine: LoadedMachine, reported: EffectEstimates | None, report: str
-) -> list[Finding]:
-    """Where the file `report` and the machine file differ in their effects."""
-    if reported is None:
-        return []
-    stated, estimates = (effects_of(machine, x)[0] for x in (None, reported))
-    file = machine.source.shown
-    unknown = [name for name in reported.names if name not in stated]
-    changed = [
-        name for name, item in estimates.items()
-        if not np.allclose(item.coefficients, stated[name].coefficients, SAME, 0.0)
-    ]  # fmt: skip
-    differing = (
-        (unknown, f"effects of {report}", f"{file} has no such effects"),
-        (changed, f"values of {file}", f"those of {report} replace them"),
-    )
-    return [
-        finding("not-used", names=names, what=what, reason=reason)
-        for names, what, reason in differing
-        if names
-    ]
-
-
-def searched_warnings(machine: LoadedMachine) -> list[Finding]:
-    """Of effects whose name is one of several that fit what they were found on."""
-    warnings = []
-    for i, effect in enumerate(machine.machine.effects):
-        names = effect.found.get("class")
-        rivals = [str(x) for x in names if x != effect.name] if isinstance(names, list) else []
-        if rivals:
-            facts = {"file": machine.source.shown, "line": machine.document.line_of("effects", i)}
-            what, more = f"the effect {effect.name}", {"others": rivals, "consequence": ELSEWHERE}
-            warnings.append(finding("not-separable", what=what, **facts, **more))
-    return warnings
 
 
 def range_warnings(

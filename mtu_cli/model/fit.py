@@ -20,7 +20,7 @@ from mtu_cli.files.reports_read import (
 )
 from mtu_cli.findings import Finding, InputError, error, finding, listed, suggestion
 from mtu_cli.language import evaluate
-from mtu_cli.model.effect_parameters import range_warnings
+from mtu_cli.model.effect_parameters import range_warnings, renames
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -262,7 +262,9 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
 
 
 def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
-    """Warnings of the machine file; not of coefficients that readings or a report replace."""
+    """Warnings of the machine file, not of coefficients that readings or a report replace; and of
+    effects of a report that the file does not have.
+    """
     stated, used = from_machine_file(machine), estimates.components
     replaced = {
         name
@@ -270,10 +272,16 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Findi
         # A report may merely repeat the file's coefficients.
         if not np.array_equal(used[name].coefficients, item.coefficients)
     }
-    return [
+    warnings = [
         x for x in machine.warnings
         if x.code != "no-uncertainty" or not replaced.issuperset(x.facts["names"])
     ]  # fmt: skip
+    known = {name for effect in machine.machine.effects for name in renames(effect).values()}
+    reported = () if estimates.effects is None else estimates.effects.names
+    if unknown := [name for name in reported if name not in known]:
+        what, reason = "reported effects", f"{machine.source.shown} has no such effects"
+        warnings.append(finding("not-used", names=unknown, what=what, reason=reason))
+    return warnings
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:

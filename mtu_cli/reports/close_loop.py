@@ -91,7 +91,8 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         amplitudes = np.array([p.value for p in sizes])
         k, length = len(amplitudes), float(np.linalg.norm(amplitudes))
         J = amplitudes / length if length > 0 else np.full(k, k**-0.5)
-        u = float(np.sqrt(J @ effect.covariance[:k, :k] @ J))
+        rows = [p.row for p in sizes]
+        u = float(np.sqrt(J @ item.covariance[np.ix_(rows, rows)] @ J))
         words["wave"] = _size(sizes[0].unit, length, u)
     return words
 
@@ -257,7 +258,7 @@ RESULTS_OF = """
     undeclared_effect_found | found() | whether the verdict is another than none
     verdict_text | sentences() | the verdict in sentences, one a table
     alpha | | family-wise rate of false alarms
-    datum | | best-fit alignment removed from each part
+    datum | tables.0.table.datum | best-fit alignment removed from each part
     effects[]. | effects() | *effect
     candidates[]. | candidates() | *candidate
     outliers[]. | outliers() | *outlier
@@ -295,11 +296,8 @@ SCORED_TABLE = """
     - | verdict | | verdict, text
     - | before.rms | | rms / before, sig2(), size=size(table.unit)
     - | after.rms | | rms / after, sig2(), size=size(table.unit)
-    - | before.p95 | | 95 % / before, sig2(), size=size(table.unit)
-    - | after.p95 | | 95 % / after, sig2(), size=size(table.unit)
     - | floor | | repeatability, sig2(), size=size(table.unit), unit=
     - | table.unit | | unit, text
-    - | checks_text() | | checks of / what is left, text, detail
 """
 
 
@@ -341,7 +339,6 @@ DEFINITIONS: dict[str, Any] = {
     "checks": lambda item: [
         {"name": name, "p": p, "fired": name in item.fired} for name, p in item.checks
     ],
-    "checks_text": lambda item: ", ".join(f"{name} p {p:.2g}" for name, p in item.checks),
     # Of an effect.
     "sentence": lambda x: effect_text(x.one, x.item),
     "equations": lambda x: x.one.equations if x.one.candidate.over is None else {},

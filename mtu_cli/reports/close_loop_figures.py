@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH, ALONE, HIGH = 12.0, 5.4, 4.1
-"""Inches of the page, of one map that is alone, and of the row of panels."""
+WIDTH, HIGH = 12.0, 4.1
+"""Inches of the page, and of the row of panels."""
 CANDIDATES, EFFECTS, NAME, TITLE = 12, 2, 24, 110
 """Candidates and effects that are drawn; letters of a name and of the title."""
 LEAST = -6.0
@@ -83,8 +83,7 @@ def _maps(item: TableResult, errors: list[FloatArray]) -> Maps | None:
             for (name, colour), mean in zip(SIDES, means, strict=False)
         ]
         groups.append((operation, sides))
-    width = WIDTH if len(groups) > 1 else ALONE
-    return Maps(table.features, table.mean_places, table.axes, groups, width=width)
+    return Maps(table.features, table.mean_places, table.axes, groups)
 
 
 def _errors(

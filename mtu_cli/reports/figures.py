@@ -257,8 +257,7 @@ def _drawn(
 
 class Maps:
     """Features at `places` (n, 3) mm with the sides of each group drawn over one another, along the
-    `axes` of the errors, on a page `width` inches wide, 12 or of one panel 8, and `height` high; of
-    u with k.
+    `axes` of the errors, on a page `width` inches wide and `height` high; of u with k.
 
     Level by level from above, or from the side where all features lie in such a plane. The longest
     arrow is about as long as features are apart, and the ellipses of neighbours about touch at the
@@ -273,7 +272,6 @@ class Maps:
         axes: Sequence[str],
         groups: Sequence[tuple[str, Sequence[Side]]],
         k: float = 0.0,
-        width: float | None = None,
     ) -> None:
         flat = [len(np.unique(np.round(column, 1))) == 1 for column in places.T]
         whole = len(axes) == len(AXES)
@@ -307,7 +305,7 @@ class Maps:
         self.low = self.places.min(axis=0) - 1.3 * spacing
         self.high = self.places.max(axis=0) + 1.3 * spacing
         self.columns = min(len(self.panels), len(levels) if len(levels) > 1 else 2, 3)
-        self.width = width or (8.0 if self.columns == 1 else 12.0)
+        self.width = 8.0 if self.columns == 1 else 12.0
         inches = (self.width - 0.9) / self.columns - 0.2
         inch = max((self.high - self.low) / (inches, 6.0))
         tall = max(1.0, float(self.high[1] - self.low[1]) / inch)

@@ -47,13 +47,6 @@ from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
 NULLS, NULLS_OF_FOLD = 299, 99
 """Tables without effects for a p that is reported, and for what passes without a block of parts."""
 FEW_PARTS, FEWEST_ENTRIES = 5, 4
-WITHIN = "drift and warm-up but for what changes within a part"
-FREES = {
-    "offset": f"trend, step, and {WITHIN}",
-    "offset,rotation": f"trend, step, rotation, squareness, and {WITHIN}",
-    "offset,diameter": f"trend, step, a scale of both axes alike, and {WITHIN}",
-}
-"""What is not estimable where a best-fit alignment is removed from each part."""
 
 
 def close_loop(
@@ -96,13 +89,11 @@ def close_loop(
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
         results = tuple(one_table(number, table) for number, table in enumerate(large))
-    datum = large[0].datum
     return CloseLoopResult(
         verdict=min((item.verdict for item in results), key=WORST.index),
         tables=results,
         alpha=alpha,
-        datum=datum,
-        warnings=(*findings, *_warnings(results, datum, max_effects)),
+        warnings=(*findings, *_warnings(results, max_effects)),
     )
 
 
@@ -225,7 +216,7 @@ def _candidate_tests(diagnosis: Diagnosis, tables: int) -> tuple[Judged, ...]:
     return tuple(results)
 
 
-def _warnings(results: Sequence[TableResult], datum: str, most: int) -> Iterator[Finding]:
+def _warnings(results: Sequence[TableResult], most: int) -> Iterator[Finding]:
     """What a user has to know of a search for `most` effects in each table."""
     for item in results:
         component, row = item.table.component, item.table.nouns[0]
@@ -240,8 +231,6 @@ def _warnings(results: Sequence[TableResult], datum: str, most: int) -> Iterator
             yield finding("outliers-set-aside", entries=entries, of=of)
         if item.stopped:
             yield finding("max-effects", most=counted(most, "effect"), of=of)
-    if datum in FREES:
-        yield finding("datum-freed", datum=datum, unseen=FREES[datum])
 
 
 # Held out.

@@ -53,7 +53,7 @@ def effects_of(diagnosis: Diagnosis, *, compare: bool = False) -> tuple[FoundEff
                     aliases=_aliases(diagnosis, member),
                     experiment=experiment(diagnosis, entry),
                 )
-            effect = _as_table(effect, table)
+            effect = _as_table(effect, diagnosis)
         else:
             effect = _smooth(diagnosis, entry)
         effects.append(
@@ -73,8 +73,6 @@ def effects_of(diagnosis: Diagnosis, *, compare: bool = False) -> tuple[FoundEff
             FoundEffect(
                 candidate=candidates[name],
                 parameters=(level,),
-                covariance=np.array([[level.u**2]]),
-                rows=(len(sizes.covariance) - len(table.axes) + a,),
                 equations={f"E{table.axes[a]}": level.name},
                 p_familywise=p,
                 posterior=credible[name],
@@ -87,10 +85,14 @@ def effects_of(diagnosis: Diagnosis, *, compare: bool = False) -> tuple[FoundEff
         chosen = table.operations[1 if ratio > 1 else 0] if name == "operation-scatter" else None
         effects.append(
             FoundEffect(
-                candidate=candidates[name], covariance=np.zeros((0, 0)), equations={},
-                chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, class_names=(name,),
+                candidate=candidates[name],
+                equations={},
+                chosen=chosen,
+                ratio=max(ratio, 1 / ratio),
+                p_familywise=p,
+                class_names=(name,),
             )
-        )  # fmt: skip
+        )
     return (*effects, *offsets)
 
 
@@ -101,38 +103,32 @@ def _with_levels(
     goes with most, as in the file of a machine effects have no covariance with others.
     """
     table, sizes = diagnosis.design.table, diagnosis.sizes
-    C = sizes.covariance
     if table.fitted_degree >= 0 or table.datum != "none":
         return effects
-    u, first = np.sqrt(np.maximum(np.diag(C), 1e-300)), len(C) - len(table.axes)
-    for row, (level, axis) in enumerate(zip(sizes.levels, table.axes, strict=True), first):
+    u = np.sqrt(np.maximum(np.diag(sizes.covariance), 1e-300))
+    for level, axis in zip(sizes.levels, table.axes, strict=True):
         key = f"E{axis}"
         along = [x for x in effects if key in x.equations and x.candidate.over not in OUTLYING]
         if key in offsets or not along:
             continue
         # Of effects that it goes with as little the strongest, which stands first.
-        r = [np.abs(C[row] / u / u[row])[list(x.rows)].max(initial=0.0) for x in along]
+        correlations = np.abs(sizes.covariance[level.row] / u / u[level.row])
+        rows = [[p.row for p in x.parameters if p.row >= 0] for x in along]
+        r = [correlations[of_effect].max(initial=0.0) for of_effect in rows]
         effect = along[int(np.argmax(np.round(r, 1)))]
         names = {*effect.used, *(p.name for p in effect.parameters)}
         level = replace(level, name=free_name(level.name, names, "_"))
-        rows, covariance = (*effect.rows, row), np.pad(effect.covariance, (0, 1))
-        if len(rows) == len(covariance):
-            covariance = C[np.ix_(rows, rows)]
-        else:  # A smooth effect has no size among those; it is independent of its mean.
-            covariance[-1, -1] = level.u**2
         text = f"{effect.equations[key]} + {level.name}"
         with_level = replace(
             effect,
             parameters=(*effect.parameters, level),
-            rows=rows,
-            covariance=covariance,
             equations={**effect.equations, key: text},
         )
         effects = [with_level if x is effect else x for x in effects]
     return effects
 
 
-def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
+def _as_table(effect: FoundEffect, diagnosis: Diagnosis) -> FoundEffect:
     """An effect along a coordinate of which several ranges of what was searched fit: written as its
     values at the places that were measured, which all of them share. Between these each makes other
     errors: a wave and what is interpolated differ by the sum of their mean squares.
@@ -143,7 +139,8 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
         return effect
     (text,), (axis,) = effect.equations.values(), along
     levers = linear_form(parse(text), sizes).coefficients
-    knots = np.unique(np.round(table.mean_places[:, AXES.index(axis)], 6))
+    places, rows = diagnosis.design.table.mean_places, [p.row for p in effect.parameters]
+    knots = np.unique(np.round(places[:, AXES.index(axis)], 6))
     J = np.array([evaluate(levers[name], {axis: knots}) * np.ones(len(knots)) for name in sizes])
     return replace(
         effect,
@@ -152,7 +149,7 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
             along=axis,
             knots=knots,
             values=np.array([p.value for p in effect.parameters]) @ J,
-            covariance=J.T @ effect.covariance @ J,
+            covariance=J.T @ diagnosis.sizes.covariance[np.ix_(rows, rows)] @ J,
             roughness=0.0,
             dof=effect.parameters[0].dof,
             between=sum(p.value**2 for p in effect.of_role("own")),
@@ -212,7 +209,6 @@ def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
     return FoundEffect(
         candidate=candidate,
         parameters=(rms,),
-        covariance=np.array([[u2]]),
         equations={f"E{axis}": entry.name.replace("-", "_")},
         table=table,
     )
@@ -226,8 +222,8 @@ REFERENCE_DEGC = 20.0
 """Temperature from which on lengths are counted (ISO 1)."""
 
 
-Term = tuple[Parameter, int, Node]
-"""A size along one axis, its row in the covariance and its lever."""
+Term = tuple[Parameter, Node]
+"""A size along one axis and its lever."""
 
 
 def without_references(diagnosis: Diagnosis) -> Diagnosis:
@@ -253,7 +249,7 @@ def crossings(
     effects: Sequence[FoundEffect], covariance: FloatArray, table: ResidualTable
 ) -> tuple[Crossing, ...]:
     """Of all effects along an axis at once, and of each that has its level; of effects that are
-    alone in their class. `covariance` is over the `rows` of the effects.
+    alone in their class, with the `covariance` of a table.
     """
     result = list[Crossing]()
     # Coordinates and covariates at some of the measured cells, and their ends.
@@ -271,7 +267,7 @@ def crossings(
         for name in (name for name in columns if not name.startswith("dir_")):
             for group in groups:
                 terms = [term for _, of_effect in group for term in of_effect]
-                level = any(size.role == "level" for size, _, _ in terms)
+                level = any(size.role == "level" for size, _ in terms)
                 level |= no_level or any(x.candidate.kind == "offset" for x, _ in group)
                 certain = all(len(x.class_names) < 2 and of_effect for x, of_effect in group)
                 zero = _zero(terms, covariance, columns, name) if level and certain else None
@@ -286,10 +282,9 @@ def _terms(effect: FoundEffect, key: str) -> list[Term]:
     """Of an effect that is a sum of sizes times levers, but for sizes that are not estimable."""
     if effect.candidate.over is not None or effect.table is not None:
         return []
-    pairs = zip(effect.parameters, effect.rows, strict=True)
-    sizes = {p.name: (p, row) for p, row in pairs if p.u > 0}
+    sizes = {p.name: p for p in effect.parameters if p.u > 0}
     form = linear_form(parse(effect.equations[key]), [p.name for p in effect.parameters])
-    return [(*sizes[x], lever) for x, lever in form.coefficients.items() if x in sizes]
+    return [(sizes[x], lever) for x, lever in form.coefficients.items() if x in sizes]
 
 
 def _zero(
@@ -303,7 +298,7 @@ def _zero(
     centre, half = (low + high) / 2, (high - low) / 2
     if not half > SAME * max(abs(low), abs(high)):
         return None
-    sizes, rows, arms = (list(items) for items in zip(*terms, strict=True))
+    sizes, arms = [size for size, _ in terms], [arm for _, arm in terms]
     u = np.array([size.u for size in sizes])
 
     def levers(t: float) -> FloatArray:
@@ -320,8 +315,8 @@ def _zero(
     # A sum that is zero there whatever the sizes has no zero to estimate.
     if np.linalg.matrix_rank(np.array([M.ravel(), R.ravel()]), tol=1e-6 * s[0]) < 2:
         return None
-    b, C = np.array([size.value for size in sizes]) / u, covariance[np.ix_(rows, rows)]
-    C = C / u / u[:, None]
+    b, rows = np.array([size.value for size in sizes]) / u, [size.row for size in sizes]
+    C = covariance[np.ix_(rows, rows)] / u / u[:, None]
 
     def tests(t: FloatArray) -> FloatArray:
         """v' V^-1 v, and the inverse of the variance of t."""

@@ -33,7 +33,8 @@ class Searched:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
     """A parameter with its standard uncertainty and degrees of freedom; `unit` to show it in.
-    `role`: of the effect (own), of a margin, the level, or a change of what was searched.
+    `role`: of the effect (own), of a margin, the level, or a change of what was searched. `row` is
+    that of the table's covariance; -1 of the rms of a smooth effect, which has none.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Parameter:
     u: float
     dof: float
     role: str = "own"
+    row: int = -1
 
     @property
     def interval95(self) -> tuple[float, float]:
@@ -77,21 +79,18 @@ class Experiment(NamedTuple):
 class FoundEffect:
     """An effect that the model lacks: the `candidate`, and what the data say of it.
 
-    `parameters` are the effect's, then its margins', levels and changes of what was searched, with
-    their `covariance` (k, k), which is that of the table in its `rows`. `equations` are in
-    these and columns; where the candidate is `over` features, parts or operations, which no machine
-    has, `chosen` is the one for which ``chosen`` is 1; a smooth effect's component stands for its
-    `table` of values in mm or rad. An effect on the scatter has no equation: `ratio` is that of the
-    standard deviations. `class_names` are those that the data cannot separate, itself first, with
-    an effect that is `nameless` if so;
-    `aliases` names whose columns span the same, whatever the errors.
+    `parameters` are the effect's, then its margins', levels and changes of what was searched.
+    `equations` are in these and columns; where the candidate is `over` features, parts or
+    operations, which no machine has, `chosen` is the one for which ``chosen`` is 1; a smooth
+    effect's component stands for its `table` of values in mm or rad. An effect on the scatter has
+    no equation: `ratio` is that of the standard deviations. `class_names` are those that the data
+    cannot separate, itself first, with an effect that is `nameless` if so; `aliases` names whose
+    columns span the same, whatever the errors.
     """
 
     candidate: Candidate
     covariate: str | None = None
     parameters: tuple[Parameter, ...] = ()
-    covariance: FloatArray
-    rows: tuple[int, ...] = ()
     equations: Mapping[str, str]
     table: SmoothEffect | None = None
     chosen: str | None = None
@@ -132,10 +131,10 @@ class FoundEffect:
         return [*dict.fromkeys(n for text in self.equations.values() for n in names(parse(text)))]
 
     @property
-    def written(self) -> list[int]:
-        """Which of its parameters its equations have: a table stands for its sizes."""
+    def written(self) -> tuple[Parameter, ...]:
+        """Those of its parameters that its equations have: a table stands for its sizes."""
         used = self.used
-        return [i for i, parameter in enumerate(self.parameters) if parameter.name in used]
+        return tuple(parameter for parameter in self.parameters if parameter.name in used)
 
     @property
     def not_written(self) -> str:
@@ -199,7 +198,8 @@ class TableResult:
     `explained` (P, H, A) is the effects' contribution; `before` and `after` are scores of what was
     `held_out`, such as ``passes``, without and with the correction of the machine
     as it is written, or of the average over each class; `floor` the repeatability of one
-    coordinate. `excluded` (feature, part, axis, error) are single entries, outliers.
+    coordinate. `excluded` (feature, part, axis, error) are single entries, outliers. `covariance`
+    is over the sizes of all effects, then the levels of all axes.
     """
 
     table: ResidualTable
@@ -230,7 +230,6 @@ class CloseLoopResult:
     verdict: str
     tables: tuple[TableResult, ...]
     alpha: float
-    datum: str
     warnings: tuple[Finding, ...] = ()
 
     @property

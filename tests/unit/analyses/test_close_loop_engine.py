@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_tables import shop_covariates, table
-from loop_examples import effect, parameter, searched
+from loop_examples import effect, parameter, searched, uncorrelated
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma
 
@@ -206,7 +206,9 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
         at = {"x": x, "T_a_degC": reference}
         J = np.array([evaluate(lever, at) for lever in texts.coefficients.values()])
         error = J @ [p.value for p in growth.parameters]
-        assert abs(error) < 3 * np.sqrt(J @ growth.covariance @ J) < 10 * NOISE_MM
+        rows = [p.row for p in growth.parameters]
+        C = sizes.covariance[np.ix_(rows, rows)]
+        assert abs(error) < 3 * np.sqrt(J @ C @ J) < 10 * NOISE_MM
 
 
 def test_growth_from_the_first_temperature_is_no_shift() -> None:
@@ -383,6 +385,11 @@ def test_a_searched_value_at_an_end_of_its_range_does_not_leave_it() -> None:
     assert effect.searched.value == pytest.approx(60.0)
     (change,) = effect.of_role("searched")
     assert change.value == pytest.approx(0.0, abs=1e-12)
+    # By the logarithm of the time constant, of a fall.
+    (text,) = effect.equations.values()
+    lever = linear_form(parse(text), [p.name for p in effect.parameters]).coefficients[change.name]
+    slope = time / 60 * np.exp(-time / 60)
+    assert evaluate(lever, {"time_min": time}) == pytest.approx(slope, rel=1e-6)
     # Parts and features hardly scatter: plain least squares.
     settled = 1 - np.exp(-time[:, 0] / 60.0)
     X = np.column_stack([settled, np.ones(parts)])
@@ -406,7 +413,7 @@ TABLE = replace(table(12, 9), covariates={"T_a_degC": T, "dir_x": np.tile([[-1.0
 
 
 def test_an_axis_is_right_where_its_drift_and_level_cancel() -> None:
-    (found,) = crossings([DRIFT], DRIFT.covariance, TABLE)
+    (found,) = crossings(*uncorrelated(DRIFT), TABLE)
     assert (found.axis, found.covariate, found.whole) == ("x", "T_a_degC", True)
     assert found.value == pytest.approx(22.0)
     assert found.u == pytest.approx(np.sqrt(0.4**2 + 2**2 * 0.1**2) / 2)
@@ -431,7 +438,7 @@ def grown(drift: float, level: float) -> FoundEffect:
 
 def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
     own = grown(1.0, -3.0)
-    found = {each.covariate: each for each in crossings([own], own.covariance, TABLE)}
+    found = {each.covariate: each for each in crossings(*uncorrelated(own), TABLE)}
     assert found["T_a_degC"].value == pytest.approx(23.0)
     assert found["x"].value == pytest.approx(-25.0)
     assert all(each.whole for each in found.values())
@@ -440,13 +447,12 @@ def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
 @pytest.mark.parametrize("level", [0.0, 4.0])
 def test_a_growth_beside_a_level_of_its_own_is_zero_nowhere(level: float) -> None:
     own = grown(1.0, level)
-    assert crossings([own], own.covariance, TABLE) == ()
+    assert crossings(*uncorrelated(own), TABLE) == ()
 
 
 def test_an_effect_is_zero_with_its_level_though_another_is_not() -> None:
-    other = effect("backlash-x", parameter("b", "um", 9, 1), equations={"Ex": "b*dir_x"}, rows=(2,))
-    C = np.diag([p.u**2 for e in (DRIFT, other) for p in e.parameters])
-    (found,) = crossings([DRIFT, other], C, TABLE)
+    other = effect("backlash-x", parameter("b", "um", 9, 1), equations={"Ex": "b*dir_x"})
+    (found,) = crossings(*uncorrelated(DRIFT, other), TABLE)
     assert (found.effect, found.whole) == ("thermal-drift-x", False)
     assert found.value == pytest.approx(22.0)
 
@@ -471,10 +477,7 @@ def test_an_effect_is_zero_with_its_level_though_another_is_not() -> None:
     ],
 )
 def test_no_zero_is_told_where_there_is_none(effects: tuple[FoundEffect, ...]) -> None:
-    rows = iter(range(9))
-    own = [replace(e, rows=tuple(next(rows) for _ in e.parameters)) for e in effects]
-    covariance = np.diag([p.u**2 for e in own for p in e.parameters])
-    assert crossings(own, covariance, TABLE) == ()
+    assert crossings(*uncorrelated(*effects), TABLE) == ()
 
 
 def test_a_column_is_asked_in_the_strata_that_know_of_it() -> None:

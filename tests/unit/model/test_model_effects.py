@@ -25,15 +25,10 @@ from mtu_cli.model.effect_library import (
     candidates_of,
     effect_library,
 )
-from mtu_cli.model.effect_parameters import (
-    effect_warnings,
-    grid_of,
-    joint_effects,
-    searched_warnings,
-)
+from mtu_cli.model.effect_parameters import grid_of, joint_effects
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.features import guess_warnings
-from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, machine_warnings
 from mtu_cli.model.machine_model import build_model, design
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residuals import ResidualTable
@@ -104,18 +99,17 @@ def test_the_joint_covariance_of_a_report_counts(tmp_path: Path) -> None:
         bare.variance(A).total + np.diag(A @ more @ A.T), rel=1e-9
     )
     assert variance.passes == pytest.approx(bare.variance(A).passes)
-    assert effect_warnings(machine, estimates.effects, "c.json") == []
+    assert machine_warnings(machine, estimates) == []
+    (warning,) = machine_warnings(loaded(tmp_path, MACHINE), estimates)
+    assert f"not used ({', '.join(NAMES)}): machine.yaml has no such effects" in warning.message
 
 
-def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
+def test_values_of_a_report_win(tmp_path: Path) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS)
     own = predicted(machine, estimates_from_fit(machine, None))
     estimates = reported(tmp_path, machine, together(values=(0, 5, 1)))
     found = predicted(machine, estimates)
     assert (own.mean - found.mean)[0::2] == pytest.approx(2e-3 * DIRECTION, rel=1e-9)
-    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
-    assert warning.code == "not-used"
-    assert "values of machine.yaml not used (backlash-x.lost_motion): those of" in warning.message
 
 
 def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
@@ -127,13 +121,6 @@ def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
     own = np.array([[7, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]])
     assert found.covariance == pytest.approx(own * np.outer(F, F), rel=1e-12)
     assert found.values == pytest.approx(np.array([2, 5, 1]) * F, rel=1e-12)
-
-
-def test_one_of_a_class_is_told_of(tmp_path: Path) -> None:
-    for found, others in (("[turn, scale-z]", ["scale-z"]), ("[turn]", None), ("3", None)):
-        machine = loaded(tmp_path, MACHINE + EFFECTS + f"    found: {{class: {found}}}\n")
-        known = [item.facts["others"] for item in searched_warnings(machine)]
-        assert known == ([] if others is None else [others])
 
 
 # Declared effects beyond what they were found on.

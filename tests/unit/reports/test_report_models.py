@@ -460,7 +460,7 @@ HEADER = ["component", "candidate", "family", "p_familywise", "log_bayes_factor"
     ("found", "component", "said"),
     [
         (CYCLIC, None, "Y has a periodic error of 5.00 ± 0.20 um amplitude, pitch 12.50 mm"),
-        (BACKLASH, "dx_x", "dx_x is 8.20 ± 0.30 um lower forward than in reverse"),
+        (BACKLASH, "dx_x", "dx_x loses 8.20 ± 0.30 um at reversal"),
         (SMOOTH, None, "a smooth error of x along x: rms 2.50 ± 0.30 um"),
         (SCATTER, None, "one operation scatters more (milled): 2.5 times the rest"),
         (effect("squareness-xy", parameter("angle", "arcsec", 11.4, 1.8)),
