@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from mtu_cli.files.contract import is_identifier
-from mtu_cli.files.covariates import COVARIATES, is_temperature, own_columns
+from mtu_cli.files.covariates import COVARIATES, is_temperature
 from mtu_cli.files.effects import (
     CHOSEN,
     COLUMN_MARKS,
@@ -34,16 +34,14 @@ from mtu_cli.files.effects import (
 )
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, finding, nearest
-from mtu_cli.language import Node, evaluate, names, parse
-from mtu_cli.language.derivative import slope
+from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.tree import filled_text, filled_tree
-from mtu_cli.language.unit_algebra import NO_LENGTH, Algebra
 from mtu_cli.model.effect_parameters import grid_of
 from mtu_cli.model.machine_model import AXES, LARGEST, TIME
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import PARAMETER_UNITS, UNITS, internal, parameter_units_of
+from mtu_cli.units import PARAMETER_UNITS, internal, parameter_units_of
 
 BUILT_IN = Path(__file__).with_name("effects.yaml")
 Binding = Mapping[str, str]
@@ -269,29 +267,13 @@ class BoundTemplate:
                 result[name][axis] = lever.reshape((1,) * (3 - lever.ndim) + lever.shape)
         return tuple(result.values())
 
-    def slopes(self) -> dict[int, dict[str, Node]]:
-        """By index of the axis the derivatives of the levers by the searched parameter."""
-        return {
-            axis: {parameter: slope(lever, self.searched) for parameter, lever in levers.items()}
-            for axis, levers in self.levers.items()
-        }
-
-    def change_unit(self) -> str:
-        """The unit of a change of the searched parameter, as a factor of the `slopes`.
-
-        Raises NoMember where files of machines have no such unit.
+    def texts(
+        self, value: float = math.nan, sizes: Mapping[str, float] | None = None
+    ) -> dict[str, str]:
+        """Equations by key (``Ex``) with all numbers in place: `value` for the searched one, and
+        `sizes` for the parameters.
         """
-        searched, unit = self.searched, self.data.table.unit
-        tree = next(node for slopes in self.slopes().values() for node in slopes.values())
-        algebra = Algebra(units=own_columns(names(tree), [searched]), factor=NO_LENGTH)
-        powers = algebra.of(parse(filled_text(tree, {searched: 2.0})))
-        if not (units := parameter_units_of(UNITS[unit].powers / powers, unit)):
-            raise NoMember(f"a change of {searched} has no unit in files of machines")
-        return units[0]
-
-    def texts(self, value: float = math.nan) -> dict[str, str]:
-        """Equations by key (``Ex``) with all numbers in place, `value` for the searched one."""
-        filling, axes = {self.searched: value}, self.data.table.axes
+        filling, axes = {self.searched: value, **(sizes or {})}, self.data.table.axes
         return {f"E{axes[a]}": filled_text(tree, filling) for a, tree in self.equations.items()}
 
 
@@ -465,8 +447,6 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
                     raise NoMember(item)
                 effect = bound(family, form, form.search, item, data)
                 margins = [bound(family, x, family.search, item, data) for x in family.margins]
-                if form.search:
-                    effect.change_unit()
                 levers = [node for by_name in effect.levers.values() for node in by_name.values()]
                 if family.kind != OFFSET and not all(any(names(node)) for node in levers):
                     raise NoMember(CONSTANT)

@@ -22,7 +22,6 @@ from mtu_cli.analyses.close_loop.likelihood import TINY, Fit, Likelihood, outlie
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet, Scatter
 from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, SmoothEffect
 from mtu_cli.analyses.close_loop.strata import NONE, PADDING
-from mtu_cli.language.tree import filled_text
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
@@ -151,8 +150,8 @@ def _offset_class(models: ModelSet, model: Model, offset: Candidate) -> dict[str
 
 # Sizes.
 
-STEP = 1e-4
-"""Of the logarithm of a searched value, for the derivative of a column."""
+STEP = 5e-7
+"""Relative, of a searched value to either side, for the derivative by its logarithm."""
 TRIALS = 5
 COVERED = 0.95
 PLACES = 20
@@ -160,8 +159,8 @@ PLACES = 20
 
 
 class Tangent(NamedTuple):
-    """The derivative of an effect by the logarithm of what is searched, at its `sizes`: its unit
-    `column` and its norm.
+    """The derivative of an effect by the logarithm of what is searched, at the `sizes` of its
+    parameters: its unit `column` and its norm.
     """
 
     column: int
@@ -290,11 +289,11 @@ def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent 
         if (now := like.log_likelihood(columns)) <= top + 1e-9:
             break
         best, tangent, top, member = m, None, now, design.members[m]
-        sizes = like.fit(columns).sizes(member)
-        items = design.members_at(form, member.value * np.exp([STEP, -STEP]))
+        sizes = like.fit(columns).sizes(member)[: len(form.parameters)]
+        items = design.members_at(form, np.array(_beside(member.value)))
         if len(items) != 2:
             break
-        weights = sizes[: len(form.parameters)] / (2 * STEP)
+        weights = sizes / (2 * STEP)
         slope = weights @ (items[0].columns - items[1].columns)[: len(weights)]
         mean = weights @ (items[0].means - items[1].means)[: len(weights)]
         (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None])
@@ -307,6 +306,11 @@ def optimum_of(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent 
             break
         (m,) = design.add(member.candidate, items)
     return best, tangent
+
+
+def _beside(value: float) -> tuple[float, float]:
+    """The values between which the derivative at a searched one is taken."""
+    return value * (1 + STEP), value * (1 - STEP)
 
 
 def estimates_of(models: ModelSet, model: Model) -> Estimates:
@@ -398,7 +402,8 @@ def _map(
         if tangent is not None and (at := places.pop(tangent.column, None)) is not None:
             rows.append(np.zeros(k))
             rows[-1][at] = float(np.linalg.norm(tangent.sizes)) / tangent.norm
-            labels.append((f"{form.searched}_change", form.change_unit(), "searched"))
+            unit = next(iter(form.parameters.values()))
+            labels.append((f"{form.searched}_change", unit, "searched"))
         starts.append(len(rows))
     labels += [(f"level_{axis}", design.table.unit, "level") for axis in axes]
     return np.concatenate([np.reshape(rows, (len(rows), k)), -means.T]), labels, starts
@@ -420,16 +425,12 @@ def _equations(
             terms.setdefault(key, []).append(text if weight == 1 else f"{weight:g}*({text})")
     # Two effects that have the same change have it once.
     if tangent is not None and any(size.role == "searched" for size in sizes):
-        name, direction = bound.searched, tangent.sizes
-        shares = direction / max(float(np.linalg.norm(direction)), 1e-300) * value
-        share = dict(zip(bound.parameters, shares.tolist(), strict=False))
-        for a, slopes in bound.slopes().items():
-            parts = [
-                f"({share[parameter]!r})*({filled_text(slope, {name: value})})"
-                for parameter, slope in slopes.items()
-            ]
-            text = f"{name}_change*({' + '.join(parts)})"
-            terms.setdefault(f"E{bound.data.table.axes[a]}", []).append(text)
+        direction = tangent.sizes / max(float(np.linalg.norm(tangent.sizes)), 1e-300)
+        shares = dict(zip(bound.parameters, direction.tolist(), strict=True))
+        above, below = (bound.texts(x, shares) for x in _beside(value))
+        for key, text in above.items():
+            difference = f"({text} - ({below[key]}))/{2 * STEP:g}"
+            terms.setdefault(key, []).append(f"{bound.searched}_change*{difference}")
     return {key: " + ".join(texts) for key, texts in terms.items()}
 
 
