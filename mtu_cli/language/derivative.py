@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language.functions import BUDGET_FUNCTIONS, FUNCTIONS, apply_scalar, value_of
+from mtu_cli.language.functions import BUDGET_FUNCTIONS, finite_value, numpy_function, value_of
 from mtu_cli.language.parser import parse
 from mtu_cli.language.tree import Call, Name, Node, Number
 from mtu_cli.language.tree import names as names_in
@@ -103,7 +103,7 @@ def taylor(
 @cache
 def _slope_of(function: str) -> Node:
     """The derivative of a function, as an equation in u."""
-    return parse(FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
+    return parse(BUDGET_FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
 
 
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:
@@ -149,13 +149,13 @@ class _Expansion:
             case "*":
                 return _product(first, last)
             case "+" | "-" | "neg":
-                result: FloatArray = FUNCTIONS[function].scalar(*parts)
+                result: FloatArray = numpy_function(function)(*parts)
                 return result
         at = float(first[0, 0])
         slopes = self.slopes(_slope_of(function), at)
         if function in KINKS and at == 0.0:
             slopes = [math.nan for _ in slopes]
-        return self.chained(f"{function}()", apply_scalar(function, (at,)), slopes, first, column)
+        return self.chained(f"{function}()", finite_value(function, at), slopes, first, column)
 
     def constant(self, value: float) -> FloatArray:
         series = np.zeros((len(TERMS), self.pairs))
@@ -167,12 +167,12 @@ class _Expansion:
         at, less = float(base[0, 0]), Number(exponent - 1.0, 0)
         first = Call("*", (Number(exponent, 0), Call("**", (Name("u", 0), less), 0)), 0)
         slopes = self.slopes(first, at) if exponent else [0.0]
-        return self.chained(what, apply_scalar("**", (at, exponent)), slopes, base, column)
+        return self.chained(what, finite_value("**", at, exponent), slopes, base, column)
 
     def raised(self, base: FloatArray, exponent: FloatArray, column: int) -> FloatArray:
         if not np.any(exponent[1:]):
             return self.power(base, float(exponent[0, 0]), "'**'", column)
-        value = apply_scalar("**", (float(base[0, 0]), float(exponent[0, 0])))
+        value = finite_value("**", float(base[0, 0]), float(exponent[0, 0]))
         if value is None or base[0, 0] <= 0.0:
             return self.chained("'**' with an uncertain exponent", None, [], base, column)
         logarithm = self.call("log", [base], column)

@@ -1,13 +1,12 @@
 """The functions and operators of equations, one table for all of the language; values of equations.
 
-A function has its value at floats, that of numpy at arrays, its derivative, and the rule by which
-units follow. Whoever adds one adds a line here, and nothing elsewhere.
+A function has its name in numpy, its derivative, and the rule by which units follow. Whoever adds
+one adds a line here, and nothing elsewhere.
 """
 
 from __future__ import annotations
 
 import math
-import operator
 from collections.abc import Callable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -27,63 +26,72 @@ UnitRule = Literal["number", "same", "alike", "product", "quotient", "power", "r
 class Function(NamedTuple):
     """A function of equations.
 
-    `scalar` is its value at floats, `array` the name of numpy's, `slope` the derivative of one of
-    one argument u as an equation. `unit`: what its arguments and value are: of a plain `number` a
-    number, of one unit the `same`, of two `alike` a number, of `any` unit a number; the others say
-    themselves.
+    `name` is that of numpy's, `slope` the derivative of one of one argument u as an equation.
+    `unit`: what its arguments and value are: of a plain `number` a number, of one unit the `same`,
+    of two `alike` a number, of `any` unit a number; the others say themselves.
     """
 
-    scalar: Callable[..., Any]
-    array: str
+    name: str
     slope: str = ""
     unit: UnitRule = "number"
     arity: int = 1
 
 
 MACHINE_FUNCTIONS: dict[str, Function] = {
-    "sin": Function(math.sin, "sin", "cos(u)"),
-    "cos": Function(math.cos, "cos", "-sin(u)"),
-    "exp": Function(math.exp, "exp", "exp(u)"),
-    "log": Function(math.log, "log", "1/u"),
-    "sqrt": Function(math.sqrt, "sqrt", "1/(2*sqrt(u))", "root"),
-    "abs": Function(abs, "abs", "2*step(u) - 1", "same"),
-    "step": Function(lambda u: 0.0 if u < 0 else 1.0, "heaviside", "0", "any"),
+    "sin": Function("sin", "cos(u)"),
+    "cos": Function("cos", "-sin(u)"),
+    "exp": Function("exp", "exp(u)"),
+    "log": Function("log", "1/u"),
+    "sqrt": Function("sqrt", "1/(2*sqrt(u))", "root"),
+    "abs": Function("abs", "2*step(u) - 1", "same"),
+    "step": Function("heaviside", "0", "any"),
 }
 """`step(u)` is 0 for u < 0, else 1."""
 
 BUDGET_FUNCTIONS: dict[str, Function] = MACHINE_FUNCTIONS | {
-    "tan": Function(math.tan, "tan", "1 + tan(u)**2"),
-    "asin": Function(math.asin, "arcsin", "1/sqrt(1 - u**2)"),
-    "acos": Function(math.acos, "arccos", "-1/sqrt(1 - u**2)"),
-    "atan": Function(math.atan, "arctan", "1/(1 + u**2)"),
-    "atan2": Function(math.atan2, "arctan2", unit="alike", arity=2),
+    "tan": Function("tan", "1 + tan(u)**2"),
+    "asin": Function("arcsin", "1/sqrt(1 - u**2)"),
+    "acos": Function("arccos", "-1/sqrt(1 - u**2)"),
+    "atan": Function("arctan", "1/(1 + u**2)"),
+    "atan2": Function("arctan2", unit="alike", arity=2),
 }
 """Budgets and graphs know the other circular functions too."""
 
 FUNCTIONS: dict[str, Function] = BUDGET_FUNCTIONS | {
-    "+": Function(operator.add, "add", unit="same", arity=2),
-    "-": Function(operator.sub, "subtract", unit="same", arity=2),
-    "neg": Function(operator.neg, "negative", unit="same"),
-    "*": Function(operator.mul, "multiply", unit="product", arity=2),
-    "/": Function(operator.truediv, "divide", unit="quotient", arity=2),
-    "**": Function(operator.pow, "power", unit="power", arity=2),
+    "+": Function("add", unit="same", arity=2),
+    "-": Function("subtract", unit="same", arity=2),
+    "neg": Function("negative", unit="same"),
+    "*": Function("multiply", unit="product", arity=2),
+    "/": Function("divide", unit="quotient", arity=2),
+    "**": Function("power", unit="power", arity=2),
 }
 """All that a `Call` of a tree may be; operators are written by their signs alone."""
 
 
-def apply_scalar(name: str, operands: tuple[float, ...]) -> float | None:
+@cache
+def numpy_function(name: str) -> Callable[..., Any]:
+    """An operator or function of floats or arrays."""
+    import numpy as np
+
+    if name == "step":  # numpy's keeps nan: what has no value has no side of 0
+        return lambda u: np.heaviside(u, 1.0)
+    if name == "**":  # numpy raises no negative integer to a power
+        return lambda base, exponent: np.power(np.asarray(base, float), exponent)
+    function: Callable[..., Any] = getattr(np, FUNCTIONS[name].name)
+    return function
+
+
+def finite_value(name: str, *operands: float) -> float | None:
     """The value of an operator or function, or None where it has no finite real value.
 
-    >>> apply_scalar("sqrt", (4.0,)), apply_scalar("/", (1.0, 0.0))
+    >>> finite_value("sqrt", 4.0), finite_value("/", 1.0, 0.0)
     (2.0, None)
     """
-    try:
-        value = FUNCTIONS[name].scalar(*operands)
-    except (ArithmeticError, ValueError):
-        return None
-    if isinstance(value, complex) or not math.isfinite(value):
-        return None
-    return float(value)
+    import numpy as np
+
+    with np.errstate(all="ignore"):
+        value = float(numpy_function(name)(*operands))
+    return value if math.isfinite(value) else None
 
 
 def evaluate(node: Node, values: Mapping[str, Value]) -> Value:
@@ -109,7 +117,7 @@ def _value(node: Node, values: Mapping[str, Value]) -> Any:
         case Name(name, column):
             return value_of(name, values, column)
         case Call(function, arguments):
-            return _array(function)(*(_value(item, values) for item in arguments))
+            return numpy_function(function)(*(_value(item, values) for item in arguments))
 
 
 def value_of(name: str, values: Mapping[str, Any], column: int) -> Any:
@@ -119,27 +127,15 @@ def value_of(name: str, values: Mapping[str, Any], column: int) -> Any:
     return values[name]
 
 
-@cache
-def _array(name: str) -> Callable[..., Any]:
-    import numpy as np
-
-    if name == "step":  # numpy's keeps nan: what has no value has no side of 0
-        return lambda u: np.heaviside(u, 1.0)
-    if name == "**":  # numpy raises no negative integer to a power
-        return lambda base, exponent: np.power(np.asarray(base, float), exponent)
-    function: Callable[..., Any] = getattr(np, FUNCTIONS[name].array)
-    return function
-
-
 def folded(node: Call) -> Node:
     """The number that an operation on numbers gives; any other as it is.
 
     Raises InputError where it has no finite real value.
     """
-    operands = tuple(item.value for item in node.arguments if isinstance(item, Number))
+    operands = [item.value for item in node.arguments if isinstance(item, Number)]
     if len(operands) < len(node.arguments):
         return node
-    if (value := apply_scalar(node.function, operands)) is None:
+    if (value := finite_value(node.function, *operands)) is None:
         what = f"'{node.function}' of these constants"
         raise error("no-finite-value", what=what, where="", column=node.column)
     return Number(value, node.column)

@@ -10,7 +10,7 @@ import pytest
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse, to_text
 from mtu_cli.language.derivative import Derivatives, derivatives
-from mtu_cli.language.functions import BUDGET_FUNCTIONS, MACHINE_FUNCTIONS, apply_scalar
+from mtu_cli.language.functions import BUDGET_FUNCTIONS, MACHINE_FUNCTIONS
 from mtu_cli.language.parser import BRACED, DOTTED, MAX_CHARACTERS, MAX_DEPTH, MAX_OPERATORS
 from mtu_cli.language.tree import Call, Name, Number
 from mtu_cli.language.unit_algebra import check_consistent
@@ -104,23 +104,9 @@ def test_arrays_broadcast_and_what_is_not_finite_is_returned_without_a_warning()
 
 @pytest.mark.parametrize(("u", "value"), [(-1e-300, 0.0), (0.0, 1.0), (-0.0, 1.0), (1e-300, 1.0)])
 def test_step_is_one_from_zero_on(u: float, value: float) -> None:
-    assert evaluate(parse("step(u)"), {"u": u}) == apply_scalar("step", (u,)) == value
+    assert evaluate(parse("step(u)"), {"u": u}) == value
     found = evaluate(parse("step(u)"), {"u": np.array([u, math.nan])})
     np.testing.assert_array_equal(found, [value, math.nan])
-
-
-@pytest.mark.parametrize("name", sorted(BUDGET_FUNCTIONS))
-def test_folded_constants_agree_with_arrays(name: str) -> None:
-    """The functions exist twice, on floats and on arrays; they must be the same functions."""
-    for first in (-0.7, 0.0, 0.3, 1.0):
-        operands = (first, 0.6)[: BUDGET_FUNCTIONS[name].arity]
-        call = parse(f"{name}({', '.join('ab'[: len(operands)])})", BUDGET_FUNCTIONS)
-        found = float(evaluate(call, dict(zip("ab", operands, strict=False))))
-        folded = apply_scalar(name, operands)
-        if folded is None:
-            assert not math.isfinite(found)
-        else:
-            assert found == pytest.approx(folded, rel=1e-14, abs=1e-300)
 
 
 # Linear forms.
