@@ -1,5 +1,4 @@
-"""Exact derivatives of equations: the first as an equation, and all to the third order as Taylor
-polynomials carried up the tree.
+"""Exact derivatives of equations to the third order, as Taylor polynomials carried up the tree.
 
 Every node is expanded in two small numbers s and t along given directions and cut beyond the
 third order. Nothing is approximated by differences and no expression grows, as it does where
@@ -12,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,16 +19,16 @@ from numpy.typing import NDArray
 from mtu_cli.findings import Finding, finding
 from mtu_cli.language.functions import BUDGET_FUNCTIONS, finite_value, numpy_function, value_of
 from mtu_cli.language.parser import parse
-from mtu_cli.language.tree import Call, Name, Node, Number, names
+from mtu_cli.language.tree import Call, Name, Node, Number
 from mtu_cli.language.tree import names as names_in
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Directions = Callable[[str], FloatArray | None]
 """The two directions (2, pairs) of each pair along a name; None where they do not move it."""
-Slopes = Callable[[float, int], list[float]]
-"""The derivatives of a function up to an order, nan or infinite where there is none."""
 
+KINKS = ("abs", "step")
+"""Functions without a derivative at 0."""
 ORDER = 3
 TERMS = tuple((total - b, b) for total in range(ORDER + 1) for b in range(total + 1))
 """Exponents (a, b) of s^a t^b, in the order of the coefficients."""
@@ -101,6 +100,12 @@ def taylor(
         return expansion.of(node), expansion.faults
 
 
+@cache
+def _slope_of(function: str) -> Node:
+    """The derivative of a function, as an equation in u."""
+    return parse(BUDGET_FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
+
+
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:
     series = np.zeros_like(left)
     for i, j, k in _PRODUCTS:
@@ -146,8 +151,11 @@ class _Expansion:
             case "+" | "-" | "neg":
                 result: FloatArray = numpy_function(function)(*parts)
                 return result
-        value = finite_value(function, float(first[0, 0]))
-        return self.chained(f"{function}()", value, partial(_slopes, function), first, column)
+        at = float(first[0, 0])
+        slopes = self.slopes(_slope_of(function), at)
+        if function in KINKS and at == 0.0:
+            slopes = [math.nan for _ in slopes]
+        return self.chained(f"{function}()", finite_value(function, at), slopes, first, column)
 
     def constant(self, value: float) -> FloatArray:
         series = np.zeros((len(TERMS), self.pairs))
@@ -156,15 +164,17 @@ class _Expansion:
 
     def power(self, base: FloatArray, exponent: float, what: str, column: int) -> FloatArray:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
-        value = finite_value("**", float(base[0, 0]), exponent)
-        return self.chained(what, value, partial(_power_slopes, exponent), base, column)
+        at, less = float(base[0, 0]), Number(exponent - 1.0, 0)
+        first = Call("*", (Number(exponent, 0), Call("**", (Name("u", 0), less), 0)), 0)
+        slopes = self.slopes(first, at) if exponent else [0.0]
+        return self.chained(what, finite_value("**", at, exponent), slopes, base, column)
 
     def raised(self, base: FloatArray, exponent: FloatArray, column: int) -> FloatArray:
         if not np.any(exponent[1:]):
             return self.power(base, float(exponent[0, 0]), "'**'", column)
         value = finite_value("**", float(base[0, 0]), float(exponent[0, 0]))
         if value is None or base[0, 0] <= 0.0:
-            return self.chained("'**' with an uncertain exponent", None, None, base, column)
+            return self.chained("'**' with an uncertain exponent", None, [], base, column)
         logarithm = self.call("log", [base], column)
         return self.call("exp", [_product(exponent, logarithm)], column)
 
@@ -182,21 +192,30 @@ class _Expansion:
         series[0] = angle
         return series
 
+    def slopes(self, first: Node, at: float) -> list[float]:
+        """The derivatives of a function up to the order: the `first` is an equation in u, whose own
+        are the others.
+        """
+        if self.order == 0:
+            return []
+        along = {"u": np.array([[1.0], [0.0]])}
+        series = _Expansion({"u": at}, along.get, 1, self.order - 1).of(first)
+        return [math.factorial(k) * float(series[PLACE[k, 0], 0]) for k in range(self.order)]
+
     def chained(
-        self, what: str, value: float | None, slopes: Slopes | None, inner: FloatArray, column: int
+        self, what: str, value: float | None, slopes: list[float], inner: FloatArray, column: int
     ) -> FloatArray:
         """f(u) = f(u0) + f' h + f'' h^2/2 + f''' h^3/6 with h = u - u0."""
-        at = float(inner[0, 0])
-        if value is None or slopes is None:
-            self.fault(what, at, column)
+        if value is None:
+            self.fault(what, float(inner[0, 0]), column)
             return np.full_like(inner, math.nan)
-        series, derivatives = self.constant(value), slopes(at, self.order)
-        if derivatives and not math.isfinite(derivatives[0]):
+        series = self.constant(value)
+        if slopes and not math.isfinite(slopes[0]):
             return self.without_slopes(series, np.any(inner[1:], axis=0), what, inner, column)
         h = inner.copy()
         h[0] = 0.0
         power = h
-        for k, slope in enumerate(derivatives, start=1):
+        for k, slope in enumerate(slopes, start=1):
             # An infinite derivative touches only the orders that its power of h reaches.
             series += np.where(power != 0.0, slope / math.factorial(k) * power, 0.0)
             power = _product(power, h)
@@ -214,89 +233,3 @@ class _Expansion:
     def fault(self, what: str, at: float, column: int) -> None:
         where = f" at {at:.6g}"
         self.faults.append(finding("no-finite-value", what=what, where=where, column=column))
-
-
-KINKS = ("abs", "step")
-"""Functions without a derivative at 0."""
-
-
-@cache
-def _slope_of(function: str) -> Node:
-    """The derivative of a function, as an equation in u."""
-    return parse(BUDGET_FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
-
-
-def _slopes(function: str, x: float, order: int) -> list[float]:
-    """The derivatives of a function: the first is an equation, whose own are the others."""
-    if order == 0:
-        return []
-    if function in KINKS and x == 0.0:
-        return [math.nan] * order
-    u = np.array([[1.0], [0.0]])
-    series = _Expansion({"u": x}, {"u": u}.get, 1, order - 1).of(_slope_of(function))
-    return [math.factorial(k) * float(series[PLACE[k, 0], 0]) for k in range(order)]
-
-
-def _power_slopes(exponent: float, x: float, order: int) -> list[float]:
-    """Those of ``x**exponent``, negative x and 0 included."""
-    slopes, factor = [], 1.0
-    for k in range(order):
-        factor *= exponent - k
-        rest = finite_value("**", x, exponent - k - 1) if factor else 0.0
-        slopes.append(math.nan if rest is None else factor * rest)
-    return slopes
-
-
-ZERO, ONE, MINUS = (Number(value, 0) for value in (0.0, 1.0, -1.0))
-
-
-def slope(node: Node, name: str) -> Node:
-    """The derivative of an equation by one of its names, as a tree; steps have none.
-
-    >>> from mtu_cli.language import parse, to_text
-    >>> to_text(slope(parse("sin(2*x)"), "x"))
-    'cos(2*x)*2'
-    """
-    if not isinstance(node, Call):
-        return ONE if name in names(node) else ZERO
-    total: Node = ZERO
-    for outer, argument in zip(_partial(node), node.arguments, strict=True):
-        inner = slope(argument, name)
-        if ZERO not in (outer, inner):
-            term = outer if inner == ONE else inner if outer == ONE else _call("*", outer, inner)
-            total = term if total == ZERO else _call("+", total, term)
-    return total
-
-
-def _partial(node: Call) -> tuple[Node, ...]:
-    """The derivatives of a function by its arguments."""
-    first, last = node.arguments[0], node.arguments[-1]
-    match node.function:
-        case "+":
-            return ONE, ONE
-        case "-":
-            return ONE, MINUS
-        case "*":
-            return last, first
-        case "/":
-            return _call("/", ONE, last), _call("neg", _call("/", node, last))
-        case "**":
-            less: Node = _call("-", last, ONE)
-            if isinstance(last, Number):
-                less = Number(last.value - 1, 0)
-            power = _call("*", last, _call("**", first, less))
-            return power, _call("*", node, _call("log", first))
-        case "neg":
-            return (MINUS,)
-    return (_placed(_slope_of(node.function), first),)
-
-
-def _placed(node: Node, u: Node) -> Node:
-    """An equation with `u` in the place of its one name."""
-    if isinstance(node, Call):
-        return _call(node.function, *(_placed(item, u) for item in node.arguments))
-    return u if isinstance(node, Name) else Number(node.value, 0)
-
-
-def _call(function: str, *arguments: Node) -> Node:
-    return Call(function, arguments, 0)
