@@ -35,7 +35,7 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import aligned, basis, operations_of, visits_of, without
 from mtu_cli.stats.anova import OneWay, one_way, only, reml
 from mtu_cli.stats.coverage import FAMILY_RATE, holm
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, group_means, quotient
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
     UncertainVariance,
@@ -330,21 +330,17 @@ def predict_operations(
         if not len(rows):
             continue
         codes, first, of = np.unique(points.feature[rows], return_index=True, return_inverse=True)
-
-        def mean(column: FloatArray, first: IntArray = first, of: IntArray = of) -> FloatArray:
-            # About the first of each feature, so that equal values stay equal.
-            start = column[first]
-            return start + np.bincount(of, column - start[of]) / np.bincount(of)
-
         features, place = [points.features[i] for i in codes], points.nominal[rows[first]]
         means: dict[str, FloatArray | float] = {}
         for key in model.covariates():
-            column = np.asarray(values[key])
-            means[key] = mean(column[rows]) if column.ndim else float(column)
+            value = values[key]
+            if isinstance(value, np.ndarray):
+                value = group_means(value[rows], of, len(codes))
+            means[key] = value
         prediction = predict(model, features, place, means)
         warnings += outside_warnings(prediction.outside)
         if vary:
-            of_feature = np.column_stack([mean(each) for each in errors[rows].T])
+            of_feature = group_means(errors[rows], of, len(codes))
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]
             shift = of_feature.ravel() - design(model, place, means).mean
             prediction = replace(prediction, mean=prediction.mean + shift)

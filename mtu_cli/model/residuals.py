@@ -66,6 +66,7 @@ from mtu_cli.stats.least_squares import (
     BoolArray,
     FloatArray,
     IntArray,
+    group_means,
     known_mean,
     least_squares,
     polynomial,
@@ -175,12 +176,10 @@ def filled(table: FloatArray, there: BoolArray) -> FloatArray:
     if there.all():
         return table
     mask = there.reshape(*there.shape, *(1,) * (table.ndim - 2))
-    means = []
-    for k in (0, 1):
-        origin = np.take_along_axis(table, np.expand_dims(mask.argmax(axis=k), k), axis=k)
-        away = np.where(mask, table - origin, 0.0).sum(axis=k, keepdims=True)
-        means.append(origin + away / np.maximum(mask.sum(axis=k, keepdims=True), 1))
-    return np.where(mask, table, np.where(mask.any(axis=0, keepdims=True), *means))
+    part, column = np.nonzero(there)
+    of_part = group_means(table[there], part, len(there))[:, None]
+    of_column = group_means(table[there], column, there.shape[1])[None]
+    return np.where(mask, table, np.where(np.isnan(of_column), of_part, of_column))
 
 
 # The table of measured points.

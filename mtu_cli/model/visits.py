@@ -18,7 +18,7 @@ from mtu_cli.files.headers import LISTED_FAULTS
 from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means
 
 PassKey = tuple[int, int, int]
 """(file, pass, direction)."""
@@ -458,17 +458,8 @@ class Cells:
         """Means (P, H, ...) of values (n, ...), nan where there are none; equal values keep their
         digits.
         """
-        if not len(values):
-            return np.full((*self.shape, *values.shape[1:]), np.nan)
-        first = np.zeros(math.prod(self.shape), np.int64)
-        first[self.cell[::-1]] = np.arange(len(values))[::-1]
-        result = values[first].astype(float)
-        away = np.zeros_like(result)
-        np.add.at(away, self.cell, values - result[self.cell])
-        count = self.repeats.ravel()
-        result += away / np.maximum(count, 1).reshape(-1, *(1,) * (values.ndim - 1))
-        result[count == 0] = np.nan
-        return result.reshape(*self.shape, *values.shape[1:])
+        means = group_means(values, self.cell, math.prod(self.shape))
+        return means.reshape(*self.shape, *values.shape[1:])
 
     @cached_property
     def repeats(self) -> IntArray:
