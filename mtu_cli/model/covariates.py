@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,7 +20,7 @@ from mtu_cli.model.machine_model import (
     without_coordinate,
 )
 from mtu_cli.model.visits import Cells, axes_of
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means
 
 Columns = Mapping[str, np.ndarray]
 
@@ -110,14 +110,15 @@ def rows_of(values: Covariates, rows: IntArray) -> dict[str, FloatArray | float]
     return {name: x if np.ndim(x) == 0 else np.asarray(x)[rows] for name, x in values.items()}
 
 
-FEW_ROWS = 0.05
-"""Share of the rows up to which they are left out: without its covariate an effect has no name, and
-looks like one that the library lacks."""
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
 REPEATED = 2e-4
 """Share of a column's variance that a multiple of what it repeats leaves at most: a correlation of
 0.9999 or more."""
+
+
+FILLED = "such a cell counts as the mean of its part or pass"
+UNTESTED = "no effect of such a column can be tested"
 
 
 def table_covariates(
@@ -126,70 +127,38 @@ def table_covariates(
     """Numeric columns (n,) as tables that broadcast to (parts, columns).
 
     (1, 1) where nothing differs, (parts, 1) where nothing does within a part, (1, columns)
-    where nothing does within a column, else the cells' means; missing cells hold the mean of
-    their part. A column of text is left out, one with gaps with a warning; `rows` (n,) of what
-    was `measured`.
+    where nothing does within a column, else the cells' means; cells without a value hold the mean
+    of their part. A column of text is left out, and with a warning one that some part has no value
+    of; `rows` (n,) of what was `measured`.
     """
-    result, gaps = dict[str, FloatArray](), []
+    result, gaps = dict[str, FloatArray](), dict[str, list[str]]()
     for name, column in columns.items():
         if column.dtype == object:
             continue
-        if (mask := ~np.isfinite(column)).any():
-            gaps.append(f"{name} ({_counted(mask, 'rows', measured, rows)})")
-        else:
-            result[name] = _smallest(column.astype(np.float64), cells)
-    facts = {"names": gaps, "consequence": "no effect of such a column can be tested"}
-    return result, [finding("missing-values", what="cells", **facts)] if gaps else []
+        known = np.isfinite(column)
+        parts_known = len(np.unique(cells.part[known])) == len(cells.parts)
+        if parts_known:
+            result[name] = _smallest(column.astype(np.float64), known, cells)
+        if not known.all():
+            first = "{file}, row {row}".format(**measured.place(int(rows[known.argmin()])))
+            count = f"{int((~known).sum())} of {len(known)} rows, the first {first}"
+            names = gaps.setdefault(FILLED if parts_known else UNTESTED, [])
+            names.append(f"{name} ({count})")
+    return result, [
+        finding("missing-values", what="cells", names=names, consequence=consequence)
+        for consequence, names in gaps.items()
+    ]
 
 
-def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
-    table = cells.means(column)
+def _smallest(column: FloatArray, known: BoolArray, cells: Cells) -> FloatArray:
+    """The table of the `known` values (n,), of which every part has one."""
+    size = cells.shape[0] * cells.shape[1]
+    table = group_means(column[known], cells.cell[known], size).reshape(cells.shape)
     for axis in ((0, 1), (1,), (0,)):
-        low, high = (f(table, axis=axis, keepdims=True) for f in (np.nanmin, np.nanmax))
+        low, high = (f.reduce(table, axis=axis, keepdims=True) for f in (np.fmin, np.fmax))
         if (high - low <= ROUNDING * np.nanmax(np.abs(table))).all():
             return np.asarray(low)
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
-
-
-def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
-    """The points without the `gap_rows` of covariates but `needed` ones, whose gaps are faults."""
-    columns = {name: x for name, x in point_columns(points).items() if name not in needed}
-    groups = (points.part, points.feature, points.file_index)
-    mask, warnings = gap_rows(columns, groups, points, np.arange(len(points)))
-    return (points.where(~mask) if warnings else points), warnings
-
-
-def gap_rows(
-    columns: Columns,
-    groups: Sequence[IntArray],
-    measured: Points | Readings,
-    rows: IntArray,
-    of: str = "",
-) -> tuple[BoolArray, list[Finding]]:
-    """Which of the `rows` (n,) of what was `measured` to leave out, as they lack one of the
-    `columns` (n,) that nearly all others have; the columns with the fewest gaps come first.
-
-    None for columns that are the same everywhere, nor where nothing else remains of one code of
-    `groups`: a part, feature, pass, target or file.
-    """
-    finite = {name: np.isfinite(x) for name, x in columns.items() if x.dtype != object}
-    finite = {name: m for name, m in finite.items() if len(np.unique(columns[name][m])) > 1}
-    rest, names = np.ones(len(rows), bool), []
-    for name in sorted(finite, key=lambda name: -int(finite[name].sum())):
-        both = rest & finite[name]
-        whole = all(len(np.unique(code)) == len(np.unique(code[both])) for code in groups)
-        if not finite[name].all() and (~both).sum() <= FEW_ROWS * len(rows) and whole:
-            rest = both
-            names.append(name)
-    if not names:
-        return ~rest, []
-    consequence = _counted(~rest, f"rows{of} left out", measured, rows)
-    return ~rest, [finding("missing-values", what="cells", names=names, consequence=consequence)]
-
-
-def _counted(missing: BoolArray, what: str, measured: Points | Readings, rows: IntArray) -> str:
-    first = "{file}, row {row}".format(**measured.place(int(rows[missing.argmax()])))
-    return f"{int(missing.sum())} of {len(missing)} {what}, the first {first}"
 
 
 def text_warnings(measured: Points | Readings) -> list[Finding]:

@@ -19,12 +19,10 @@ from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.covariates import (
-    gap_rows,
     needed_covariates,
     point_columns,
     table_covariates,
     text_warnings,
-    without_gaps,
     without_repeated,
 )
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
@@ -195,7 +193,7 @@ def residual_table(
     the points' nominal places and covariates, `covariates` where they have no such column. A
     `datum` but none is projected out of every measurement of a part and of the factors. An axis
     without an equation, or that not every point has, is left out with a warning; so are covariates
-    that repeat the errors or are texts, and rows with one of few gaps in a covariate.
+    that repeat the errors or are texts.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they claim,
     or points of no axis that an equation is for.
@@ -203,8 +201,7 @@ def residual_table(
     check_repeats(points)
     axes, warnings = judged_axes(model, points, "errors along {} are left out")
     points, repeated = without_repeated(points, model.covariates())
-    points, gaps = without_gaps(points, model.covariates())
-    warnings += [*repeated, *gaps, *text_warnings(points)]
+    warnings += [*repeated, *text_warnings(points)]
     points, removals = _estimable(points, axes, datum)
     warnings += removals
     at, cells, columns = covariates or {}, _cells(model, points), point_columns(points)
@@ -370,12 +367,6 @@ def reading_tables(
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
             series = component_readings(machine, readings, name, rows)
-            cells = reading_cells(readings, series, name)
-            columns = {key: x for key, x in series.columns.items() if key != f"dir_{series.axis}"}
-            groups = (cells.part, cells.column, readings.file_index[rows])
-            mask, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
-            warnings += gaps
-            series = component_readings(machine, readings, name, rows[~mask]) if gaps else series
             tables.append(_table(machine, name, estimates, readings, series, warnings))
     return tuple(tables), tuple(warnings)
 
