@@ -484,20 +484,14 @@ def reading_cells(readings: Readings, series: ComponentReadings, name: str) -> C
 
 
 def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
-    """The passes of each run by their numbers; with their file or direction where these alone
-    differ.
-    """
+    """The passes of each run by their numbers; with their file where two have the same."""
     numbered = {key[:2] for key in passes.keys}
     twice = len({number for _, number in numbered}) < len(numbered)
-    runs: list[dict[str, str]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
+    runs: list[dict[str, None]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
     for g in np.argsort(passes.order).tolist():
-        file, number, way = passes.keys[g]
-        label = f"{readings.sources[file].shown} " * twice + str(number)
-        runs[passes.runs[g]][label] = SIGNS[way]
-    names = ["/".join(labels) for labels in runs]
-    if len(set(names)) < len(names):
-        names = [name + [*labels.values()][-1] for name, labels in zip(names, runs, strict=True)]
-    return tuple(names)
+        file, number, _ = passes.keys[g]
+        runs[passes.runs[g]][f"{readings.sources[file].shown} " * twice + str(number)] = None
+    return tuple(map("/".join, runs))
 
 
 def _targets(position: FloatArray) -> tuple[IntArray, list[str]]:
