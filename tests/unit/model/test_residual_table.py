@@ -392,7 +392,7 @@ def test_a_gap_is_the_other_repeats_or_the_mean_of_the_part(tmp_path: Path) -> N
 def test_a_covariate_that_some_part_has_nothing_of_is_left_out(tmp_path: Path) -> None:
     """One that stands once a part is that of the part."""
     points = measured(5, 8, 2)
-    once, none = points.part + 0.1, points.part + 0.1
+    once, none = (np.asarray(points.part + 0.1, np.float64) for _ in range(2))
     once[np.setdiff1d(np.arange(80), np.unique(points.part, return_index=True)[1])] = np.nan
     none[points.part == 4] = np.nan
     given = replace(points, covariates={"once": once, "none": none})
