@@ -258,11 +258,12 @@ def compare(
     k, rounding = settings.coverage_factor, roundings(points)
     axes, warnings = judged_axes(model, points, ASIDE)
     predictions, points, notes = predict_operations(model, points, covariates or {})
-    aligned_points, incomplete = aligned(points, axes, datum)
-    warnings += incomplete
-    tables, names = feature_tables(aligned_points, axes, rounding), [AXES[i] for i in axes]
+    tables = feature_tables(aligned(points, axes, datum), axes, rounding)
+    names, complete = [AXES[i] for i in axes], True
     of_operation: dict[str, Predicted] = {}
     for operation, prediction in predictions.items():
+        n = tables.cells.n[[label[0] == operation for label in tables.labels]]
+        complete &= bool((n == n.max(axis=0)).all())
         # Errors of features after the best-fit alignment to the datum.
         columns = [prediction.row(point, name) for point in prediction.ids for name in names]
         places = [
@@ -295,6 +296,10 @@ def compare(
         lengths = compared(table, of_operation, k, variances)
     features, lengths = judged(features, lengths)
     kinds = [features] if lengths is None else [features, lengths]
+    if datum != "none" and not complete:
+        fitted = "the datum is fitted to the features that a part has"
+        facts = {"what": "features of some parts", "names": ["--datum"], "consequence": fitted}
+        warnings.append(finding("missing-values", **facts))
     return CompareResult(
         features=features,
         lengths=lengths,

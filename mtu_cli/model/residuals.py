@@ -54,7 +54,6 @@ from mtu_cli.model.visits import (
     check_repeats,
     datum_errors,
     distinct,
-    incomplete_datum,
     motions_of,
     operations_of,
     without_motions,
@@ -214,10 +213,6 @@ def residual_table(
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
     errors = datum_errors(points, errors, axes, datum)[0]
-    of_operation = (cells.operation == code for code in np.unique(cells.operation))
-    reps = [cells.repeats[:, mask] for mask in of_operation]
-    if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in reps):
-        warnings.append(incomplete_datum())
     estimates = [x.estimate for x in model.terms if np.any(x.estimate.pass_covariance)]
     dofs = [each.pass_dof for each in estimates] + [group.pass_dof for group in model.joint]
     table = table_of(

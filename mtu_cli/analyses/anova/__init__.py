@@ -106,11 +106,11 @@ def analyse_variance(
     Raises InputError for a feature that stands twice in one repeat of one part, and a row or
     column that is off its axis.
     """
-    aligned_points, incomplete = aligned(points, axes_of(points), datum)
+    aligned_points = aligned(points, axes_of(points), datum)
     tables: dict[Kind, MeasuredTables] = {
         "feature": feature_tables(aligned_points, rounding=roundings(points))
     }
-    warnings = [*left_out(points), *incomplete]
+    warnings = left_out(points)
     if part is not None:
         lengths, angles = part.part.lengths, part.part.orthogonality
         names = [name for item in lengths for name in (item.from_, item.to)]

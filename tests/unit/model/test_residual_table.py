@@ -229,9 +229,6 @@ def test_measurements_that_the_motions_take_whole_are_left_out(tmp_path: Path) -
     assert table.parts == ("P0", "P1", "P2")
     assert (table.repeats == 2).all()
     assert table.covariates["sequence"].ravel().tolist() == [1, 2, 3]
-    some = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature > 1)))
-    _, warned = residual_table(model, some, {}, "offset")
-    assert codes(warned) == ["missing-values"]
     single = rows(points, np.flatnonzero(points.feature == 1))
     with pytest.raises(InputError, match="takes all errors"):
         residual_table(model, single, {}, "offset")
