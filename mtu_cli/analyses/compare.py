@@ -35,7 +35,7 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import aligned, basis, operations_of, visits_of, without
 from mtu_cli.stats.anova import OneWay, one_way, only, reml
 from mtu_cli.stats.coverage import FAMILY_RATE, holm
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, group_means, quotient
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
     UncertainVariance,
@@ -251,11 +251,12 @@ def compare(
     k, rounding = settings.coverage_factor, roundings(points)
     axes, warnings = judged_axes(model, points, ASIDE)
     predictions, points, notes = predict_operations(model, points, covariates or {})
-    aligned_points, incomplete = aligned(points, axes, datum)
-    warnings += incomplete
-    tables, names = feature_tables(aligned_points, axes, rounding), [AXES[i] for i in axes]
+    tables = feature_tables(aligned(points, axes, datum), axes, rounding)
+    names, complete = [AXES[i] for i in axes], True
     of_operation: dict[str, Predicted] = {}
     for operation, prediction in predictions.items():
+        n = tables.cells.n[[label[0] == operation for label in tables.labels]]
+        complete &= bool((n == n.max(axis=0)).all())
         # Errors of features after the best-fit alignment to the datum.
         columns = [prediction.row(point, name) for point in prediction.ids for name in names]
         places = [
@@ -288,6 +289,10 @@ def compare(
         lengths = compared(table, of_operation, k, variances)
     features, lengths = judged(features, lengths)
     kinds = [features] if lengths is None else [features, lengths]
+    if datum != "none" and not complete:
+        fitted = "the datum is fitted to the features that a part has"
+        facts = {"what": "features of some parts", "names": ["--datum"], "consequence": fitted}
+        warnings.append(finding("missing-values", **facts))
     return CompareResult(
         features=features,
         lengths=lengths,
@@ -323,21 +328,17 @@ def predict_operations(
         if not len(rows):
             continue
         codes, first, of = np.unique(points.feature[rows], return_index=True, return_inverse=True)
-
-        def mean(column: FloatArray, first: IntArray = first, of: IntArray = of) -> FloatArray:
-            # About the first of each feature, so that equal values stay equal.
-            start = column[first]
-            return start + np.bincount(of, column - start[of]) / np.bincount(of)
-
         features, place = [points.features[i] for i in codes], points.nominal[rows[first]]
         means: dict[str, FloatArray | float] = {}
         for key in model.covariates():
-            column = np.asarray(values[key])
-            means[key] = mean(column[rows]) if column.ndim else float(column)
+            value = values[key]
+            if isinstance(value, np.ndarray):
+                value = group_means(value[rows], of, len(codes))
+            means[key] = value
         prediction = predict(model, features, place, means)
         warnings += outside_warnings(prediction.outside)
         if vary:
-            of_feature = np.column_stack([mean(each) for each in errors[rows].T])
+            of_feature = group_means(errors[rows], of, len(codes))
             measured[rows[:, None], along] -= errors[rows] - of_feature[of]
             shift = of_feature.ravel() - design(model, place, means).mean
             prediction = replace(prediction, mean=prediction.mean + shift)

@@ -20,7 +20,6 @@ from mtu_cli.model.measurands import (
     Conformance,
     JointConformance,
     PointTrials,
-    PositionConformance,
     check_square,
     conformance_of,
     differences,
@@ -56,7 +55,7 @@ class PointsResult:
     interval95: FloatArray
     split: Variance
     independent: bool
-    conformance: tuple[PositionConformance | None, ...]
+    conformance: tuple[Conformance | None, ...]
     warnings: tuple[Finding, ...]
 
     @cached_property

@@ -94,8 +94,8 @@ class PointsData:
     @cached_property
     def errors(self) -> Floats:
         """Measured minus nominal (n, axes) less the best-fit alignment, mm."""
-        aligned_points, _ = aligned(self.table, self.axes, self.datum)
-        measured, nominal = aligned_points.measured.T, aligned_points.nominal.T
+        table = aligned(self.table, self.axes, self.datum)
+        measured, nominal = table.measured.T, table.nominal.T
         # Axis by axis, as the points lie in memory.
         return np.array([measured[axis] - nominal[axis] for axis in self.axes]).T
 

@@ -4,7 +4,6 @@ names, places and sizes that are hardly meant.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -231,18 +230,6 @@ def _repeats(errors: Floats, visits: Visits, r: float) -> tuple[Mask, float]:
 
 Position = tuple[Sequence[str], str, Floats, Rows, str]
 NONE, FIRST = np.arange(0), np.arange(1)
-
-
-@check("alike", of="part")
-def places_alike(data: DocumentData) -> Iterator[Odd]:
-    """Features at one nominal place."""
-    at: dict[bytes, list[str]] = defaultdict(list)
-    for name, place in data.loaded.part.places().items():
-        at[(np.round(np.array(place, np.float64) / SAME_MM) + 0.0).tobytes()].append(name)
-    for names in at.values():
-        if len(names) > 1:
-            facts = {"what": "features at the same nominal place", "names": names}
-            yield Odd(NONE, facts, path=("features", names[-1]))
 
 
 @check("alike", of="points")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -20,8 +20,7 @@ from mtu_cli.model.machine_model import (
     without_coordinate,
 )
 from mtu_cli.model.visits import Cells, axes_of
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
-from mtu_cli.stats.resolution import step_of
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means
 
 Columns = Mapping[str, np.ndarray]
 
@@ -111,19 +110,17 @@ def rows_of(values: Covariates, rows: IntArray) -> dict[str, FloatArray | float]
     return {name: x if np.ndim(x) == 0 else np.asarray(x)[rows] for name, x in values.items()}
 
 
-FEW_ROWS = 0.05
-"""Share of the rows up to which they are left out: without its covariate an effect has no name, and
-looks like one that the library lacks."""
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
-FEWEST = 8
-"""Points that must agree for a column to repeat what was measured."""
-CLEAR = 3.0
-"""Standard deviation of the errors over what rounding may make of them, from which on agreement at
-every point is no chance: about one in four at each (2/3 of the density of a normal law, 0.4).
-"""
-DRAWN_MM = 0.1
-"""The coarsest digit that a nominal place is written to."""
+REPEATED = 2e-4
+"""Share of a column's variance that a multiple of what it repeats leaves at most: a correlation of
+0.9999 or more."""
+
+
+FEW_GAPS = 0.05
+"""Share of the cells up to which a column that changes within parts may lack values."""
+FILLED = "such a cell counts as the mean of its part or pass"
+UNTESTED = "no effect of such a column can be tested"
 
 
 def table_covariates(
@@ -132,70 +129,42 @@ def table_covariates(
     """Numeric columns (n,) as tables that broadcast to (parts, columns).
 
     (1, 1) where nothing differs, (parts, 1) where nothing does within a part, (1, columns)
-    where nothing does within a column, else the cells' means; missing cells hold the mean of
-    their part. A column of text is left out, one with gaps with a warning; `rows` (n,) of what
-    was `measured`.
+    where nothing does within a column, else the cells' means; cells without a value hold the mean
+    of their part. A column of text is left out, and with a warning one with too many gaps; `rows`
+    (n,) of what was `measured`.
     """
-    result, gaps = dict[str, FloatArray](), []
+    result, gaps = dict[str, FloatArray](), dict[str, list[str]]()
     for name, column in columns.items():
         if column.dtype == object:
             continue
-        if (mask := ~np.isfinite(column)).any():
-            gaps.append(f"{name} ({_counted(mask, 'rows', measured, rows)})")
-        else:
-            result[name] = _smallest(column.astype(np.float64), cells)
-    facts = {"names": gaps, "consequence": "no effect of such a column can be tested"}
-    return result, [finding("missing-values", what="cells", **facts)] if gaps else []
+        known = np.isfinite(column)
+        if (table := _smallest(column.astype(np.float64), known, cells)) is not None:
+            result[name] = table
+        if not known.all():
+            first = "{file}, row {row}".format(**measured.place(int(rows[known.argmin()])))
+            count = f"{int((~known).sum())} of {len(known)} rows, the first {first}"
+            gaps.setdefault(UNTESTED if table is None else FILLED, []).append(f"{name} ({count})")
+    return result, [
+        finding("missing-values", what="cells", names=names, consequence=consequence)
+        for consequence, names in gaps.items()
+    ]
 
 
-def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
-    table = cells.means(column)
+def _smallest(column: FloatArray, known: BoolArray, cells: Cells) -> FloatArray | None:
+    """The table of the `known` values (n,); None where some part has none, or too many cells of a
+    column that changes within parts lack them.
+    """
+    if len(np.unique(cells.part[known])) < len(cells.parts):
+        return None
+    size = cells.shape[0] * cells.shape[1]
+    table = group_means(column[known], cells.cell[known], size).reshape(cells.shape)
     for axis in ((0, 1), (1,), (0,)):
-        low, high = (f(table, axis=axis, keepdims=True) for f in (np.nanmin, np.nanmax))
+        low, high = (f.reduce(table, axis=axis, keepdims=True) for f in (np.fmin, np.fmax))
         if (high - low <= ROUNDING * np.nanmax(np.abs(table))).all():
             return np.asarray(low)
+    if len(np.unique(cells.cell[known])) < (1 - FEW_GAPS) * len(np.unique(cells.cell)):
+        return None
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
-
-
-def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
-    """The points without the `gap_rows` of covariates but `needed` ones, whose gaps are faults."""
-    columns = {name: x for name, x in point_columns(points).items() if name not in needed}
-    groups = (points.part, points.feature, points.file_index)
-    mask, warnings = gap_rows(columns, groups, points, np.arange(len(points)))
-    return (points.where(~mask) if warnings else points), warnings
-
-
-def gap_rows(
-    columns: Columns,
-    groups: Sequence[IntArray],
-    measured: Points | Readings,
-    rows: IntArray,
-    of: str = "",
-) -> tuple[BoolArray, list[Finding]]:
-    """Which of the `rows` (n,) of what was `measured` to leave out, as they lack one of the
-    `columns` (n,) that nearly all others have; the columns with the fewest gaps come first.
-
-    None for columns that are the same everywhere, nor where nothing else remains of one code of
-    `groups`: a part, feature, pass, target or file.
-    """
-    finite = {name: np.isfinite(x) for name, x in columns.items() if x.dtype != object}
-    finite = {name: m for name, m in finite.items() if len(np.unique(columns[name][m])) > 1}
-    rest, names = np.ones(len(rows), bool), []
-    for name in sorted(finite, key=lambda name: -int(finite[name].sum())):
-        both = rest & finite[name]
-        whole = all(len(np.unique(code)) == len(np.unique(code[both])) for code in groups)
-        if not finite[name].all() and (~both).sum() <= FEW_ROWS * len(rows) and whole:
-            rest = both
-            names.append(name)
-    if not names:
-        return ~rest, []
-    consequence = _counted(~rest, f"rows{of} left out", measured, rows)
-    return ~rest, [finding("missing-values", what="cells", names=names, consequence=consequence)]
-
-
-def _counted(missing: BoolArray, what: str, measured: Points | Readings, rows: IntArray) -> str:
-    first = "{file}, row {row}".format(**measured.place(int(rows[missing.argmax()])))
-    return f"{int(missing.sum())} of {len(missing)} {what}, the first {first}"
 
 
 def text_warnings(measured: Points | Readings) -> list[Finding]:
@@ -218,43 +187,39 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
     nominal coordinate is the scale or squareness, which has its own test. Columns that the model's
     equations need stay.
 
-    A column repeats what was measured where it is proportional to it at every point, to the last
-    digit of both: in um, with the other sign, or as the diameter of a position.
+    A column repeats what it is proportional to: in um, with the other sign, or as the diameter of a
+    position.
     """
-    numeric = {k: x for k, x in points.covariates.items() if k not in needed and x.dtype != object}
     axes, errors = list(axes_of(points)), points.measured - points.nominal
-    digit = max((step_of(points.measured[:, k]) for k in axes), default=0.0)
-    # What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit, and
-    # the coarsest digit that they are repeated to; nominal places last, as measured ones are near.
-    written = [(f"the error along {AXES[k]}", errors[:, k], digit, np.inf) for k in axes]
-    written += [(f"the coordinate {AXES[k]}", points.measured[:, k], digit, np.inf) for k in axes]
+    # What CMMs write of points, in words, and its values (n,).
+    written = [(f"the error along {AXES[k]}", errors[:, k]) for k in axes]
+    written += [(f"the coordinate {AXES[k]}", points.measured[:, k]) for k in axes]
     for count in range(2, len(axes) + 1):
         length = np.linalg.norm(errors[:, axes[:count]], axis=1)
-        written.append(("the length of the error", length, count * digit, np.inf))
-    written += [(f"the nominal {AXES[k]}", points.nominal[:, k], 0.0, DRAWN_MM) for k in axes]
-    repeated = {
-        name: what
-        for name, column in numeric.items()
-        for what, values, last, coarsest in written
-        if _repeats(column.astype(float), values, last, coarsest)
-    }
-    warnings = []
-    if repeated:
-        items = [f"{name!r} ({what})" for name, what in repeated.items()]
-        reason = "they repeat what was measured, or its nominal place"
-        warnings = [finding("not-tested", what="effects", items=items, reason=reason)]
+        written.append(("the length of the error", length))
+    written += [(f"the nominal {AXES[k]}", points.nominal[:, k]) for k in axes]
+    repeated = {}
+    for name, column in points.covariates.items():
+        if name not in needed and column.dtype != object:
+            left = [_left(column.astype(float), values) for _, values in written]
+            if min(left, default=1.0) < REPEATED:
+                repeated[name] = written[int(np.argmin(left))][0]
+    if not repeated:
+        return points, []
+    items = [f"{name!r} ({what})" for name, what in repeated.items()]
+    reason = "they repeat what was measured, or its nominal place"
     rest = {name: column for name, column in points.covariates.items() if name not in repeated}
-    return (replace(points, covariates=rest) if repeated else points), warnings
+    warning = finding("not-tested", what="effects", items=items, reason=reason)
+    return replace(points, covariates=rest), [warning]
 
 
-def _repeats(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:
-    """Whether a column (n,) is proportional to values (n,) to the last digit of both."""
+def _left(column: FloatArray, values: FloatArray) -> float:
+    """The share of the variance of a column (n,) that the nearest multiple of values (n,) leaves;
+    1 of a constant.
+    """
     both = np.isfinite(column) & np.isfinite(values)
     y, x = column[both], values[both]
-    if len(y) < FEWEST or not x.any():
-        return False
-    factor = float(y @ x / (x @ x))
-    size = abs(factor)
-    most = 0.51 * (min(step_of(column), size * coarsest) + size * digit)
-    clear = size * float(x.std()) > CLEAR * most
-    return clear and bool((np.abs(y - factor * x) <= most).all())
+    if not x.any() or np.ptp(y) == 0:
+        return 1.0
+    rest = y - x * (x @ y) / (x @ x)
+    return float(rest @ rest / (len(y) * y.var()))

@@ -117,10 +117,13 @@ class PointTrials:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conformance:
-    """Probability that an error of a future part is within its `tolerance` (um or arcsec)."""
+    """Probability that an error of a future part is within its `tolerance` (um or arcsec), and its
+    standard error, 0 of first order; of a position twice the distance from its nominal place.
+    """
 
     tolerance: Tolerance
     probability: float
+    se: float = 0.0
 
 
 def conformance_of(
@@ -185,26 +188,15 @@ def joint_conformance(
     return JointConformance(tuple(conformances), least, float(se[0]))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionConformance:
-    """Probability that the centre of a feature of a future part lies in its zone of true position,
-    of diameter `position_um`, and its standard error.
-    """
-
-    position_um: float
-    probability: float
-    se: float
-
-
 def position_conformance(
     prediction: Prediction, position_um: Sequence[float | None], settings: Settings
-) -> tuple[PositionConformance | None, ...]:
+) -> tuple[Conformance | None, ...]:
     """P(Ex^2 + Ey^2 <= (T/2)^2) of every feature with a T, by Monte Carlo. A mean square MS of nu
     degrees of freedom has the expectation MS nu/W, W a chi-squared of nu (JCGM 101:2008, 6.4.9):
     every trial draws one W a source, common to the errors along x and y. An axis without equation
     has no error.
     """
-    result: list[PositionConformance | None] = [None] * len(position_um)
+    result: list[Conformance | None] = [None] * len(position_um)
     zones = {i: zone for i, zone in enumerate(position_um) if zone is not None}
     axes = [prediction.axes.index(axis) for axis in "xy" if axis in prediction.axes]
     if not (zones and axes):
@@ -222,7 +214,8 @@ def position_conformance(
 
     names = tuple(prediction.ids[i] for i in zones)
     for i, p, se in zip(zones, *_counted(names, inside, settings), strict=True):
-        result[i] = PositionConformance(position_um=zones[i], probability=float(p), se=float(se))
+        zone = Tolerance(low=0.0, high=zones[i])
+        result[i] = Conformance(tolerance=zone, probability=float(p), se=float(se))
     return tuple(result)
 
 

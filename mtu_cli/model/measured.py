@@ -67,7 +67,7 @@ def feature_tables(
     used, table = distinct(operation.astype(np.int64) * features + points.feature)
     cell = table * parts + points.part
     errors = points.measured - points.nominal
-    tables = [cells_of(errors[:, k], cell, len(used), parts, spare=True) for k in axes]
+    tables = [cells_of(errors[:, k], cell, len(used), parts) for k in axes]
     each = {x.name: [getattr(cells, x.name) for cells in tables] for x in fields(Cells)}
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(

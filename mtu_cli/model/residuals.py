@@ -19,12 +19,10 @@ from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.covariates import (
-    gap_rows,
     needed_covariates,
     point_columns,
     table_covariates,
     text_warnings,
-    without_gaps,
     without_repeated,
 )
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
@@ -56,7 +54,6 @@ from mtu_cli.model.visits import (
     check_repeats,
     datum_errors,
     distinct,
-    incomplete_datum,
     motions_of,
     operations_of,
     without_motions,
@@ -66,6 +63,7 @@ from mtu_cli.stats.least_squares import (
     BoolArray,
     FloatArray,
     IntArray,
+    group_means,
     known_mean,
     least_squares,
     polynomial,
@@ -175,12 +173,10 @@ def filled(table: FloatArray, there: BoolArray) -> FloatArray:
     if there.all():
         return table
     mask = there.reshape(*there.shape, *(1,) * (table.ndim - 2))
-    means = []
-    for k in (0, 1):
-        origin = np.take_along_axis(table, np.expand_dims(mask.argmax(axis=k), k), axis=k)
-        away = np.where(mask, table - origin, 0.0).sum(axis=k, keepdims=True)
-        means.append(origin + away / np.maximum(mask.sum(axis=k, keepdims=True), 1))
-    return np.where(mask, table, np.where(mask.any(axis=0, keepdims=True), *means))
+    part, column = np.nonzero(there)
+    of_part = group_means(table[there], part, len(there))[:, None]
+    of_column = group_means(table[there], column, there.shape[1])[None]
+    return np.where(mask, table, np.where(np.isnan(of_column), of_part, of_column))
 
 
 # The table of measured points.
@@ -196,7 +192,7 @@ def residual_table(
     the points' nominal places and covariates, `covariates` where they have no such column. A
     `datum` but none is projected out of every measurement of a part and of the factors. An axis
     without an equation, or that not every point has, is left out with a warning; so are covariates
-    that repeat the errors or are texts, and rows with one of few gaps in a covariate.
+    that repeat the errors or are texts.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they claim,
     or points of no axis that an equation is for.
@@ -204,8 +200,7 @@ def residual_table(
     check_repeats(points)
     axes, warnings = judged_axes(model, points, "errors along {} are left out")
     points, repeated = without_repeated(points, model.covariates())
-    points, gaps = without_gaps(points, model.covariates())
-    warnings += [*repeated, *gaps, *text_warnings(points)]
+    warnings += [*repeated, *text_warnings(points)]
     points, removals = _estimable(points, axes, datum)
     warnings += removals
     at, cells, columns = covariates or {}, _cells(model, points), point_columns(points)
@@ -218,10 +213,6 @@ def residual_table(
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
     errors = datum_errors(points, errors, axes, datum)[0]
-    of_operation = (cells.operation == code for code in np.unique(cells.operation))
-    reps = [cells.repeats[:, mask] for mask in of_operation]
-    if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in reps):
-        warnings.append(incomplete_datum())
     estimates = [x.estimate for x in model.terms if np.any(x.estimate.pass_covariance)]
     dofs = [each.pass_dof for each in estimates] + [group.pass_dof for group in model.joint]
     table = table_of(
@@ -371,12 +362,6 @@ def reading_tables(
         rows = np.flatnonzero(readings.code == code)
         if len(rows):
             series = component_readings(machine, readings, name, rows)
-            cells = reading_cells(readings, series, name)
-            columns = {key: x for key, x in series.columns.items() if key != f"dir_{series.axis}"}
-            groups = (cells.part, cells.column, readings.file_index[rows])
-            mask, gaps = gap_rows(columns, groups, readings, rows, f" of {name}")
-            warnings += gaps
-            series = component_readings(machine, readings, name, rows[~mask]) if gaps else series
             tables.append(_table(machine, name, estimates, readings, series, warnings))
     return tuple(tables), tuple(warnings)
 
@@ -494,20 +479,14 @@ def reading_cells(readings: Readings, series: ComponentReadings, name: str) -> C
 
 
 def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
-    """The passes of each run by their numbers; with their file or direction where these alone
-    differ.
-    """
+    """The passes of each run by their numbers; with their file where two have the same."""
     numbered = {key[:2] for key in passes.keys}
     twice = len({number for _, number in numbered}) < len(numbered)
-    runs: list[dict[str, str]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
+    runs: list[dict[str, None]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
     for g in np.argsort(passes.order).tolist():
-        file, number, way = passes.keys[g]
-        label = f"{readings.sources[file].shown} " * twice + str(number)
-        runs[passes.runs[g]][label] = SIGNS[way]
-    names = ["/".join(labels) for labels in runs]
-    if len(set(names)) < len(names):
-        names = [name + [*labels.values()][-1] for name, labels in zip(names, runs, strict=True)]
-    return tuple(names)
+        file, number, _ = passes.keys[g]
+        runs[passes.runs[g]][f"{readings.sources[file].shown} " * twice + str(number)] = None
+    return tuple(map("/".join, runs))
 
 
 def _targets(position: FloatArray) -> tuple[IntArray, list[str]]:

@@ -33,7 +33,6 @@ from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
-from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM
 
 READINGS_STREAM, PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 0, 1, 2, 3, 8
 """Further ones: 4 of the climate, 6 of drifts."""
@@ -308,7 +307,7 @@ WOBBLE_MEMORY_MIN = 15.0
 """Correlation time of draughts and of the air conditioning's swings."""
 _CLIMATE_STREAM, _DRIFT_STREAM = 4, 6
 _REACHED = 1e-6
-"""Of the rise: drifts that the sensors' shares miss by more are undefined."""
+"""Share of a requested drift that the sensors' shares may miss it by."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -325,9 +324,8 @@ class DriftPlan:
     `cycles` warm-ups and cool-downs in turn, read every `interval` for `minutes`, then `soak`
     without readings; each component at its `positions` (mm, by name; nan where it has no axis).
     `noise` is a reading's standard deviation by dimension of the unit, mm and rad. `settled` (mm or
-    rad, by component) are the drifts at the positions once the room has settled at `high`; those of
-    other components stay within `limits`, by dimension. `twins` (name, sensor): a second sensor at
-    the same place, with independent noise.
+    rad, by component) are the drifts at the positions once the room has settled at `high`. `twins`
+    (name, sensor): a second sensor at the same place, with independent noise.
     """
 
     reference: float
@@ -347,9 +345,6 @@ class DriftPlan:
     positions: Mapping[str, FloatArray]
     noise: Mapping[int, float]
     settled: Mapping[str, FloatArray]
-    limits: Mapping[int, float] = field(
-        default_factory=lambda: {LENGTH: 40.0 * UM, ANGLE: 40.0 * ARCSEC}
-    )
     twins: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -420,11 +415,9 @@ def as_read(
 
 
 def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> Sensors:
-    """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible:
-    with the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
-    drifts are R G a. Where one is requested or exceeds its limit it becomes a target d of a = a0 +
-    G^+ (d/R - G a0), the solution nearest to a0. Limits that the sensors cannot keep along with
-    the other drifts are dropped.
+    """The sensors of all drifts; shares moved as little as the requested drifts ask for: with the
+    seeded shares a0, gradients G (places, s) and rise R = high - reference the settled drifts are
+    R G a. The requested ones are d for a = a0 + G^+ (d/R - G a0), the solution nearest to a0.
 
     Raises InputError where the sensors cannot give the requested drifts.
     """
@@ -434,34 +427,29 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
     a0 = shares = 1.0 + plan.sensor_spread * (2.0 * draws[:, 1] - 1.0)
     rise = plan.high - plan.reference
-    targets = []
-    for drift in drifts:
-        scale, positions = drift.unit.to_internal, plan.positions[drift.component]
-        G = np.zeros((len(positions), len(names)))
+
+    def gradients(drift: ThermalEstimate) -> FloatArray:
+        """G (places, s) in the drift's unit per degC."""
+        positions = plan.positions[drift.component]
         place = np.zeros(len(positions)) if drift.degree == 0 else positions
-        G[:, [names.index(sensor) for sensor in drift.sensors]] = drift.gradients(place).T / scale
-        raw, limit = rise * G @ a0, plan.limits[drift.unit.dimension] / scale
-        value, rank = np.clip(raw, -limit, limit), 1 + bool((np.abs(raw) > limit).any())
-        if drift.component in plan.settled:
-            value, rank = plan.settled[drift.component] / scale, 0
-        targets.append((rank, drift, G, value))
-    base_G, base = np.zeros((0, len(names))), np.zeros(0)
-    # Limits come last: they may give way, and what is within them shall stay so.
-    for rank, drift, G, value in sorted(targets, key=lambda target: target[0]):
-        all_G, d = np.vstack([base_G, G]), np.concatenate([base, value])
-        a = a0
-        if rise != 0:
-            a = a0 + np.linalg.pinv(all_G) @ (d / rise - all_G @ a0)
-        residual = np.abs(rise * all_G @ a - d).max()
-        if residual <= _REACHED * max(1.0, float(np.abs(d).max())):
-            base_G, base, shares = all_G, d, a
-        elif rank == 0:
-            requested, near = (" ".join(f"{x:.4g}" for x in y) for y in (value, rise * G @ a))
+        G = np.zeros((len(positions), len(names)))
+        G[:, [names.index(sensor) for sensor in drift.sensors]] = drift.gradients(place).T
+        return G / drift.unit.to_internal
+
+    requested = [drift for drift in drifts if drift.component in plan.settled]
+    targets = [plan.settled[drift.component] / drift.unit.to_internal for drift in requested]
+    if requested and rise != 0:
+        G, d = np.vstack([gradients(drift) for drift in requested]), np.concatenate(targets)
+        shares = a0 + np.linalg.pinv(G) @ (d / rise - G @ a0)
+    for drift, target in zip(requested, targets, strict=True):
+        reached = rise * gradients(drift) @ shares
+        if np.abs(reached - target).max() > _REACHED * max(1.0, float(np.abs(target).max())):
+            asked, near = (" ".join(f"{x:.4g}" for x in y) for y in (target, reached))
             raise error(
                 "not-applicable",
                 reason=f"--settled-drift: no shares of the sensors in the rise of {rise:.4g} degC "
                 f"give {drift.component} the settled drift",
-                value=f"{drift.component}: {requested}",
+                value=f"{drift.component}: {asked}",
                 expected=f"about {near} {drift.unit.name} (nearest to all that is asked): drifts "
                 "differ only where the gradients of the sensors do",
             )

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from mtu_cli.files.headers import LISTED_FAULTS
 from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.study import Datum
-from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
+from mtu_cli.findings import InputError, finding
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means
 
 PassKey = tuple[int, int, int]
 """(file, pass, direction)."""
@@ -326,13 +326,6 @@ def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray
     return U[:, size > ROUNDING * size[0]]
 
 
-def incomplete_datum() -> Finding:
-    """The warning of parts that lack some of the features that the others have."""
-    consequence = "the datum is fitted to the features that a part has"
-    facts = {"what": "features of some parts", "names": ["--datum"], "consequence": consequence}
-    return finding("missing-values", **facts)
-
-
 def without(Q: FloatArray, errors: FloatArray) -> FloatArray:
     """Errors (n * a, ...) less their least-squares rigid motion, e - Q Q'e; rounding is 0."""
     rest = np.asarray(errors - Q @ (Q.T @ errors))
@@ -389,28 +382,25 @@ def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -
     return result
 
 
-def aligned(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, list[Finding]]:
-    """The points with best-fit alignment removed from each visit, and the warning of incomplete
-    visits, which lack a feature of their operation.
-    """
+def aligned(points: Points, axes: tuple[int, ...], datum: Datum) -> Points:
+    """The points with best-fit alignment removed from each visit."""
     if datum == "none" or not axes:
-        return points, []
+        return points
     chosen = list(axes)
     errors = points.measured[:, chosen] - points.nominal[:, chosen]
-    rest, _, complete = datum_errors(points, errors, axes, datum)
     measured = points.measured.copy()
-    measured[:, chosen] = points.nominal[:, chosen] + rest
-    return replace(points, measured=measured), [] if complete else [incomplete_datum()]
+    measured[:, chosen] = points.nominal[:, chosen] + datum_errors(points, errors, axes, datum)[0]
+    return replace(points, measured=measured)
 
 
 def datum_errors(
     points: Points, errors: FloatArray, axes: tuple[int, ...], datum: Datum
-) -> tuple[FloatArray, BoolArray, bool]:
-    """Errors (n, A) of the points less each visit's best-fit motion, those (n,) that it removes
-    entirely, and whether all visits are complete.
+) -> tuple[FloatArray, BoolArray]:
+    """Errors (n, A) of the points less each visit's best-fit motion, and those (n,) that it removes
+    entirely.
     """
     if datum == "none" or not axes:
-        return errors, np.zeros(len(errors), bool), True
+        return errors, np.zeros(len(errors), bool)
     visits = visits_of(points)
     at = visits.of_point, points.feature
     table = np.full((len(visits.part), len(points.features), len(axes)), np.nan)
@@ -423,11 +413,7 @@ def datum_errors(
     mask = np.zeros(there.shape, bool)
     for rows, columns, Q in motions:
         mask[np.ix_(rows, columns)] = Q.shape[0] == Q.shape[1]
-    complete = True
-    for operation in np.unique(visits.operation):
-        of_it = there[visits.operation == operation]
-        complete &= bool((of_it == of_it.any(axis=0)).all())
-    return without_motions(table[..., None], motions, len(there))[at][..., 0], mask[at], complete
+    return without_motions(table[..., None], motions, len(there))[at][..., 0], mask[at]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -458,17 +444,8 @@ class Cells:
         """Means (P, H, ...) of values (n, ...), nan where there are none; equal values keep their
         digits.
         """
-        if not len(values):
-            return np.full((*self.shape, *values.shape[1:]), np.nan)
-        first = np.zeros(math.prod(self.shape), np.int64)
-        first[self.cell[::-1]] = np.arange(len(values))[::-1]
-        result = values[first].astype(float)
-        away = np.zeros_like(result)
-        np.add.at(away, self.cell, values - result[self.cell])
-        count = self.repeats.ravel()
-        result += away / np.maximum(count, 1).reshape(-1, *(1,) * (values.ndim - 1))
-        result[count == 0] = np.nan
-        return result.reshape(*self.shape, *values.shape[1:])
+        means = group_means(values, self.cell, math.prod(self.shape))
+        return means.reshape(*self.shape, *values.shape[1:])
 
     @cached_property
     def repeats(self) -> IntArray:

@@ -56,8 +56,7 @@ def _least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
         return ""
     low = min((c for _, c in pairs), key=lambda c: c.probability)
     least = listed(name for name, c in pairs if c.probability == low.probability)
-    # Those of Monte Carlo have a standard error.
-    text = chance(low.probability, getattr(low, "se", 0.0))
+    text = chance(low.probability, low.se)
     return f"The least probability of conformance is {text} %, of {least}"
 
 
@@ -85,8 +84,8 @@ def point(axes: Sequence[str]) -> Fields:
                 independent.var_AXIS_um2 | prediction.independent_variance | its square | -, json
             shares.AXIS. | split(AXIS) | *shares
         conformance.
-            position_um | | diameter of the zone of true position; conformance is null without \
-                | position, diameter(), csv=position_um, size=as_stated()
+            position_um | tolerance.high | diameter of the zone of true position; conformance is \
+                null without | position, diameter(), csv=position_um, size=as_stated()
             *conforming
             se | | standard error of the probability (Monte Carlo) | -, json
         outside_measured_range | outside | components whose measured range it leaves | -, json

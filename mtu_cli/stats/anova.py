@@ -15,10 +15,9 @@ import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri
 
 from mtu_cli.stats.coverage import PROBABILITY
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means, quotient
 from mtu_cli.stats.resolution import hidden
 
-_BLOCK = 1 << 15
 OfTables = TypeVar("OfTables", bound=Any)
 
 
@@ -70,34 +69,24 @@ def only(of: OfTables, rows: Any) -> OfTables:
     return replace(of, **arrays)
 
 
-def cells_of(
-    values: FloatArray, cell: IntArray, tables: int, parts: int, *, spare: bool = False
-) -> Cells:
+def cells_of(values: FloatArray, cell: IntArray, tables: int, parts: int) -> Cells:
     """Counts, means and sums of squares of `values` (n,) in `cell` = table * parts + part.
 
     Values are taken about one of their table before anything is summed: large common leading
-    digits would otherwise be lost (NIST StRD, SmLs07-09). Works block by block where it can:
-    what fits the cache needs no further memory. `spare` values may be overwritten.
+    digits would otherwise be lost (NIST StRD, SmLs07-09).
     """
-    size = tables * parts
-    blocks = [slice(start, start + _BLOCK) for start in range(0, len(values), _BLOCK)]
+    size, table = tables * parts, cell // parts
     origin = np.zeros(tables)
-    for block in blocks:
-        origin[cell[block] // parts] = values[block]
-    shifted = values if spare else np.empty(len(values))
-    for block in blocks:
-        np.subtract(values[block], origin[cell[block] // parts], out=shifted[block])
+    origin[table] = values
+    rest = values - origin[table]
     n = np.bincount(cell, minlength=size).astype(np.float64)
-    total = np.bincount(cell, shifted, minlength=size)
-    mean = np.divide(total, n, out=np.zeros(size), where=n > 0)
-    for block in blocks:
-        shifted[block] -= mean[cell[block]]
+    mean = np.nan_to_num(group_means(rest, cell, size))
+    rest -= mean[cell]
     # A second pass takes up the rounding of the means.
-    rest = np.bincount(cell, shifted, minlength=size)
-    step = np.divide(rest, n, out=np.zeros(size), where=n > 0)
+    left = np.bincount(cell, rest, minlength=size)
+    step = np.divide(left, n, out=np.zeros(size), where=n > 0)
     mean += step
-    np.square(shifted, out=shifted)
-    each = np.bincount(cell, shifted, minlength=size) - rest * step
+    each = np.bincount(cell, rest * rest, minlength=size) - left * step
     within = np.asarray(each, np.float64).reshape(tables, parts)
     squares: FloatArray = within.sum(axis=1)
     # What equal repeats leave of a sum of squares, their mean being rounded.

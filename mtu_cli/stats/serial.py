@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray
+from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray, group_means
 
 MEMORY = (0.3, 0.5, 0.7, 0.8, 0.88, 0.93, 0.96, 0.98, 0.99)
 SHARE = (0.2, 0.4, 0.6, 0.8, 1.0)
@@ -203,11 +203,7 @@ def first_order_lag(signal: FloatArray, time: FloatArray, time_constants: FloatA
     """
     new = np.concatenate([[True], np.diff(time) != 0])
     starts, moment = np.flatnonzero(new), np.cumsum(new) - 1
-    T, first = signal, signal[starts]
-    if len(starts) < len(signal):
-        # About the first of them: equal rows keep their value to the last digit.
-        sums = np.add.reduceat(signal - first[moment], starts, axis=0)
-        T = first + sums / np.bincount(moment)[:, None]
+    T = signal if new.all() else group_means(signal, moment, len(starts))
     tau = np.asarray(time_constants, float)
     slow = tau[tau > 0][:, None]
     lagged = np.repeat(T[None], len(slow), axis=0)

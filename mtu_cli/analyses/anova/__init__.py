@@ -107,12 +107,12 @@ def analyse_variance(
     Raises InputError for a feature that stands twice in one repeat of one part, and a row or
     column that is off its axis.
     """
-    aligned_points, incomplete = aligned(points, axes_of(points), datum)
+    aligned_points = aligned(points, axes_of(points), datum)
     tables: dict[Kind, MeasuredTables] = {
         "feature": feature_tables(aligned_points, rounding=roundings(points))
     }
     measured = [AXES[k] for k in range(3) if np.isfinite(points.measured[:, k]).any()]
-    warnings = [*axis_warnings(points, measured, "", "{} is left out"), *incomplete]
+    warnings = axis_warnings(points, measured, "", "{} is left out")
     if part is not None:
         lengths, angles = part.part.lengths, part.part.orthogonality
         names = [name for item in lengths for name in (item.from_, item.to)]

@@ -130,6 +130,7 @@ def test_every_missing_figure_has_a_warning(tmp_path: Path) -> None:
     assert told(three_holes(6, 1, 1)) == always | {"no-repeats"}
     keep = np.arange(len(whole)) != 5
     assert told(whole.where(keep)) == always
+    assert told(whole.where(keep), "offset") - told(whole, "offset") == {"missing-values"}
     assert told(only_features(whole, "ab")) == always | {"not-measured"}
     alone = compare(model, part, only_features(whole, "a"), Settings(), "offset,rotation")
     assert set(alone.features.verdicts) == {None}

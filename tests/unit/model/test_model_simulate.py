@@ -266,7 +266,6 @@ STILL = DriftPlan(
     reference=20.0, low=20.0, high=26.0, room_lag=30.0, room_wobble=0.0, sensor_lag=(5.0, 25.0),
     sensor_spread=0.05, sensor_wobble=0.0, sensor_noise=0.0, cycles=3, minutes=30.0, interval=2.0,
     soak=10.0, positions={"p": np.array([0.0, 200.0])}, noise={1: 0.0, 0: 0.0}, settled={},
-    limits={1: 1.0, 0: 1.0},
 )  # fmt: skip
 NOISY = replace(STILL, room_wobble=0.5, sensor_wobble=0.8, sensor_noise=0.015)
 A, B = "T_a_degC", "T_b_degC"
@@ -346,14 +345,11 @@ def test_shares_move_as_little_as_the_settled_drifts_ask_for() -> None:
     shares = sensors_for([drift()], asked, 1).shares
     # 6 K: 30 a - 12 b at 0 mm and 30 a at 200 mm.
     assert shares == pytest.approx([0.6, 0.5], abs=1e-9)
-    # One place, two sensors: the change is along the gradients, which no smaller one can do; so it
-    # is where a limit is exceeded.
-    one = replace(NOISY, positions={"p": np.array([0.0])})
-    six = {"p": np.array([6e-3])}
-    for given in (replace(one, settled=six), replace(one, limits={1: 6e-3, 0: 1.0})):
-        shares = sensors_for([drift()], given, 1).shares
-        assert (shares - drawn)[0] * -2 == pytest.approx((shares - drawn)[1] * 5)
-        assert 6 * (5 * shares[0] - 2 * shares[1]) == pytest.approx(6)
+    # One place, two sensors: the change is along the gradients, which no smaller one can do.
+    one = replace(NOISY, positions={"p": np.array([0.0])}, settled={"p": np.array([6e-3])})
+    shares = sensors_for([drift()], one, 1).shares
+    assert (shares - drawn)[0] * -2 == pytest.approx((shares - drawn)[1] * 5)
+    assert 6 * (5 * shares[0] - 2 * shares[1]) == pytest.approx(6)
 
 
 def test_drifts_that_the_sensors_cannot_give() -> None:

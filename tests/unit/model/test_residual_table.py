@@ -32,7 +32,7 @@ from mtu_cli.analyses.correct import correct
 from mtu_cli.files.readings import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError
-from mtu_cli.model.covariates import FEW_ROWS, without_gaps, without_repeated
+from mtu_cli.model.covariates import without_repeated
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residuals import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings
@@ -229,9 +229,6 @@ def test_measurements_that_the_motions_take_whole_are_left_out(tmp_path: Path) -
     assert table.parts == ("P0", "P1", "P2")
     assert (table.repeats == 2).all()
     assert table.covariates["sequence"].ravel().tolist() == [1, 2, 3]
-    some = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature > 1)))
-    _, warned = residual_table(model, some, {}, "offset")
-    assert codes(warned) == ["missing-values"]
     single = rows(points, np.flatnonzero(points.feature == 1))
     with pytest.raises(InputError, match="takes all errors"):
         residual_table(model, single, {}, "offset")
@@ -279,7 +276,7 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
         "T_bed_degC": points.part + 0.1 * points.feature,
         "T_cmm_degC": np.random.default_rng(0).normal(20, 1, n),
         "gap": np.where(np.arange(n) == 3, np.nan, 1.0),
-        "hole": np.where(np.arange(n) < 5, np.nan, 1.0),
+        "hole": np.where(points.part == 2, np.nan, 1.0),
         "who": np.array(["a"] * n, object),
         "worn": np.array(["", "3", "n/a", *["2"] * (n - 6), "-", "", "4"], object),
     }
@@ -289,11 +286,11 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
     assert shapes == {
         "dir_x": (4, 1), "dir_y": (4, 1), "sequence": (4, 1), "time_min": (4, 3),
         "T_room_degC": (1, 1), "tool_parts": (4, 1), "depth": (1, 3), "T_bed_degC": (4, 3),
-        "T_cmm_degC": (4, 3),
+        "T_cmm_degC": (4, 3), "gap": (1, 1),
     }  # fmt: skip
-    assert codes(warned) == ["not-tested", "missing-values"]
+    assert codes(warned) == ["not-tested", "missing-values", "missing-values"]
     assert "gap (1 of" in warned[1].message
-    assert "hole (5 of" in warned[1].message
+    assert f"hole ({np.count_nonzero(points.part == 2)} of" in warned[2].message
     mixed = f"'worn' (2 of {n - 2} cells, such as 'n/a')"
     assert warned[0].facts["items"] == ["'who'", mixed]
     # Cells without a reading hold the mean of their part's cells.
@@ -364,57 +361,55 @@ def with_gaps(**rows: list[int]) -> Points:
     return replace(points, covariates=columns)
 
 
-def test_few_gaps_cost_their_rows(tmp_path: Path) -> None:
-    """The table is that of the other rows; a covariate of the model must be whole."""
+def test_a_gap_is_the_other_repeats_or_the_mean_of_the_part(tmp_path: Path) -> None:
+    """A covariate of the model must be whole."""
     model, points = stated(tmp_path, MACHINE), with_gaps(T_room_degC=[17], tool_parts=[17, 40])
-    kept = np.ones(len(points), bool)
-    kept[[17, 40]] = False
     table, warned = residual_table(model, points)
-    other, _ = residual_table(model, points.where(kept))
-    np.testing.assert_array_equal(table.errors, other.errors)
-    np.testing.assert_array_equal(table.repeats, other.repeats)
-    for name in ("T_room_degC", "tool_parts"):
-        np.testing.assert_array_equal(table.covariates[name], other.covariates[name])
+    whole, _ = residual_table(model, with_gaps(T_room_degC=[], tool_parts=[]))
+    np.testing.assert_array_equal(table.errors, whole.errors)
     assert codes(warned) == ["missing-values"]
-    assert warned[0].facts["names"] == ["T_room_degC", "tool_parts"]
-    first = f"2 of 80 rows left out, the first {points.sources[0].shown}, row {points.row[17]}"
-    assert warned[0].facts["consequence"] == first
+    first = f"T_room_degC (1 of 80 rows, the first {points.sources[0].shown}, row {points.row[17]})"
+    assert warned[0].facts["names"][0] == first
+    part, feature = points.part[17], points.feature[17]
+    h = table.features.index(points.features[feature])
+    same = (points.part == part) & (points.feature == feature)
+    (other,) = np.setdiff1d(np.flatnonzero(same), [17])
+    changed = whole.covariates["T_room_degC"].copy()
+    changed[part, h] = other
+    np.testing.assert_array_equal(table.covariates["T_room_degC"], changed)
+    # Both repeats are gaps.
+    table, _ = residual_table(model, with_gaps(T_room_degC=[17, int(other)]))
+    changed[part, h] = np.delete(changed[part], h).mean()
+    np.testing.assert_allclose(table.covariates["T_room_degC"], changed, rtol=1e-12)
+    # What changes within parts and is unknown in more cells than a few is no covariate.
+    empty = [int(i) for i in np.flatnonzero((points.feature % 3 == 0) & (points.part == 2))]
+    empty += [int(i) for i in np.flatnonzero((points.feature % 4 == 1) & (points.part == 3))]
+    table, warned = residual_table(model, with_gaps(T_room_degC=empty, tool_parts=[]))
+    assert "T_room_degC" not in table.covariates
+    assert "can be tested" in warned[-1].message
     needing = stated(tmp_path, MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1))
     with pytest.raises(InputError, match="empty cell"):
         residual_table(needing, with_gaps(T_room_degC=[17]))
 
 
-def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
-    """Of two columns whose gaps are too many together, the one that has fewer stays."""
-    points = with_gaps(rare=[3], often=[4, 5, 6, 7], most=list(range(30)))
-    assert 4 <= FEW_ROWS * len(points) < 5
-    table, told = residual_table(stated(tmp_path, MACHINE), points)
-    assert {"rare"} <= set(table.covariates)
-    assert not {"often", "most"} & set(table.covariates)
-    names = [[name.partition(",")[0] for name in item.facts["names"]] for item in told]
-    assert names == [["rare"], ["often (4 of 79 rows", "most (29 of 79 rows"]]
+def test_a_covariate_that_some_part_has_nothing_of_is_left_out(tmp_path: Path) -> None:
+    """One that stands once a part is that of the part."""
+    points = measured(5, 8, 2)
+    once, none = (np.asarray(points.part + 0.1, np.float64) for _ in range(2))
+    once[np.setdiff1d(np.arange(80), np.unique(points.part, return_index=True)[1])] = np.nan
+    none[points.part == 4] = np.nan
+    given = replace(points, covariates={"once": once, "none": none})
+    table, warned = residual_table(stated(tmp_path, MACHINE), given)
+    assert table.covariates["once"].ravel().tolist() == [0.1, 1.1, 2.1, 3.1, 4.1]
+    assert "none" not in table.covariates
+    assert [each.facts["names"][0].partition(" (")[0] for each in warned] == ["once", "none"]
 
 
-@pytest.mark.parametrize("whole", ["part", "feature", "same"])
-def test_no_part_or_feature_goes_for_a_covariate(whole: str) -> None:
-    """Nor a row for one that is the same everywhere, of which there is nothing to test."""
-    points = measured(30, 30, 1)
-    column = np.arange(len(points), dtype=float)
-    if whole == "same":
-        column[:] = 7.0
-        column[3] = np.nan
-    else:
-        column[getattr(points, whole) == 4] = np.nan
-    points = replace(points, covariates={"batch": column, "empty": column * np.nan})
-    assert np.isnan(column).sum() <= FEW_ROWS * len(points)
-    assert without_gaps(points, ()) == (points, [])
-
-
-def written(seed: int = 1, digits: int = 4) -> Points:
-    """As a CMM writes it: 0.1 um unless said, errors of some 5 um."""
+def written() -> Points:
+    """As a CMM writes it: 0.1 um, errors of some 5 um."""
     _, truth, part = study()
-    found = made(truth, part, seed, parts=6)
-    return replace(found, measured=np.round(found.measured, digits))
+    found = made(truth, part, seed=1, parts=6)
+    return replace(found, measured=np.round(found.measured, 4))
 
 
 def repeats(found: Points, column: FloatArray, needed: tuple[str, ...] = ()) -> str | None:
@@ -437,10 +432,9 @@ WRITTEN: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
 
 def test_what_repeats_the_error_is_taken_out_and_what_goes_with_it_stays() -> None:
     """In mm or um, with the other sign, as the diameter of the position. Not a cause of nearly all
-    of it, the error less a part's own, one entry that is another; nor what repeats errors that are
-    hardly more than the digits they are given to.
+    of it, the error less a part's own, one entry that is another.
     """
-    found, coarse = written(), written(digits=2)
+    found = written()
     errors = found.measured - found.nominal
     for words, make in WRITTEN.items():
         column = make(errors, found.measured)
@@ -452,4 +446,3 @@ def test_what_repeats_the_error_is_taken_out_and_what_goes_with_it_stays() -> No
     other[5] += 0.5 * own.std()
     for column in (own + noise, other, own - own.mean(), np.sign(own)):
         assert repeats(found, column) is None
-    assert repeats(coarse, (coarse.measured - coarse.nominal)[:, 0]) is None

@@ -40,7 +40,7 @@ from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_report
-from mtu_cli.model.measurands import Conformance, PositionConformance
+from mtu_cli.model.measurands import Conformance
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
 from mtu_cli.reports import graph_drawing, predictions
@@ -122,8 +122,9 @@ def test_tables_fit_and_round_to_the_uncertainty(
 
 def test_the_verdict_states_the_least_conformance(paper: Example) -> None:
     points, angles = paper.points(), paper.angles()
-    sure, less = (PositionConformance(position_um=50, probability=p, se=0.002) for p in (0.99, 0.9))
-    none: list[PositionConformance | None] = [None] * 24
+    zone = Tolerance(low=0, high=50)
+    sure, less = (Conformance(tolerance=zone, probability=p, se=0.002) for p in (0.99, 0.9))
+    none: list[Conformance | None] = [None] * 24
     stated = replace(points, conformance=(*none[3:], sure, less, less))
     last = ", ".join(points.prediction.ids[-2:])
     text = f"The least probability of conformance is 90.0 ± 0.2 %, of {last}."
