@@ -189,7 +189,7 @@ WRITTEN = declare("""
     report | path .html .htm .pdf | FILE | A report to hand on: .html (.pdf with an extra)
     to | path .svg .png .pdf .dot .mmd .pl | FILE | Picture, or text: .dot, .mmd, .pl | required
     to_file | path | FILE | The table for the control
-    to_nc | path .nc .ngc .mpf .h .txt | FILE | The verification moves as G-code
+    to_nc | path .nc .ngc .txt | FILE | The verification moves as G-code (RS-274)
     to_csv | path -o --out .csv | FILE | The contract's CSV; without it on standard output
     write_machine | path .yaml .yml | FILE | The machine YAML with the found effects added to it
     write_components | path .json | FILE | Components report (-c) with the effects' covariance

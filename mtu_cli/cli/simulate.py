@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from mtu_cli.files.contract import A_NAME, is_identifier, is_name
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.headers import POINTS as POINTS_TABLE
 from mtu_cli.files.source import SYNTHETIC
-from mtu_cli.findings import InputError, error, listed
+from mtu_cli.findings import InputError, error, finding, listed
 from mtu_cli.formats.base import Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.formats.renishaw import run_file
@@ -49,6 +50,13 @@ def simulate(inputs: Inputs) -> Result:
     # Components that are in no equation are not simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings = [each for each in of_machine if each.facts["what"] == "component"]
+    panels = set().union(*(_panels(inputs, name) for name in paths))
+    why = ": none of the files that are written depends on it"
+    warnings += [
+        finding("option-not-used", path=option_name(name), why=why)
+        for name in _given(inputs)
+        if OPTIONS[name].panel not in panels and OPTIONS[name].default is None
+    ]
     tables = {name: MAKERS[name](inputs, model) for name in paths}
     first = next(iter(tables.values()))
     document = Listing(
@@ -62,17 +70,26 @@ def simulate(inputs: Inputs) -> Result:
     return Result(inputs, document, warnings, files=files)
 
 
+def _panels(inputs: Inputs, name: str) -> set[str]:
+    """The panels of the options on which a file depends, by the option that names it."""
+    panels = {"write_cmm": {POINTS}, "write_drift": {DRIFT, CLIMATE}}.get(name, {READINGS})
+    return panels | ({CLIMATE} if name == "write_cmm" and inputs.options.cmm_room else set())
+
+
+def _given(inputs: Inputs) -> dict[str, list[Any]]:
+    """The values of the options of files, of those that have any."""
+    values = {x: v for x, v in inputs.options.values.items() if OPTIONS[x].panel and v is not None}
+    return {name: v if isinstance(v, list) else [v] for name, v in values.items() if v != []}
+
+
 def _heading(inputs: Inputs, name: str) -> str:
     """Comment lines that mark the file as synthetic, with the options that made it."""
-    options, seed = inputs.options, inputs.settings.seed
-    panels = {DRIFT, CLIMATE} if name == "write_drift" else {READINGS, POINTS}
-    if name == "write_cmm" and options.cmm_room:
-        panels.add(CLIMATE)
+    seed, panels = inputs.settings.seed, _panels(inputs, name)
     arguments = [
         f"{option_name(name)} {shlex.quote(' '.join(str(item).split()))}"
-        for name, value in options.values.items()
-        if OPTIONS[name].panel in panels and value is not None and value != []
-        for item in (value if isinstance(value, list) else [value])
+        for name, values in _given(inputs).items()
+        if OPTIONS[name].panel in panels
+        for item in values
     ]
     first = f"{SYNTHETIC}, no machine made it: mtu simulate {__version__}, seed {seed}"
     return f"{first}\n# {' '.join(arguments)}\n"

@@ -273,6 +273,10 @@ def test_a_run_file_holds_what_the_csv_does(tmp_path: Path) -> None:
         assert np.allclose(read["error"] * unit, own["error"], rtol=0, atol=1e-3)
         for column in ("position_mm", "pass", "direction"):
             assert (read[column].to_numpy() == own[column].to_numpy()).all()
+    # Of parts alone: a run of the laser does not have it, and does not say so.
+    effect = ("--effect", "Ex: 0.003*dir_x", "--laser-component", "dx_x", "--write-laser", "e.rtl")
+    assert "--effect: changes nothing" in done(mtu(*call, *effect, cwd=tmp_path)).stderr
+    assert b"--effect" not in (tmp_path / "e.rtl").read_bytes()
 
 
 def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
