@@ -66,6 +66,7 @@ ONE = declare(
     name | | name of the output; where it is the only one its figures stand in `results` itself, \
         without `outputs`
     unit | | unit of the output
+    equation | | its measurement model, as the file has it but for the spelling
     value | | value at the estimates of the inputs
     u | | standard uncertainty of first order (JCGM 100, 5.1.2)
     second_order.value | second_value | value to the second order
@@ -148,9 +149,10 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     units = {item.unit for item in outputs}
     fields = row(units.pop() if len(units) == 1 else "", several=not single)
     lines = [line for item in outputs for line in rows_of(item, len(item.inputs))]
-    footer = "share of u^2: half of every covariance belongs to each of its two inputs"
-    footer *= any(math.isfinite(line.share) for line in lines if line.inputs.u)
-    contributions = Table(f"{result.name}: contributions", fields, lines, footer)
+    models = [f"{item.name} = {item.equation}" for item in outputs]
+    if any(math.isfinite(line.share) for line in lines if line.inputs.u):
+        models.append("share of u^2: half of every covariance belongs to each of its two inputs")
+    contributions = Table(f"{result.name}: contributions", fields, lines, "\n".join(models))
     rows = [each for item in outputs for each in _estimates(item)]
     footer = f"intervals for {percent:.4g} %; of first order: value ± k u with "
     footer += listed(map(_factor, outputs))

@@ -15,7 +15,7 @@ from scipy.special import ndtr
 from mtu_cli.analyses.budget.inputs import ROUNDING, InputQuantity, Inputs, inputs_of
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.language import Node, evaluate, names
+from mtu_cli.language import Node, evaluate, names, to_text
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.model.settings import MOST_TRIALS, Settings, validation_warnings
 from mtu_cli.stats.blocks import Draws, Workspace
@@ -239,6 +239,7 @@ class OutputBudget(FirstOrder):
     """
 
     unit: str
+    equation: str
     k: float
     k_probability: float
     validation: Validation
@@ -401,6 +402,7 @@ def evaluate_budget(
         OutputBudget(
             **vars(item),
             unit=loaded.units[item.name],
+            equation=to_text(loaded.trees[item.name]),
             k=factors[i] if k is None else k,
             k_probability=factors[i],
             validation=verdicts[i],
