@@ -29,7 +29,6 @@ from mtu_cli.files.effects import (
     Search,
     filled,
     load_effects,
-    marks,
     number_of,
 )
 from mtu_cli.files.source import Source
@@ -198,16 +197,16 @@ CYCLIC = (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y"))
 
 def of_candidates(family: Family, data: TableData) -> Iterator[Binding]:
     """A binding of the axes in its name for each candidate of a family."""
-    named, allowed, axes = marks(family.label), family.axes, data.axes
-    if named & {"n", "b"}:
+    named, allowed, axes = family.name_axes, family.axes, data.axes
+    if len(named) > 1:
         # An angle to an axis that was not measured is a tilt, as of `abbe` and `straightness`.
         axes = tuple(axis for axis in axes if axis in data.table.axes)
-    groups: Iterable[tuple[str, ...]] = combinations(axes, 2 if "b" in named else "a" in named)
+    groups: Iterable[tuple[str, ...]] = combinations(axes, len(named))
     if "n" in named:
         groups = (group for group in CYCLIC if {*group[:2]} <= {*axes})
     for group in groups:
         if allowed is None or not group or group[0] in allowed:
-            yield dict(zip("abn", group, strict=False))
+            yield dict(zip(named, group, strict=True))
 
 
 def of_members(form: MemberTemplate, binding: Binding, data: TableData) -> Iterator[Binding | str]:
