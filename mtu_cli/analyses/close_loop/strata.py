@@ -17,8 +17,6 @@ import numpy as np
 from mtu_cli.model.effect_library import Levers
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
-Short = tuple[FloatArray, FloatArray, FloatArray]
-"""Of an orthonormal basis diag(s) - L R with few columns L: s, L and R."""
 NONE = -1
 
 
@@ -46,13 +44,11 @@ class Strata:
     the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
     `slices[s]`, along the axis `axis[s]`; its kind `kinds[s]` is part, line, feature or
     interaction. `spread` (N,) are standard deviations relative to the stratum's; `bends` (H,) the
-    variance of each part's bends, by direction of the features (mean 1). `short` is, by axis, a
-    basis of the features in the form in which rows are turned in less time.
+    variance of each part's bends, by direction of the features (mean 1).
     """
 
     of_parts: FloatArray
     of_features: FloatArray
-    short: tuple[Short | None, ...]
     place: IntArray
     at: IntArray
     slices: tuple[slice, ...]
@@ -91,13 +87,7 @@ class Strata:
         """
         P, H, _ = self.shape
         p, h = values.shape[-2:]
-        if h < H:
-            result = values * np.sqrt(H)
-        elif (short := self.short[a]) is None:
-            result = values @ self.of_features[a]
-        else:
-            signs, L, R = short
-            result = values * signs - (values @ L) @ R
+        result = values * np.sqrt(H) if h < H else values @ self.of_features[a]
         return to_contrasts(result) if p > 1 else result * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
@@ -168,22 +158,17 @@ def strata_of(
     A, H = len(lines), len(lines[0])
     bases, bends = np.zeros((A, H, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
-    first, shorts = 1 if features_scatter else 0, list[Short | None]()
+    first = 1 if features_scatter else 0
     for a, directions in enumerate(lines):
         begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), directions])
         k = begin.shape[1]
         basis, R = np.linalg.qr(begin, mode="complete")
         signs = np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
-        bases[a], short = basis * signs, None
-        if roughness is None and k < H:
-            # k reflections: I - basis is of rank k, its first columns and rows make all of it.
-            change = np.eye(H) - basis
-            short = signs, change[:, :k] @ np.linalg.inv(change[:k, :k]), change[:k] * signs
-        elif roughness is not None and k < H:
+        bases[a] = basis * signs
+        if roughness is not None and k < H:
             values, turn = np.linalg.eigh(bases[a, :, k:].T @ roughness @ bases[a, :, k:])
             bases[a, :, k:] = bases[a, :, k:] @ turn[:, ::-1]
             bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
-        shorts.append(short)
         rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
         groups = [("part", (rest, slice(0, 1)))]
         groups += [("feature", (slice(0, 1), rest))] if features_scatter else []
@@ -203,7 +188,6 @@ def strata_of(
     return Strata(
         of_parts=to_contrasts(np.eye(P)).T,
         of_features=bases,
-        short=tuple(shorts),
         place=place,
         at=at.reshape(label.shape),
         slices=tuple(map(slice, ends[:-1], ends[1:])),
