@@ -20,22 +20,6 @@ from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 NONE = -1
 
 
-def to_contrasts(tables: FloatArray) -> FloatArray:
-    """Coordinates of tables (..., P, H) by part in an orthonormal basis, the first column constant
-    (Helmert), in a time that grows as P.
-
-    >>> to_contrasts(np.eye(2)).round(4).tolist()
-    [[0.7071, 0.7071], [0.7071, -0.7071]]
-    """
-    P = tables.shape[-2]
-    j = np.arange(1.0, P)[:, None]
-    sums = np.cumsum(tables, axis=-2)
-    result = np.empty(tables.shape)
-    result[..., :1, :] = sums[..., -1:, :] / np.sqrt(P)
-    result[..., 1:, :] = (sums[..., :-1, :] - j * tables[..., 1:, :]) / np.sqrt(j * (j + 1))
-    return result
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strata:
     """Coordinates of tables (P, H, A), ordered by stratum.
@@ -88,7 +72,7 @@ class Strata:
         P, H, _ = self.shape
         p, h = values.shape[-2:]
         result = values * np.sqrt(H) if h < H else values @ self.of_features[a]
-        return to_contrasts(result) if p > 1 else result * np.sqrt(P)
+        return self.of_parts.T @ result if p > 1 else result * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) that columns can reach, given by axis in compact shapes (G or 1,
@@ -155,6 +139,8 @@ def strata_of(
     mean of all is in none: every effect has an offset beside it. `roughness` (H, H) is the
     covariance of each part's bends.
     """
+    from scipy.linalg import helmert
+
     A, H = len(lines), len(lines[0])
     bases, bends = np.zeros((A, H, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
@@ -186,7 +172,7 @@ def strata_of(
     at = np.full(flat.shape, NONE)
     at[place] = np.arange(len(place))
     return Strata(
-        of_parts=to_contrasts(np.eye(P)).T,
+        of_parts=helmert(P, full=True).T,
         of_features=bases,
         place=place,
         at=at.reshape(label.shape),
