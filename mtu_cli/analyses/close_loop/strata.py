@@ -211,7 +211,6 @@ class Columns:
         self.means, self.precisions = np.zeros((1, strata.shape[2])), np.ones(1)
         self._ends = np.array([0, *(part.stop for part in strata.slices)])
         self._values = [np.zeros((1, int(n))) for n in strata.sizes]
-        self._used = np.ones(len(strata.slices), int)
         self._rows = np.zeros((len(strata.slices), 1), int)
         """Where a column stands among the values of a stratum; the first row there is zero."""
         self._index: dict[bytes, int] = {}
@@ -251,18 +250,14 @@ class Columns:
         """Indices (m,) of unit columns (m, n) at the coordinates `at` (n,), with means (m, A); no
         others share them, as each has its prior precision in `precisions` (m,).
         """
-        rows, ends = np.zeros((len(self._used), len(units)), int), np.searchsorted(at, self._ends)
+        rows, ends = np.zeros((len(self._values), len(units)), int), np.searchsorted(at, self._ends)
         for s in np.flatnonzero(np.diff(ends)):
             block = units[:, ends[s] : ends[s + 1]]
             nonzero = np.flatnonzero(block.any(axis=1))
-            i = self._used[s] + np.arange(len(nonzero))
-            self._used[s] += len(nonzero)
-            if (room := len(self._values[s])) < self._used[s]:
-                # Columns come one by one in a search.
-                growth = self._used[s] + self._used[s] // 4 - room
-                self._values[s] = np.pad(self._values[s], ((0, growth), (0, 0)))
-            self._values[s][i[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[nonzero]
-            rows[s, nonzero] = i
+            values = np.zeros((len(nonzero), self._values[s].shape[1]))
+            values[:, at[ends[s] : ends[s + 1]] - self._ends[s]] = block[nonzero]
+            rows[s, nonzero] = len(self._values[s]) + np.arange(len(nonzero))
+            self._values[s] = np.concatenate([self._values[s], values])
         first = self.count
         self._rows = np.concatenate([self._rows, rows], axis=1)
         self.means = np.concatenate([self.means, means])
@@ -302,7 +297,7 @@ class Columns:
         """
         result = np.zeros((len(self._values), *columns.shape, len(Y)))
         for s, part in enumerate(self.strata.slices):
-            values, rows, Z = self._values[s][: self._used[s]], self._rows[s, columns], Y[:, part].T
+            values, rows, Z = self._values[s], self._rows[s, columns], Y[:, part].T
             nonzero = (rows > 0) & Z.any()
             if 2 * nonzero.sum() > len(values):  # Of most of them: without a copy.
                 result[s] = (values.astype(Z.dtype, copy=False) @ Z)[rows]
