@@ -370,7 +370,6 @@ def _column(raw: str, binding: Binding, data: TableData) -> tuple[str, str | Non
 
 # Candidates.
 
-SCATTER, OFFSET, OUTLIER = "scatter", "offset", "outlier"
 NOTHING_LEFT = "not separable from an offset or from scatter on this data"
 CONSTANT = "a parameter of it is a constant, which is estimated with every effect: leave it out"
 
@@ -425,11 +424,11 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
     """None where the table could not have such an effect."""
     forms, reasons = list[BoundTemplate](), dict[str, None]()
     # Of two neither is the outlier.
-    least = 3 if family.kind == OUTLIER else 2
+    least = 3 if family.kind == "outlier" else 2
     chosen = None if family.over is None else tuple(choices(data.table, family.over))
     if chosen is not None and len(chosen) < least:
         reasons[f"fewer than {least} of {family.over}"] = None
-    elif family.kind == SCATTER:
+    elif family.kind == "scatter":
         for name in family.needs:
             try:
                 check_column(name, data)
@@ -445,7 +444,7 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
                 effect = bound(family, form, form.search, item, data)
                 margins = [bound(family, x, family.search, item, data) for x in family.margins]
                 levers = [node for by_name in effect.levers.values() for node in by_name.values()]
-                if family.kind != OFFSET and not all(any(names(node)) for node in levers):
+                if family.kind != "offset" and not all(any(names(node)) for node in levers):
                     raise NoMember(CONSTANT)
                 forms.append(replace(effect, margins=tuple(margins), chosen=chosen))
             except NoMember as lack:
@@ -454,7 +453,7 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
             return None
     readings, notes = data.table.component is not None, "; ".join(reasons)
     separates = (readings and family.separates_readings) or family.separates
-    missing = not forms if family.kind != SCATTER else bool(reasons)
+    missing = not forms if family.kind != "scatter" else bool(reasons)
     return Candidate(
         name=filled(family.label, binding),
         family=family.family,

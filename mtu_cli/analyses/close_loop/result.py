@@ -231,8 +231,3 @@ class CloseLoopResult:
     tables: tuple[TableResult, ...]
     alpha: float
     warnings: tuple[Finding, ...] = ()
-
-    @property
-    def effects(self) -> tuple[FoundEffect, ...]:
-        """The effects of all tables."""
-        return tuple(effect for table in self.tables for effect in table.effects)

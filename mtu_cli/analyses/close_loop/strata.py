@@ -61,18 +61,8 @@ class Strata:
 
     def coordinates(self, table: FloatArray) -> FloatArray:
         """Coordinates (..., N) of tables (..., P, H, A)."""
-        axes = range(self.shape[2])
-        result = np.stack([self._in_bases(a, table[..., a]) for a in axes], axis=-3)
-        return np.asarray(result.reshape(*result.shape[:-3], -1)[..., self.place] / self.spread)
-
-    def _in_bases(self, a: int, values: FloatArray) -> FloatArray:
-        """Values (..., P or 1, H or 1) along an axis in the bases: what is alike in all parts, or
-        features, has the first coordinate alone.
-        """
-        P, H, _ = self.shape
-        p, h = values.shape[-2:]
-        result = values * np.sqrt(H) if h < H else values @ self.of_features[a]
-        return self.of_parts.T @ result if p > 1 else result * np.sqrt(P)
+        cells = self.of_parts.T @ np.moveaxis(table, -1, -3) @ self.of_features
+        return np.asarray(cells.reshape(*cells.shape[:-3], -1)[..., self.place] / self.spread)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) that columns can reach, given by axis in compact shapes (G or 1,
@@ -83,14 +73,19 @@ class Strata:
         p, h = (max((column.shape[d] for column in values), default=1) for d in (1, 2))
         cells = self.at[axes, :p, :h]
         at = np.sort(cells[cells != NONE])
+        P, H, _ = self.shape
         result = np.zeros((G, len(columns), len(at)))
         for k, lever in enumerate(columns):
             for a, column in lever.items():
-                cells = self.at[a, : column.shape[1], : column.shape[2]]
+                _, p, h = column.shape
+                cells = self.at[a, :p, :h]
                 valid = cells != NONE
+                # What is alike in all parts, or features, has the first coordinate alone.
+                basis = self.of_features[a]
+                turned = np.tensordot(column, basis, 1) if h == H else column * np.sqrt(H)
+                turned = self.of_parts.T @ turned if p == P else turned * np.sqrt(P)
                 places = cells[valid]
-                values = self._in_bases(a, column)[:, valid] / self.spread[places]
-                result[:, k, np.searchsorted(at, places)] = values
+                result[:, k, np.searchsorted(at, places)] = turned[:, valid] / self.spread[places]
         return at, result
 
     @property
