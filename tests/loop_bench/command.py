@@ -51,8 +51,8 @@ def judged(drawn: Drawn, folder: Path, seed: int) -> dict[str, Any]:
         report = json.loads(Path("report.json").read_text())
         aside = [x for x in report["warnings"] if x["code"] == "outliers-set-aside"]
         outliers = sum(len(x["facts"]["entries"]) for x in aside)
-        record = {"code": 0, "seconds": round(seconds, 2), "outliers": outliers}
-        record |= summary(report["results"])
+        record = summary(report["results"])
+        record |= {"code": 0, "seconds": round(seconds, 2), "outliers": outliers}
         if drawn.asks and Path("found.yaml").exists():
             record["predicted"] = [predicted(ask) for ask in drawn.asks]
     return record
