@@ -167,7 +167,7 @@ class Family(Contract):
     def name_axes(self) -> str:
         """The axes that its candidates are named by, and its texts may use: a; a, b; a, b, n."""
         named = marks(self.label)
-        return "abn"[: 3 if "n" in named else 2 if "b" in named else "a" in named]
+        return "abn" if "n" in named else "ab" if "b" in named else "a" if "a" in named else ""
 
     def check(self, faults: Faults) -> None:
         """Its keys and names in braces agree, its equations are linear in the parameters."""

@@ -52,7 +52,7 @@ def effect_text(effect: FoundEffect, item: TableResult) -> str:
 
 
 def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
-    """Those of an effect that `SENTENCE` lists."""
+    """What it is, and the words of a `SENTENCE` that it has."""
     row, column = item.table.nouns
     words = {"says": effect.candidate.says, "row": row, "column": column}
     axis = effect.candidate.axis
