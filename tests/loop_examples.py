@@ -159,7 +159,7 @@ def on_table(
         checks=(("pattern", 0.61), ("walk", 0.002)),
         fired=("walk",) if verdict == "unexplained" else (),
         nameless=False,
-        excluded=(),
+        outliers=np.zeros(own.errors.shape, bool),
         explained=0.3 * own.errors if effects else np.zeros_like(own.errors),
         before=before,
         after=after,

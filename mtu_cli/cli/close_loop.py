@@ -50,7 +50,8 @@ def close_loop(inputs: Inputs) -> Result:
         progress=inputs.settings.progress,
     )
     files, of_files = _written_files(inputs, result)
-    reason = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
+    names = [effect.name for item in result.tables for effect in item.effects]
+    reason = f"verdict {result.verdict}: {listed(names) or 'no name fits'}"
     return Result(
         inputs,
         report.document(result, inputs.settings.digits),
@@ -155,9 +156,8 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
             "roughness_um2_per_mm3": table.roughness / scale**2,
             "between_um2": table.between / scale**2,
         }
-    rows = [p.row for p in parameters]
     f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
-    C = item.covariance[np.ix_(rows, rows)] / np.outer(f, f)
+    C = joint([(effect, item)]) / np.outer(f, f)
     columns = [x for x in effect.used if x not in {*components, *(p.name for p in parameters)}]
     roles = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
     sources = [source for source in inputs.sources if source.role in roles]
@@ -182,7 +182,7 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
             for p, scale in zip(parameters, f, strict=True)
         },
         "components": components,
-        "covariance": ((C + C.T) / 2).tolist() or None,
+        "covariance": C.tolist() or None,
         "equations": _through_component(inputs, item.table.component, effect.equations),
         "seen": item.table.ranges(columns),
         "found": provenance,

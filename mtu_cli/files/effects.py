@@ -32,7 +32,7 @@ from mtu_cli.files.covariates import COVARIATES, NUMBER, POSITIONS, column_dimen
 from mtu_cli.files.machine import AxisName, EquationText, ParameterUnitName
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import read_yaml
-from mtu_cli.findings import InputError, error, finding, nearest
+from mtu_cli.findings import InputError, error, finding, nearest, suggestion
 from mtu_cli.language import Node, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.parser import BRACED
@@ -52,6 +52,14 @@ SCATTERS = ("rotation-scatter", "scale-scatter", "operation-scatter")
 """Effects on the scatter are no equations: close-loop knows these."""
 COLUMNS = "a parameter, a position, a column that `needs` names, or {a} {b} {T} {c} {v}"
 NAMED = f"{IDENTIFIER}; {{each}} in a parameter's"
+WORD = re.compile(r"\{([^{}]*)\}")
+"""What stands in braces in a text."""
+SENTENCE = (
+    "{A} {B} its axes, {value} {size} {twice} its parameter, {wave} the root of the sum of "
+    "squares, {searched} {at} {covariate} {chosen} {values}, {row} part or pass, {column} feature "
+    "or position"
+)
+"""All words that a `sentence` may use."""
 _BRACES = re.compile(r"\{(\w+?)(_low|0|3)?\}", re.ASCII)
 _EQUATION = re.compile(r"E(?:[xyz]|\{(?:a|b|n|each)\})")
 
@@ -114,15 +122,13 @@ class Family(Contract):
 
     family: FamilyName
     name: Name | None = optional("Name of a candidate; family-{a} or the family where not given")
-    says: Text = Field(description="What it is, in words")
-    separates: Text | None = optional("What tells it from its rivals")
+    says: Text = Field(description="What it is, in words; {a} {b} {n}: axes of its `name`")
+    separates: Text | None = optional("What tells it from its rivals; {a} {b} {n} as in `says`")
     separates_readings: Text | None = optional(
         "The same of readings of a component, where it is not the same"
     )
     sentence: str = optional(
-        "What it does, with its size: {A} {B} its axes, {value} {size} {twice} its parameter, "
-        "{wave} the root of the sum of squares, {searched} {at} {covariate} {chosen} {values}, "
-        "{row} part or pass, {column} feature or position; (gains|loses) by the sign of the first "
+        f"What it does, with its size: {SENTENCE}; (gains|loses) by the sign of the first "
         "parameter",
         "",
     )
@@ -157,6 +163,12 @@ class Family(Contract):
         of_axes = any("a" in form.placeholders for form in self.forms)
         return self.name or self.family + "-{a}" * of_axes
 
+    @property
+    def name_axes(self) -> str:
+        """The axes that its candidates are named by, and its texts may use: a; a, b; a, b, n."""
+        named = marks(self.label)
+        return "abn" if "n" in named else "ab" if "b" in named else "a" if "a" in named else ""
+
     def check(self, faults: Faults) -> None:
         """Its keys and names in braces agree, its equations are linear in the parameters."""
         of_members = [faults.at("members", index) for index, _ in enumerate(self.members or ())]
@@ -171,6 +183,12 @@ class Family(Contract):
                     faults.add("missing-key", key=key)
         if self.kind == "outlier" and self.over is None:
             faults.add("missing-key", key="over", expected="over: feature, part or operation")
+        for key in ("name", "says", "separates", "separates_readings", "sentence"):
+            known = WORD.findall(SENTENCE) if key == "sentence" else self.name_axes
+            for word in WORD.findall(getattr(self, key) or ""):
+                if word not in known:
+                    facts = {"what": "name in braces", "value": word, **suggestion(word, known)}
+                    faults.at(key).add("unknown-name", **facts)
         of_forms = (form.placeholders for form in (*self.forms, *self.margins))
         placeholders = marks(self.label).union(*of_forms)
         for mark, other in (("b", "{a}"), ("n", "{b}")):

@@ -29,7 +29,6 @@ from mtu_cli.files.effects import (
     Search,
     filled,
     load_effects,
-    marks,
     number_of,
 )
 from mtu_cli.files.source import Source
@@ -198,16 +197,16 @@ CYCLIC = (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y"))
 
 def of_candidates(family: Family, data: TableData) -> Iterator[Binding]:
     """A binding of the axes in its name for each candidate of a family."""
-    named, allowed, axes = marks(family.label), family.axes, data.axes
-    if named & {"n", "b"}:
+    named, allowed, axes = family.name_axes, family.axes, data.axes
+    if len(named) > 1:
         # An angle to an axis that was not measured is a tilt, as of `abbe` and `straightness`.
         axes = tuple(axis for axis in axes if axis in data.table.axes)
-    groups: Iterable[tuple[str, ...]] = combinations(axes, 2 if "b" in named else "a" in named)
+    groups: Iterable[tuple[str, ...]] = combinations(axes, len(named))
     if "n" in named:
         groups = (group for group in CYCLIC if {*group[:2]} <= {*axes})
     for group in groups:
         if allowed is None or not group or group[0] in allowed:
-            yield dict(zip("abn", group, strict=False))
+            yield dict(zip(named, group, strict=True))
 
 
 def of_members(form: MemberTemplate, binding: Binding, data: TableData) -> Iterator[Binding | str]:
@@ -371,7 +370,6 @@ def _column(raw: str, binding: Binding, data: TableData) -> tuple[str, str | Non
 
 # Candidates.
 
-SCATTER, OFFSET, OUTLIER = "scatter", "offset", "outlier"
 NOTHING_LEFT = "not separable from an offset or from scatter on this data"
 CONSTANT = "a parameter of it is a constant, which is estimated with every effect: leave it out"
 
@@ -426,11 +424,11 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
     """None where the table could not have such an effect."""
     forms, reasons = list[BoundTemplate](), dict[str, None]()
     # Of two neither is the outlier.
-    least = 3 if family.kind == OUTLIER else 2
+    least = 3 if family.kind == "outlier" else 2
     chosen = None if family.over is None else tuple(choices(data.table, family.over))
     if chosen is not None and len(chosen) < least:
         reasons[f"fewer than {least} of {family.over}"] = None
-    elif family.kind == SCATTER:
+    elif family.kind == "scatter":
         for name in family.needs:
             try:
                 check_column(name, data)
@@ -446,7 +444,7 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
                 effect = bound(family, form, form.search, item, data)
                 margins = [bound(family, x, family.search, item, data) for x in family.margins]
                 levers = [node for by_name in effect.levers.values() for node in by_name.values()]
-                if family.kind != OFFSET and not all(any(names(node)) for node in levers):
+                if family.kind != "offset" and not all(any(names(node)) for node in levers):
                     raise NoMember(CONSTANT)
                 forms.append(replace(effect, margins=tuple(margins), chosen=chosen))
             except NoMember as lack:
@@ -455,7 +453,7 @@ def _candidate(family: Family, binding: Binding, data: TableData) -> Candidate |
             return None
     readings, notes = data.table.component is not None, "; ".join(reasons)
     separates = (readings and family.separates_readings) or family.separates
-    missing = not forms if family.kind != SCATTER else bool(reasons)
+    missing = not forms if family.kind != "scatter" else bool(reasons)
     return Candidate(
         name=filled(family.label, binding),
         family=family.family,

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
+from mtu_cli.files.effects import WORD
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.close_loop_figures import figure, ranked
@@ -43,16 +44,15 @@ WORTH_WHILE = 1.0
 def effect_text(effect: FoundEffect, item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal"."""
     words, template = _words(effect, item), effect.candidate.sentence
-    placeholders = set(re.findall(r"{(\w+)}", template))
-    if not template or not effect.parameters or not placeholders <= words.keys():
+    if not template or not effect.parameters or not {*WORD.findall(template)} <= words.keys():
         template = "{says}: {values}" if words["values"] else "{says}"
     positive = not effect.parameters or effect.parameters[0].value >= 0
     text = CHOICE.sub(r"\1" if positive else r"\2", template)
-    return re.sub(r"{(\w+)}", lambda match: words[match[1]], text)
+    return WORD.sub(lambda match: words[match[1]], text)
 
 
 def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
-    """What sentences may name of an effect (`files.effects.Family`)."""
+    """What it is, and the words of a `SENTENCE` that it has."""
     row, column = item.table.nouns
     words = {"says": effect.candidate.says, "row": row, "column": column}
     axis = effect.candidate.axis
@@ -246,13 +246,6 @@ EFFECT = """
         do | | follow-up that would separate the class best
         predicted_d | | separation after it, in standard deviations
 """
-OUTLIER = """
-    feature | one.0 | feature of an excluded entry
-    part | one.1 | its part or pass
-    component | item.table.component | whose readings; null: points
-    axis | one.2 | its axis
-    error_UNIT | one.3 | its error, measured minus predicted
-"""
 RESULTS_OF = """
     verdict | | none, named, class or unexplained: the weakest of all tables
     undeclared_effect_found | found() | whether the verdict is another than none
@@ -261,7 +254,6 @@ RESULTS_OF = """
     datum | tables.0.table.datum | best-fit alignment removed from each part
     effects[]. | effects() | *effect
     candidates[]. | candidates() | *candidate
-    outliers[]. | outliers() | *outlier
     tables[]. | several() | *table
 """
 CANDIDATE = """
@@ -328,8 +320,6 @@ DEFINITIONS: dict[str, Any] = {
     "effect": lambda x: _fields(EFFECT, x and x.item),
     "candidates": partial(_items, "candidates"),
     "candidate": lambda x: _fields(CANDIDATE, x and x.item),
-    "outliers": partial(_items, "excluded"),
-    "outlier": lambda x: _fields(OUTLIER, x and x.item),
     "table": lambda item: _fields(TABLE, item),
     # Of one.
     "scored": SCORED,

@@ -48,8 +48,11 @@ def judged(drawn: Drawn, folder: Path, seed: int) -> dict[str, Any]:
         )  # fmt: skip
         if code:
             return {"code": code, "message": message[-300:]}
-        results = json.loads(Path("report.json").read_text())["results"]
-        record = {"code": 0, "seconds": round(seconds, 2), **summary(results)}
+        report = json.loads(Path("report.json").read_text())
+        aside = [x for x in report["warnings"] if x["code"] == "outliers-set-aside"]
+        outliers = sum(len(x["facts"]["entries"]) for x in aside)
+        record = summary(report["results"])
+        record |= {"code": 0, "seconds": round(seconds, 2), "outliers": outliers}
         if drawn.asks and Path("found.yaml").exists():
             record["predicted"] = [predicted(ask) for ask in drawn.asks]
     return record
@@ -68,7 +71,6 @@ def summary(results: Mapping[str, Any]) -> dict[str, Any]:
         "effects": [effect_of(item) for item in results["effects"]],
         "unexplained": bool(unexplained["found"]),
         "fired": [item["name"] for item in unexplained["checks"] if item.get("fired")],
-        "outliers": len(results.get("outliers") or []),
         **rounded(errors),
     }
 

@@ -43,6 +43,7 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.monte_carlo import Progress
 from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
+from mtu_cli.units import UNITS
 
 NULLS, NULLS_OF_FOLD = 299, 99
 """Tables without effects for a p that is reported, and for what passes without a block of parts."""
@@ -156,10 +157,7 @@ def _result(
         checks=tuple((name, min(1.0, p * tables)) for name, p in diagnosis.checks),
         fired=diagnosis.fired,
         nameless=diagnosis.nameless,
-        excluded=tuple(
-            (table.features[h], table.parts[p], table.axes[a], float(table.errors[p, h, a]))
-            for p, h, a in np.argwhere(diagnosis.outliers)
-        ),
+        outliers=diagnosis.outliers,
         explained=table.errors - after,
         before=scores(errors[0]),
         after=scores(errors[1]),
@@ -219,16 +217,21 @@ def _candidate_tests(diagnosis: Diagnosis, tables: int) -> tuple[Judged, ...]:
 def _warnings(results: Sequence[TableResult], most: int) -> Iterator[Finding]:
     """What a user has to know of a search for `most` effects in each table."""
     for item in results:
-        component, row = item.table.component, item.table.nouns[0]
+        table, component, row = item.table, item.table.component, item.table.nouns[0]
         of = "" if component is None else f" of {component}"
-        if len(item.table.parts) < FEW_PARTS:
-            number = counted(len(item.table.parts), row, item.table.plurals[0])
+        if len(table.parts) < FEW_PARTS:
+            number = counted(len(table.parts), row, table.plurals[0])
             hard = f"what changes from {row} to {row} can hardly be separated from its scatter"
             items = component or "all features"
             yield finding("few-parts", parts=number, items=items, consequence=hard)
-        if item.excluded:
-            entries = [f"{feature} of {part}" for feature, part, *_ in item.excluded]
-            yield finding("outliers-set-aside", entries=entries, of=of)
+        if item.outliers.any():
+            entries = [
+                f"{table.features[h]} of {table.parts[p]} in {table.axes[a]}"
+                for p, h, a in np.argwhere(item.outliers)
+            ]
+            errors = (table.errors[item.outliers] / UNITS[table.unit].to_internal).tolist()
+            facts = {"errors": errors, "unit": table.unit}
+            yield finding("outliers-set-aside", entries=entries, of=of, **facts)
         if item.stopped:
             yield finding("max-effects", most=counted(most, "effect"), of=of)
 

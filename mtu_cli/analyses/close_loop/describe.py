@@ -228,20 +228,14 @@ Term = tuple[Parameter, Node]
 
 def without_references(diagnosis: Diagnosis) -> Diagnosis:
     """A diagnosis without the offsets that say no more than where effects are counted from: with
-    the level these are zero at a value of a covariate within its range, or at the temperature of
-    reference (the 95 % interval reaches there), which is reported instead.
+    the level these are zero at a value of a covariate, which is reported instead.
     """
-    table = diagnosis.design.table
-    values = TableData(table).values
     for offset in tuple(diagnosis.offsets) if diagnosis.entries else ():
         others = {name: x for name, x in diagnosis.offsets.items() if name != offset}
         rest = replace(diagnosis, offsets=others)
-        for zero in crossings(effects_of(rest), rest.sizes.covariance, table):
-            column, (low, high) = values[zero.covariate], zero.interval95
-            inside = low <= column.max() and high >= column.min()
-            inside |= is_temperature(zero.covariate) and low <= REFERENCE_DEGC <= high
-            if inside and zero.covariate not in AXES and offset == f"offset-{zero.axis}":
-                diagnosis = rest
+        zeros = crossings(effects_of(rest), rest.sizes.covariance, diagnosis.design.table)
+        if any(x.covariate not in AXES and offset == f"offset-{x.axis}" for x in zeros):
+            diagnosis = rest
     return diagnosis
 
 
@@ -249,14 +243,16 @@ def crossings(
     effects: Sequence[FoundEffect], covariance: FloatArray, table: ResidualTable
 ) -> tuple[Crossing, ...]:
     """Of all effects along an axis at once, and of each that has its level; of effects that are
-    alone in their class, with the `covariance` of a table.
+    alone in their class, with the `covariance` of a table. Those whose 95 % interval reaches into
+    the range of the column, or of a temperature holds that of reference: beyond, none was seen.
     """
     result = list[Crossing]()
+    values = TableData(table).values
     # Coordinates and covariates at some of the measured cells, and their ends.
     cells = np.linspace(0, int(table.there.sum()) - 1, CELLS).astype(int)
     columns = {
         name: np.broadcast_to(v, table.there.shape)[table.there][cells]
-        for name, v in TableData(table).values.items()
+        for name, v in values.items()
     }
     # Where a polynomial or the datum took the level, it is none that is missing.
     no_level = table.fitted_degree >= 0 or table.datum != "none"
@@ -271,10 +267,15 @@ def crossings(
                 level |= no_level or any(x.candidate.kind == "offset" for x, _ in group)
                 certain = all(len(x.class_names) < 2 and of_effect for x, of_effect in group)
                 zero = _zero(terms, covariance, columns, name) if level and certain else None
-                if zero is not None:
+                if zero is None:
+                    continue
+                low, high = zero[2]
+                inside = low <= values[name].max() and high >= values[name].min()
+                inside |= is_temperature(name) and low <= REFERENCE_DEGC <= high
+                if inside:
                     whole, (first, _) = group is groups[0], group[0]
                     result.append(Crossing(axis, name, *zero, first.name, whole=whole))
-                    break
+                break
     return tuple(result)
 
 

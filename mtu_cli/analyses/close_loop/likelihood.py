@@ -21,7 +21,7 @@ QUANTILES = (np.arange(12) + 0.5) / 12
 ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
 """Quantiles of g/n where g ~ inverse gamma(1/2, n/2): a Cauchy law of sizes in units of the
 information of one observation (Zellner & Siow 1980)."""
-TINY = 1e-9
+TINY, ROUNDING = 1e-9, 1e-12
 
 Columns = tuple[int, ...]
 
@@ -66,7 +66,7 @@ class Likelihood:
         inner = max(float(np.std(gaps.interaction(E))) for E in np.moveaxis(errors, 2, 0))
         largest = float(np.abs(errors).max())
         sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
-        scale = next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
+        scale = next((size for size in sizes if size > ROUNDING * max(largest, 1e-300)), 1.0)
         errors, steps = errors / scale, steps / scale
         strata = _strata(table, errors, scatter)
         # Degrees of freedom: less the missing cells and what a datum freed.
@@ -85,7 +85,10 @@ class Likelihood:
         self.design = Design(table, strata, candidates, scale, gaps)
         kernels = (k for k in kernels_of(table, strata) if all(n[s] > 0 for s in k.directions))
         self.kernels = {-1 - k: kernel for k, kernel in enumerate(kernels)}
-        self.y = y = np.where(n[labels] > 0, strata.coordinates(errors), 0.0)
+        y = strata.coordinates(errors)
+        # What sums of equal numbers leave is rounding.
+        y[(n[labels] == 0) | (np.abs(y) < ROUNDING * largest / scale)] = 0.0
+        self.y = y
         variance = np.zeros(A)
         for s in strata.of("interaction"):
             part = y[strata.slices[s]]

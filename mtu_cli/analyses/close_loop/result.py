@@ -12,7 +12,7 @@ from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 WORST = ("unexplained", "class", "named", "none")
 """The verdicts; that on several tables is the first of theirs."""
@@ -198,8 +198,8 @@ class TableResult:
     `explained` (P, H, A) is the effects' contribution; `before` and `after` are scores of what was
     `held_out`, such as ``passes``, without and with the correction of the machine
     as it is written, or of the average over each class; `floor` the repeatability of one
-    coordinate. `excluded` (feature, part, axis, error) are single entries, outliers. `covariance`
-    is over the sizes of all effects, then the levels of all axes.
+    coordinate. `outliers` (P, H, A) are the single entries that were excluded. `covariance` is over
+    the sizes of all effects, then the levels of all axes.
     """
 
     table: ResidualTable
@@ -209,7 +209,7 @@ class TableResult:
     checks: tuple[tuple[str, float], ...]
     fired: tuple[str, ...]
     nameless: bool
-    excluded: tuple[tuple[str, str, str, float], ...]
+    outliers: BoolArray
     explained: FloatArray
     before: Scores
     after: Scores
@@ -231,8 +231,3 @@ class CloseLoopResult:
     tables: tuple[TableResult, ...]
     alpha: float
     warnings: tuple[Finding, ...] = ()
-
-    @property
-    def effects(self) -> tuple[FoundEffect, ...]:
-        """The effects of all tables."""
-        return tuple(effect for table in self.tables for effect in table.effects)

@@ -17,25 +17,7 @@ import numpy as np
 from mtu_cli.model.effect_library import Levers
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
-Short = tuple[FloatArray, FloatArray, FloatArray]
-"""Of an orthonormal basis diag(s) - L R with few columns L: s, L and R."""
 NONE = -1
-
-
-def to_contrasts(tables: FloatArray) -> FloatArray:
-    """Coordinates of tables (..., P, H) by part in an orthonormal basis, the first column constant
-    (Helmert), in a time that grows as P.
-
-    >>> to_contrasts(np.eye(2)).round(4).tolist()
-    [[0.7071, 0.7071], [0.7071, -0.7071]]
-    """
-    P = tables.shape[-2]
-    j = np.arange(1.0, P)[:, None]
-    sums = np.cumsum(tables, axis=-2)
-    result = np.empty(tables.shape)
-    result[..., :1, :] = sums[..., -1:, :] / np.sqrt(P)
-    result[..., 1:, :] = (sums[..., :-1, :] - j * tables[..., 1:, :]) / np.sqrt(j * (j + 1))
-    return result
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,13 +28,11 @@ class Strata:
     the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
     `slices[s]`, along the axis `axis[s]`; its kind `kinds[s]` is part, line, feature or
     interaction. `spread` (N,) are standard deviations relative to the stratum's; `bends` (H,) the
-    variance of each part's bends, by direction of the features (mean 1). `short` is, by axis, a
-    basis of the features in the form in which rows are turned in less time.
+    variance of each part's bends, by direction of the features (mean 1).
     """
 
     of_parts: FloatArray
     of_features: FloatArray
-    short: tuple[Short | None, ...]
     place: IntArray
     at: IntArray
     slices: tuple[slice, ...]
@@ -81,24 +61,8 @@ class Strata:
 
     def coordinates(self, table: FloatArray) -> FloatArray:
         """Coordinates (..., N) of tables (..., P, H, A)."""
-        axes = range(self.shape[2])
-        result = np.stack([self._in_bases(a, table[..., a]) for a in axes], axis=-3)
-        return np.asarray(result.reshape(*result.shape[:-3], -1)[..., self.place] / self.spread)
-
-    def _in_bases(self, a: int, values: FloatArray) -> FloatArray:
-        """Values (..., P or 1, H or 1) along an axis in the bases: what is alike in all parts, or
-        features, has the first coordinate alone.
-        """
-        P, H, _ = self.shape
-        p, h = values.shape[-2:]
-        if h < H:
-            result = values * np.sqrt(H)
-        elif (short := self.short[a]) is None:
-            result = values @ self.of_features[a]
-        else:
-            signs, L, R = short
-            result = values * signs - (values @ L) @ R
-        return to_contrasts(result) if p > 1 else result * np.sqrt(P)
+        cells = self.of_parts.T @ np.moveaxis(table, -1, -3) @ self.of_features
+        return np.asarray(cells.reshape(*cells.shape[:-3], -1)[..., self.place] / self.spread)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
         """The coordinates (n,) that columns can reach, given by axis in compact shapes (G or 1,
@@ -109,14 +73,19 @@ class Strata:
         p, h = (max((column.shape[d] for column in values), default=1) for d in (1, 2))
         cells = self.at[axes, :p, :h]
         at = np.sort(cells[cells != NONE])
+        P, H, _ = self.shape
         result = np.zeros((G, len(columns), len(at)))
         for k, lever in enumerate(columns):
             for a, column in lever.items():
-                cells = self.at[a, : column.shape[1], : column.shape[2]]
+                _, p, h = column.shape
+                cells = self.at[a, :p, :h]
                 valid = cells != NONE
+                # What is alike in all parts, or features, has the first coordinate alone.
+                basis = self.of_features[a]
+                turned = np.tensordot(column, basis, 1) if h == H else column * np.sqrt(H)
+                turned = self.of_parts.T @ turned if p == P else turned * np.sqrt(P)
                 places = cells[valid]
-                values = self._in_bases(a, column)[:, valid] / self.spread[places]
-                result[:, k, np.searchsorted(at, places)] = values
+                result[:, k, np.searchsorted(at, places)] = turned[:, valid] / self.spread[places]
         return at, result
 
     @property
@@ -165,25 +134,22 @@ def strata_of(
     mean of all is in none: every effect has an offset beside it. `roughness` (H, H) is the
     covariance of each part's bends.
     """
+    from scipy.linalg import helmert
+
     A, H = len(lines), len(lines[0])
     bases, bends = np.zeros((A, H, H)), np.zeros(H)
     label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
-    first, shorts = 1 if features_scatter else 0, list[Short | None]()
+    first = 1 if features_scatter else 0
     for a, directions in enumerate(lines):
         begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), directions])
         k = begin.shape[1]
         basis, R = np.linalg.qr(begin, mode="complete")
         signs = np.concatenate([np.sign(np.diag(R)), np.ones(H - k)])
-        bases[a], short = basis * signs, None
-        if roughness is None and k < H:
-            # k reflections: I - basis is of rank k, its first columns and rows make all of it.
-            change = np.eye(H) - basis
-            short = signs, change[:, :k] @ np.linalg.inv(change[:k, :k]), change[:k] * signs
-        elif roughness is not None and k < H:
+        bases[a] = basis * signs
+        if roughness is not None and k < H:
             values, turn = np.linalg.eigh(bases[a, :, k:].T @ roughness @ bases[a, :, k:])
             bases[a, :, k:] = bases[a, :, k:] @ turn[:, ::-1]
             bends[k:] = np.maximum(values[::-1], 0.0) / values.mean()
-        shorts.append(short)
         rest, rows = slice(1, None), [first] * (k - moving) + [0] * moving
         groups = [("part", (rest, slice(0, 1)))]
         groups += [("feature", (slice(0, 1), rest))] if features_scatter else []
@@ -201,9 +167,8 @@ def strata_of(
     at = np.full(flat.shape, NONE)
     at[place] = np.arange(len(place))
     return Strata(
-        of_parts=to_contrasts(np.eye(P)).T,
+        of_parts=helmert(P, full=True).T,
         of_features=bases,
-        short=tuple(shorts),
         place=place,
         at=at.reshape(label.shape),
         slices=tuple(map(slice, ends[:-1], ends[1:])),
@@ -241,7 +206,6 @@ class Columns:
         self.means, self.precisions = np.zeros((1, strata.shape[2])), np.ones(1)
         self._ends = np.array([0, *(part.stop for part in strata.slices)])
         self._values = [np.zeros((1, int(n))) for n in strata.sizes]
-        self._used = np.ones(len(strata.slices), int)
         self._rows = np.zeros((len(strata.slices), 1), int)
         """Where a column stands among the values of a stratum; the first row there is zero."""
         self._index: dict[bytes, int] = {}
@@ -281,18 +245,14 @@ class Columns:
         """Indices (m,) of unit columns (m, n) at the coordinates `at` (n,), with means (m, A); no
         others share them, as each has its prior precision in `precisions` (m,).
         """
-        rows, ends = np.zeros((len(self._used), len(units)), int), np.searchsorted(at, self._ends)
+        rows, ends = np.zeros((len(self._values), len(units)), int), np.searchsorted(at, self._ends)
         for s in np.flatnonzero(np.diff(ends)):
             block = units[:, ends[s] : ends[s + 1]]
             nonzero = np.flatnonzero(block.any(axis=1))
-            i = self._used[s] + np.arange(len(nonzero))
-            self._used[s] += len(nonzero)
-            if (room := len(self._values[s])) < self._used[s]:
-                # Columns come one by one in a search.
-                growth = self._used[s] + self._used[s] // 4 - room
-                self._values[s] = np.pad(self._values[s], ((0, growth), (0, 0)))
-            self._values[s][i[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[nonzero]
-            rows[s, nonzero] = i
+            values = np.zeros((len(nonzero), self._values[s].shape[1]))
+            values[:, at[ends[s] : ends[s + 1]] - self._ends[s]] = block[nonzero]
+            rows[s, nonzero] = len(self._values[s]) + np.arange(len(nonzero))
+            self._values[s] = np.concatenate([self._values[s], values])
         first = self.count
         self._rows = np.concatenate([self._rows, rows], axis=1)
         self.means = np.concatenate([self.means, means])
@@ -332,7 +292,7 @@ class Columns:
         """
         result = np.zeros((len(self._values), *columns.shape, len(Y)))
         for s, part in enumerate(self.strata.slices):
-            values, rows, Z = self._values[s][: self._used[s]], self._rows[s, columns], Y[:, part].T
+            values, rows, Z = self._values[s], self._rows[s, columns], Y[:, part].T
             nonzero = (rows > 0) & Z.any()
             if 2 * nonzero.sum() > len(values):  # Of most of them: without a copy.
                 result[s] = (values.astype(Z.dtype, copy=False) @ Z)[rows]

@@ -12,6 +12,7 @@ from loop_examples import effect, parameter, searched, uncorrelated
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma
 
+from mtu_cli.analyses.close_loop import close_loop
 from mtu_cli.analyses.close_loop import diagnosis as engine
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
@@ -176,17 +177,29 @@ def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
 
 
+def test_single_entries_far_off_are_listed_with_their_errors() -> None:
+    own, library = noise(3), effect_library()
+    own.errors[4, 2] += (0.0, 12 * NOISE_MM)
+    few = replace(library, families=tuple(x for x in library.families if x.family == "backlash"))
+    found = close_loop([own], few, alpha=0.05, max_effects=1, seed=1)
+    (warning,) = found.warnings
+    assert warning.code == "outliers-set-aside"
+    assert warning.facts["entries"] == ["H3 of P5 in y"]
+    assert warning.facts["errors"] == pytest.approx([own.errors[4, 2, 1] * 1e3])
+    assert warning.facts["unit"] == "um"
+
+
 @pytest.mark.parametrize("reference", [20.0, 22.0, 24.0])
 @pytest.mark.parametrize("beside", [0.0, 10 * NOISE_MM])
 def test_an_offset_is_no_effect_where_only_the_reference_is_another(
     reference: float, beside: float
 ) -> None:
-    """An axis that grows from x = 0 and a temperature that was met, without and with a lost motion:
-    the level stands with the growth, whose joint covariance holds at its zero; that is told.
+    """An axis that grows from a place and a temperature that were met, without and with a lost
+    motion: the level stands with the growth, whose joint covariance holds at its zero; it is told.
     """
     own, T = noise(12, parts=20), np.linspace(20, 27, 20)[:, None]
     own = replace(own, covariates={**own.covariates, "T_a_degC": T})
-    own.errors[..., 0] += 1e-4 * own.places[..., 0] * (T - reference)
+    own.errors[..., 0] += 1e-4 * (own.places[..., 0] - 20) * (T - reference)
     own.errors[..., 0] += beside * own.covariates["dir_x"]
     found = diagnosis(own, "offset", "scale", "backlash", "thermal-drift", "thermal-growth")
     found = without_references(found)
@@ -199,10 +212,10 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
     zeros = {each.covariate: each for each in told}
     assert zeros.keys() == {"T_a_degC", "x"}
     assert abs(zeros["T_a_degC"].value - reference) < 3 * zeros["T_a_degC"].u < 0.5
-    assert abs(zeros["x"].value) < 3 * zeros["x"].u < 10
+    assert abs(zeros["x"].value - 20) < 3 * zeros["x"].u < 10
     assert {(each.effect, each.whole) for each in told} == {("thermal-growth-x", not beside)}
     texts = linear_form(parse(growth.equations["Ex"]), [p.name for p in growth.parameters])
-    for x in (0.0, 100.0):
+    for x in (20.0, 120.0):
         at = {"x": x, "T_a_degC": reference}
         J = np.array([evaluate(lever, at) for lever in texts.coefficients.values()])
         error = J @ [p.value for p in growth.parameters]
@@ -423,6 +436,26 @@ def test_an_axis_is_right_where_its_drift_and_level_cancel() -> None:
         assert abs(4 - 2 * (end - 20)) / s == pytest.approx(coverage_factor(0.95, 20.0))
 
 
+@pytest.mark.parametrize(
+    ("first", "last", "zero", "told"),
+    [
+        (20, 28, 22.0, True),
+        # The interval of 0.5 K about it does not reach the data, or holds the reference at 20.
+        (20, 28, 17.9, False),
+        (23, 28, 21.0, False),
+        (22, 28, 20.0, True),
+        (20, 28, 19.7, True),
+    ],
+)
+def test_a_temperature_that_was_not_met_is_told_only_of_the_reference(
+    first: float, last: float, zero: float, told: bool
+) -> None:
+    own = replace(TABLE, covariates={"T_a_degC": np.linspace(first, last, 12)[:, None]})
+    level = parameter("level_x", "um", 2 * (zero - 20), 0.4, "level")
+    found = crossings(*uncorrelated(replace(DRIFT, parameters=(DRIFT.parameters[0], level))), own)
+    assert [round(each.value, 6) for each in found] == [zero] * told
+
+
 def grown(drift: float, level: float) -> FoundEffect:
     """A growth by 10 um/m/K from 23 degC on about some place, beside a level."""
     text = "growth*(x - 75)*(T_a_degC - 20) + scale*(x - 75) + drift*(T_a_degC - 20) + level_x"
@@ -437,10 +470,10 @@ def grown(drift: float, level: float) -> FoundEffect:
 
 
 def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
-    own = grown(1.0, -3.0)
+    own = grown(0.5, -1.5)
     found = {each.covariate: each for each in crossings(*uncorrelated(own), TABLE)}
     assert found["T_a_degC"].value == pytest.approx(23.0)
-    assert found["x"].value == pytest.approx(-25.0)
+    assert found["x"].value == pytest.approx(25.0)
     assert all(each.whole for each in found.values())
 
 

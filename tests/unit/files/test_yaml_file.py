@@ -326,6 +326,10 @@ PERIOD = "{Ex: k*x*sin(p)}"
         (family() + family(), 7, "[1]", "appears-twice"),
         (family('{Ex: "k*{b}"}'), 3, "[0]", "incomplete"),
         ("- 5\n", 3, "[0]", "wrong-value"),
+        (family(more="separates: wait for {a}"), 7, "[0].separates", "unknown-name"),
+        (family(more="name: f-{T}"), 7, "[0].name", "unknown-name"),
+        (family(more='sentence: "{A} grows by {Value}"'), 7, "[0].sentence", "unknown-name"),
+        (family(more='sentence: "{ value } {}"'), 7, "[0].sentence", "unknown-name"),
     ],
 )  # fmt: skip
 def test_other_faults(tmp_path: Path, text: str, line: int, path: str, code: str) -> None:
