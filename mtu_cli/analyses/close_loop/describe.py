@@ -243,8 +243,8 @@ def crossings(
     effects: Sequence[FoundEffect], covariance: FloatArray, table: ResidualTable
 ) -> tuple[Crossing, ...]:
     """Of all effects along an axis at once, and of each that has its level; of effects that are
-    alone in their class, with the `covariance` of a table. Those whose 95 % interval reaches into
-    the range of the column, or of a temperature holds that of reference: beyond, none was seen.
+    alone in their class, with the `covariance` of a table. Places may lie beyond the features, as a
+    fixed end does; a covariate's interval reaches into its range, or holds the reference's degC.
     """
     result = list[Crossing]()
     values = TableData(table).values
@@ -269,8 +269,8 @@ def crossings(
                 zero = _zero(terms, covariance, columns, name) if level and certain else None
                 if zero is None:
                     continue
-                low, high = zero[2]
-                inside = low <= values[name].max() and high >= values[name].min()
+                (low, high), met = zero[2], values[name]
+                inside = name in AXES or (low <= met.max() and high >= met.min())
                 inside |= is_temperature(name) and low <= REFERENCE_DEGC <= high
                 if inside:
                     whole, (first, _) = group is groups[0], group[0]

@@ -194,12 +194,12 @@ def test_single_entries_far_off_are_listed_with_their_errors() -> None:
 def test_an_offset_is_no_effect_where_only_the_reference_is_another(
     reference: float, beside: float
 ) -> None:
-    """An axis that grows from a place and a temperature that were met, without and with a lost
-    motion: the level stands with the growth, whose joint covariance holds at its zero; it is told.
+    """An axis that grows from x = 0 and a temperature that was met, without and with a lost motion:
+    the level stands with the growth, whose joint covariance holds at its zero; that is told.
     """
     own, T = noise(12, parts=20), np.linspace(20, 27, 20)[:, None]
     own = replace(own, covariates={**own.covariates, "T_a_degC": T})
-    own.errors[..., 0] += 1e-4 * (own.places[..., 0] - 20) * (T - reference)
+    own.errors[..., 0] += 1e-4 * own.places[..., 0] * (T - reference)
     own.errors[..., 0] += beside * own.covariates["dir_x"]
     found = diagnosis(own, "offset", "scale", "backlash", "thermal-drift", "thermal-growth")
     found = without_references(found)
@@ -212,10 +212,10 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
     zeros = {each.covariate: each for each in told}
     assert zeros.keys() == {"T_a_degC", "x"}
     assert abs(zeros["T_a_degC"].value - reference) < 3 * zeros["T_a_degC"].u < 0.5
-    assert abs(zeros["x"].value - 20) < 3 * zeros["x"].u < 10
+    assert abs(zeros["x"].value) < 3 * zeros["x"].u < 10
     assert {(each.effect, each.whole) for each in told} == {("thermal-growth-x", not beside)}
     texts = linear_form(parse(growth.equations["Ex"]), [p.name for p in growth.parameters])
-    for x in (20.0, 120.0):
+    for x in (0.0, 100.0):
         at = {"x": x, "T_a_degC": reference}
         J = np.array([evaluate(lever, at) for lever in texts.coefficients.values()])
         error = J @ [p.value for p in growth.parameters]
@@ -470,10 +470,10 @@ def grown(drift: float, level: float) -> FoundEffect:
 
 
 def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
-    own = grown(0.5, -1.5)
+    own = grown(1.0, -3.0)
     found = {each.covariate: each for each in crossings(*uncorrelated(own), TABLE)}
     assert found["T_a_degC"].value == pytest.approx(23.0)
-    assert found["x"].value == pytest.approx(25.0)
+    assert found["x"].value == pytest.approx(-25.0)
     assert all(each.whole for each in found.values())
 
 
