@@ -2,14 +2,16 @@
 
 One algebra serves machines, effects, budgets and graphs; the rule of every operation stands in the
 table of functions. A name without a known unit (a constant, say) may stand for anything. In a sum a
-literal has the unit of the other side. As a factor it has what the `Algebra` says; in the argument
-of a function, as in ``exp(-t/30 + 1)``, it may have any, so that its dimension is not judged.
+literal has the unit of the other side; beside a ratio that is neither in deg, arcmin, arcsec or %
+nor in the unit of a name that stands there alone (um/m of um/m/K times K) it is a plain number. As
+a factor it has what the `Algebra` says; in the argument of a function, as in ``exp(-t/30 + 1)``, it
+may have any, so that its dimension is not judged.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +35,8 @@ NO_LENGTH = Powers((0.0, *ANY.exponents[1:]))
 """Of a literal factor that is no length, but may be a number of kelvin or minutes."""
 ANGLES = ("deg", "arcmin", "arcsec")
 """Units of angles in which numbers are written."""
+KEEPING = ("**", "sqrt", "abs")
+"""Functions of which one or two together keep a unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,9 +94,20 @@ class Algebra:
     def _alike(self, left: Node, right: Node, column: int, verb: str) -> Powers:
         one, other = self.of(left), self.of(right)
         for side, rest, unit in ((left, right, other), (right, left, one)):
-            if literal_value(side) is not None:
-                # In 1 + x/500 the 500 may be mm.
-                return unit * ANY if _has_literal_factor(rest) else unit
+            if (value := literal_value(side)) is None:
+                continue
+            if _has_literal_factor(rest):  # in 1 + x/500 the 500 may be mm
+                return unit * ANY
+            # The 90 of phi - 90 is in deg, the 1 of 1 + alpha*dT is no number of um/m.
+            units = [self.units.get(name, ANY) for name in _names_alone(rest)]
+            units += map(unit_powers, ("1", "%", *ANGLES))
+            in_unit = not unit.alike(PLAIN) or any(map(unit.agrees, units))
+            if value and verb == "added" and not in_unit:
+                expected = times(unit, PLAIN, short_text(rest)) or "a plain number"
+                of = f"what is added to {short_text(side)}"
+                self.add(of, unit, PLAIN, expected, column=column)
+                return ANY
+            return unit
         if one.agrees(other):
             return one | other
         expected = "terms of one unit" + times(other, one, f": {short_text(right)}")
@@ -112,6 +127,18 @@ class Algebra:
         """A fault: what is of a `unit` that is not the `target`."""
         facts = {"unit": unit.text(self.names), "wanted": target.text(self.names)}
         self.faults.append(finding("wrong-unit", of=of, **facts, expected=expected, **place))
+
+
+def _names_alone(node: Node) -> Iterator[str]:
+    """The names in a term whose unit may be the term's: not those of products, but those in sums
+    and in what keeps a unit, as sqrt(a**2 + b**2).
+    """
+    for term in terms(node):
+        match term:
+            case Name(name):
+                yield name
+            case Call(function, arguments) if function in KEEPING:
+                yield from _names_alone(arguments[0])
 
 
 def _has_literal_factor(node: Node) -> bool:

@@ -343,7 +343,7 @@ def consistency(text: str, result: str, **units: str) -> str | None:
         ("ls + d", "nm", {"ls": "mm", "d": "nm"}, "wrong-unit"),
         ("ls + t", "mm", {"ls": "mm", "t": "degC"}, "wrong-unit"),
         ("l*a*t", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, "wrong-unit"),
-        ("l*(1 + a*t)", "mm", {"l": "mm", "a": "um/m/K", "t": "K"}, "wrong-unit"),
+        ("l*(1 + a*t)", "nm", {"l": "mm", "a": "um/m/K", "t": "K"}, "wrong-unit"),
         ("l*(1 + a*t/1000000)", "mm", {"l": "mm", "a": "um/m/K", "t": "K"}, None),
         ("a + 0.5", "mm", {"a": "mm"}, None),
         ("a + b - 90", "deg", {"a": "deg", "b": "deg"}, None),
@@ -374,6 +374,22 @@ def test_numbers_that_are_taken_as_they_stand(
     text: str, result: str, units: dict[str, str], code: str | None
 ) -> None:
     assert consistency(text, result, **units) == code
+
+
+@pytest.mark.parametrize(
+    "text", ["1 + a*t + b*t", "a*t + b*t + 1", "1 - (a*t + b*t)", "-(a*t) + 1", "a*t + (1 + b*t)"]
+)
+@pytest.mark.parametrize("result", ["mm", "nm"])
+def test_the_1_beside_an_expansion_is_named_where_it_stands(text: str, result: str) -> None:
+    """Whatever the spelling, and though mm times um/m is nm."""
+    units = {"l": "mm", "a": "um/m/K", "b": "um/m/K", "t": "K"}
+    powers = {name: unit_powers(unit) for name, unit in units.items()}
+    tree = parse(f"l*({text})", BUDGET_FUNCTIONS)
+    (fault,), whole = check_consistent(tree, powers, unit_powers(result), {})
+    assert whole is None
+    assert fault.facts["of"] == "what is added to 1"
+    assert "times 1e-06" in f"{fault.expected}"
+    assert f"l*({text})"[int(fault.column or 0) - 1] in "+-"
 
 
 @pytest.mark.parametrize(
