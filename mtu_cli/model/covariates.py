@@ -21,6 +21,7 @@ from mtu_cli.model.machine_model import (
 )
 from mtu_cli.model.visits import Cells, axes_of
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means
+from mtu_cli.stats.resolution import step_of
 
 Columns = Mapping[str, np.ndarray]
 
@@ -112,9 +113,14 @@ def rows_of(values: Covariates, rows: IntArray) -> dict[str, FloatArray | float]
 
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
-REPEATED = 2e-4
-"""Share of a column's variance that a multiple of what it repeats leaves at most: a correlation of
-0.9999 or more."""
+FEWEST = 8
+"""Points that must agree for a column to repeat what was measured."""
+CLEAR = 3.0
+"""Standard deviation of the errors over what rounding may make of them, from which on agreement at
+every point is no chance: about one in four at each (2/3 of the density of a normal law, 0.4).
+"""
+DRAWN_MM = 0.1
+"""The coarsest digit that a nominal place is written to."""
 
 
 FEW_GAPS = 0.05
@@ -187,39 +193,43 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
     nominal coordinate is the scale or squareness, which has its own test. Columns that the model's
     equations need stay.
 
-    A column repeats what it is proportional to: in um, with the other sign, or as the diameter of a
-    position.
+    A column repeats what was measured where it is proportional to it at every point, to the last
+    digit of both: in um, with the other sign, or as the diameter of a position.
     """
+    numeric = {k: x for k, x in points.covariates.items() if k not in needed and x.dtype != object}
     axes, errors = list(axes_of(points)), points.measured - points.nominal
-    # What CMMs write of points, in words, and its values (n,).
-    written = [(f"the error along {AXES[k]}", errors[:, k]) for k in axes]
-    written += [(f"the coordinate {AXES[k]}", points.measured[:, k]) for k in axes]
+    digit = max((step_of(points.measured[:, k]) for k in axes), default=0.0)
+    # What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit, and
+    # the coarsest digit that they are repeated to; nominal places last, as measured ones are near.
+    written = [(f"the error along {AXES[k]}", errors[:, k], digit, np.inf) for k in axes]
+    written += [(f"the coordinate {AXES[k]}", points.measured[:, k], digit, np.inf) for k in axes]
     for count in range(2, len(axes) + 1):
         length = np.linalg.norm(errors[:, axes[:count]], axis=1)
-        written.append(("the length of the error", length))
-    written += [(f"the nominal {AXES[k]}", points.nominal[:, k]) for k in axes]
-    repeated = {}
-    for name, column in points.covariates.items():
-        if name not in needed and column.dtype != object:
-            left = [_left(column.astype(float), values) for _, values in written]
-            if min(left, default=1.0) < REPEATED:
-                repeated[name] = written[int(np.argmin(left))][0]
-    if not repeated:
-        return points, []
-    items = [f"{name!r} ({what})" for name, what in repeated.items()]
-    reason = "they repeat what was measured, or its nominal place"
+        written.append(("the length of the error", length, count * digit, np.inf))
+    written += [(f"the nominal {AXES[k]}", points.nominal[:, k], 0.0, DRAWN_MM) for k in axes]
+    repeated = {
+        name: what
+        for name, column in numeric.items()
+        for what, values, last, coarsest in written
+        if _repeats(column.astype(float), values, last, coarsest)
+    }
+    warnings = []
+    if repeated:
+        items = [f"{name!r} ({what})" for name, what in repeated.items()]
+        reason = "they repeat what was measured, or its nominal place"
+        warnings = [finding("not-tested", what="effects", items=items, reason=reason)]
     rest = {name: column for name, column in points.covariates.items() if name not in repeated}
-    warning = finding("not-tested", what="effects", items=items, reason=reason)
-    return replace(points, covariates=rest), [warning]
+    return (replace(points, covariates=rest) if repeated else points), warnings
 
 
-def _left(column: FloatArray, values: FloatArray) -> float:
-    """The share of the variance of a column (n,) that the nearest multiple of values (n,) leaves;
-    1 of a constant.
-    """
+def _repeats(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:
+    """Whether a column (n,) is proportional to values (n,) to the last digit of both."""
     both = np.isfinite(column) & np.isfinite(values)
     y, x = column[both], values[both]
-    if not x.any() or np.ptp(y) == 0:
-        return 1.0
-    rest = y - x * (x @ y) / (x @ x)
-    return float(rest @ rest / (len(y) * y.var()))
+    if len(y) < FEWEST or not x.any():
+        return False
+    factor = float(y @ x / (x @ x))
+    size = abs(factor)
+    most = 0.51 * (min(step_of(column), size * coarsest) + size * digit)
+    clear = size * float(x.std()) > CLEAR * most
+    return clear and bool((np.abs(y - factor * x) <= most).all())

@@ -405,11 +405,11 @@ def test_a_covariate_that_some_part_has_nothing_of_is_left_out(tmp_path: Path) -
     assert [each.facts["names"][0].partition(" (")[0] for each in warned] == ["once", "none"]
 
 
-def written() -> Points:
-    """As a CMM writes it: 0.1 um, errors of some 5 um."""
+def written(seed: int = 1, digits: int = 4) -> Points:
+    """As a CMM writes it: 0.1 um unless said, errors of some 5 um."""
     _, truth, part = study()
-    found = made(truth, part, seed=1, parts=6)
-    return replace(found, measured=np.round(found.measured, 4))
+    found = made(truth, part, seed, parts=6)
+    return replace(found, measured=np.round(found.measured, digits))
 
 
 def repeats(found: Points, column: FloatArray, needed: tuple[str, ...] = ()) -> str | None:
@@ -432,9 +432,10 @@ WRITTEN: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
 
 def test_what_repeats_the_error_is_taken_out_and_what_goes_with_it_stays() -> None:
     """In mm or um, with the other sign, as the diameter of the position. Not a cause of nearly all
-    of it, the error less a part's own, one entry that is another.
+    of it, the error less a part's own, one entry that is another; nor what repeats errors that are
+    hardly more than the digits they are given to.
     """
-    found = written()
+    found, coarse = written(), written(digits=2)
     errors = found.measured - found.nominal
     for words, make in WRITTEN.items():
         column = make(errors, found.measured)
@@ -446,3 +447,4 @@ def test_what_repeats_the_error_is_taken_out_and_what_goes_with_it_stays() -> No
     other[5] += 0.5 * own.std()
     for column in (own + noise, other, own - own.mean(), np.sign(own)):
         assert repeats(found, column) is None
+    assert repeats(coarse, (coarse.measured - coarse.nominal)[:, 0]) is None
