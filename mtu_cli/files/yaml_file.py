@@ -1,8 +1,8 @@
 """The one YAML reader: plain data, and the line of every value.
 
 Every key of a mapping is text as it is written, so that a feature may be called ``007`` or ``no``.
-What nobody can read in one way alone (a key that appears twice, a tag, a decimal comma in a list)
-is an error, and so is what would grow without bounds.
+What nobody can read in one way alone (a key that appears twice, a tag, a merge key, a decimal comma
+in a list) is an error, and so is what would grow without bounds.
 """
 
 from __future__ import annotations
@@ -117,8 +117,8 @@ def read_yaml(path: Path, role: str) -> YamlDocument:
 def parse_yaml(text: str, source: Source) -> YamlDocument:
     """YAML text as plain data with lines.
 
-    Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice,
-    decimal commas in a list, more than one document, or too many levels or values.
+    Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice, merge
+    keys, decimal commas in a list, more than one document, or too many levels or values.
     """
     file, root = source.shown, composed(text, source)
     lines, faults = dict[YamlPath, int](), list[Finding]()
@@ -126,7 +126,8 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     def fault(code: str, at: int, **facts: Any) -> None:
         faults.append(finding(code, file=file, line=at, **facts))
 
-    def value(node: yaml.Node, path: YamlPath, line: int) -> Any:
+    def value(node: yaml.Node, path: YamlPath, line: int, ancestors: frozenset[int]) -> Any:
+        """The value of a node whose `ancestors` are the nodes that contain it."""
         if len(lines) > MAX_NODES:
             # Aliases stand for lines far above: the entry that holds them is at fault.
             at = lines.get(path[:1], line)
@@ -136,12 +137,16 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
         if node.tag:
             tag = node.tag.replace("tag:yaml.org,2002:", "!!")
             fault("yaml-feature", line, what=f"the tag {tag!r}")
+        if id(node) in ancestors:
+            fault("yaml-feature", line, what="an alias inside its own anchor")
+            return None
         lines[path] = line
         if isinstance(node, yaml.ScalarNode):
             return node.value if node.style else plain_scalar(node.value)
+        ancestors, first = ancestors | {id(node)}, dict[str, int]()
         if isinstance(node, yaml.SequenceNode):
             items = [
-                value(item, (*path, i), item.start_mark.line + 1)
+                value(item, (*path, i), item.start_mark.line + 1, ancestors)
                 for i, item in enumerate(node.value)
             ]
             # [50,21, 50,24] is four numbers to YAML and two to some of its users: a list of
@@ -153,20 +158,20 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
                 place = {"path": path_text(path), "expected": expected}
                 fault("yaml-feature", line, what="a comma within a number", **place)
             return items
-        result, first = dict[str, Any](), dict[str, int]()
+        result = {}
         for key, item in node.value:
             at, name = key.start_mark.line + 1, str(key.value)
-            if not isinstance(key, yaml.ScalarNode) or key.tag:
-                what = "a list, mapping or tag as a key"
+            if not isinstance(key, yaml.ScalarNode) or key.tag or (name == "<<" and not key.style):
+                what = "a merge key (<<)" if name == "<<" else "a list, mapping or tag as a key"
                 fault("yaml-feature", at, what=what, expected="plain keys")
                 continue
             if first.setdefault(name, at) != at or name in result:
                 where, expected = f"the key {name!r}", f"it once: it is in line {first[name]} too"
                 fault("appears-twice", at, what=where, expected=expected)
-            result[name] = value(item, (*path, name), at)
+            result[name] = value(item, (*path, name), at, ancestors)
         return result
 
-    data = value(root, (), root.start_mark.line + 1)
+    data = value(root, (), root.start_mark.line + 1, frozenset())
     if faults:
         raise InputError(faults)
     return YamlDocument(source=source, data=data, lines=lines)
