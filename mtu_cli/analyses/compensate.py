@@ -462,13 +462,13 @@ def verify(
     if strays.any():
         expected = "readings at the targets of the first test"
         where = f"{position[int(np.argmax(strays))]:g} is no target"
-        raise error("not-applicable", reason=where, path="--verify", expected=expected)
+        raise error("not-applicable", reason=where, expected=expected)
     index = ((way < 0).astype(int) if errors.ways == 2 else 0) * len(errors.targets) + at
     t, e = applied.reshape(-1)[index], errors.means.reshape(-1)[index]
     places = np.unique(index)
     if len(places) < 3 or len(t) < 4 or np.ptp(t) == 0:
         what = "a verdict needs four readings, at three places where the table differs"
-        raise error("too-little-data", what=what, path="--verify")
+        raise error("too-little-data", what=what)
     n, y, X = len(t), value - e + t, np.column_stack([t, np.ones(len(t))])
     cells = np.ix_(index, index)
     V = errors.of_means()[cells] + np.eye(n) * (result.quantum**2 / 12)

@@ -199,13 +199,16 @@ def compensate(inputs: Inputs) -> Result:
         seed=inputs.settings.seed, trials=inputs.settings.trials,
     )  # fmt: skip
     if readings := inputs.verify:
+        file = ", ".join(source.shown for source in readings.sources)
         if first.name not in readings.components:
             components = ", ".join(readings.components)
             reason = f"--verify holds readings of {components}, not of {first.name}"
-            file = ", ".join(source.shown for source in readings.sources)
             raise error("not-applicable", reason=reason, file=file)
         columns = _columns(readings, _rows(readings, first.name), first.axis)
-        result = analysis.verify(result, *columns)
+        try:
+            result = analysis.verify(result, *columns)
+        except InputError as fault:
+            raise InputError([each.at(file=file) for each in fault.findings]) from None
 
     files, table = dict[Path, bytes](), options.to_file
     if table:
