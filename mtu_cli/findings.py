@@ -449,8 +449,8 @@ def counted(number: int, noun: str, several: str = "") -> str:
 
 
 def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
-    """The known name that `name` was probably meant to be, if there is one: the only one that
-    begins with it, else the closest.
+    """The known name that `name` was probably meant to be, if there is one: the only one that has
+    a unit or another word behind it, else the closest.
 
     >>> nearest("coverge_factor", ["seed", "coverage_factor"])
     ('coverage_factor',)
@@ -459,7 +459,7 @@ def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
     """
     words = {str(x).casefold(): str(x) for x in names if len(str(x)) <= LONGEST_NAME}
     key = name.casefold()[:LONGEST_NAME]
-    longer = [each for each in words if key and each.startswith(key)]
+    longer = [each for each in words if key and each.startswith(f"{key}_")]
     near = longer if len(longer) == 1 else difflib.get_close_matches(key, words, 1, 0.65)
     return tuple(words[each] for each in near)
 

@@ -143,8 +143,11 @@ def table_covariates(
     for name, column in columns.items():
         if column.dtype == object:
             continue
-        known = np.isfinite(column)
-        if (table := _smallest(column.astype(np.float64), known, cells)) is not None:
+        known, table = np.isfinite(column), None
+        # Between a direction and the other there is none.
+        if known.all() or not name.startswith("dir_"):
+            table = _smallest(column.astype(np.float64), known, cells)
+        if table is not None:
             result[name] = table
         if not known.all():
             first = "{file}, row {row}".format(**measured.place(int(rows[known.argmin()])))

@@ -281,7 +281,7 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Findi
     known = {name for effect in machine.machine.effects for name in renames(effect).values()}
     reported = () if estimates.effects is None else estimates.effects.names
     if unknown := [name for name in reported if name not in known]:
-        what, reason = "reported effects", f"{machine.source.shown} has no such effects"
+        what, reason = "effects of the report", f"{machine.source.shown} has no such effects"
         warnings.append(finding("not-used", names=unknown, what=what, reason=reason))
     return warnings
 

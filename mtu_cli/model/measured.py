@@ -119,15 +119,17 @@ def axis_warnings(
     either, of the axis {}.
     """
     result = []
-    measured = np.isfinite(points.measured)
-    usable = measured & np.isfinite(points.nominal) if nominal else measured
+    unknown = {"points": np.isnan(points.measured)}
+    if nominal:
+        unknown["nominal places"] = np.isnan(points.nominal)
     for k, axis in enumerate(AXES):
-        if axis not in axes and measured[:, k].any():
+        lacking = {name: rows for name, places in unknown.items() if (rows := places[:, k]).any()}
+        if axis not in axes and not unknown["points"][:, k].all():
             facts = {"axis": axis, "consequence": without.format(axis)}
             result.append(finding("axis-without-equation", **facts))
-        elif axis in axes and not usable[:, k].all():
-            what = some(~usable[:, k], "points" + " or their nominal places" * nominal)
-            facts = {"what": what, "axis": axis, "consequence": missing.format(axis)}
+        elif axis in axes and lacking:
+            name, rows = next(iter(lacking.items()))
+            facts = {"what": some(rows, name), "axis": axis, "consequence": missing.format(axis)}
             result.append(finding("axis-not-measured", **facts))
     return result
 
