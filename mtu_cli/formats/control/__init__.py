@@ -121,7 +121,7 @@ def _write_heidenhain(table: ErrorTable, parameters: Parameters) -> list[str]:
 
 def _read_heidenhain(text: str, parameters: Parameters) -> ErrorTable:
     (_, first), *lines = [*lines_of(text), (1, "")]
-    head, names = HEAD.fullmatch(first), lines[0][1].split()
+    head, names = HEAD.fullmatch(first), [x for _, line in lines[:1] for x in line.split()]
     if not head or names[:1] != ["NR"]:
         refuse(f"{first[:60]!r} and {' '.join(names)[:60]!r} begin no table", 1,
                "BEGIN AXIS_X.COM MM, and below it NR AXISPOS BACKLASH X")  # fmt: skip

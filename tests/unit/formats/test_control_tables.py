@@ -234,6 +234,7 @@ ENC = golden("siemens-enc")
         ("siemens-enc", ENC.replace("=100.0", "=200.0"), "MAX is 200"),
         ("aerotech", ":START 1 SAMPLEDIST=10\n1\n:END\n", "two points or more"),
         ("table", golden("table").replace("\n2,100", "\n2,40"), "rising positions"),
+        ("heidenhain", "\n", "begin no table"),
         # Of the other type, each.
         ("linuxcnc", golden("linuxcnc", type="1"), "errors follow the positions"),
     ],
