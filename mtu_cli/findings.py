@@ -257,8 +257,8 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "unlike-first-test": _warning(
         "{component}: beyond what the table does, the readings of --verify differ from the first "
-        "test by more than its scatter ({what}, p = {p:.1g}): the axis or the control has changed, "
-        "too"
+        "test by more than its scatter (chi2/dof {ratio:.3g}, p = {p:.1g}): the axis or the "
+        "control has changed, too"
     ),
     "no-better": _warning(
         "{component}: on held-out cycles the temperatures {effect}: the model is not to be used"

@@ -449,8 +449,7 @@ def verify(
     the table's variance (Fuller 1987, Measurement Error Models, 1.1: one minus the reliability
     ratio); that share, at most 1, is added to u. The verdict is what the 95 % interval of k holds
     of 0, 1 and 2, p that of the nearest, two-sided. Readings that no k explains are a warning,
-    by chi^2/(n - 2), and by the reversal that k and offset leave, as F with the fewest degrees of
-    freedom in V, which bounds p from above.
+    by chi^2/(n - 2) as F with the fewest degrees of freedom in V, which bounds p from above.
 
     Raises InputError for readings away from the targets, or too few.
     """
@@ -500,38 +499,13 @@ def verify(
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
     t_nearest = -min(abs(k - slope) for slope in VERDICTS) / u
     p = float(2 * (ndtr(t_nearest) if np.isinf(dof) else stdtr(dof, t_nearest)))
-    misfit, warnings = None, result.warnings
-    if errors.blocks:
-        misfit = f_test(ratio, 1.0, n - 2, int(dof))
-        # A reversal is one of the many ways to differ: chi^2 alone would hardly show it.
-        reversal, variance = _reversal_left(V, X, y, way)
-        turned = f_test(reversal**2, variance, 1, int(dof))
-        if turned is not None and turned.p < VARIES_P:
-            size = reversal / result.unit.to_internal
-            differs = {"what": f"a reversal of {size:.2g} {result.unit.name}", "p": turned.p}
-        elif misfit is not None and misfit.p < UNLIKE_P:
-            differs = {"what": f"chi2/dof {ratio:.3g}", "p": misfit.p}
-        else:
-            differs = {}
-        if differs:
-            differs["component"] = result.component
-            warnings = (*warnings, finding("unlike-first-test", **differs))
+    misfit = f_test(ratio, 1.0, n - 2, int(dof)) if errors.blocks else None
+    warnings = result.warnings
+    if misfit is not None and misfit.p < UNLIKE_P:
+        facts = {"component": result.component, "ratio": ratio, "p": misfit.p}
+        warnings = (*warnings, finding("unlike-first-test", **facts))
     verified = Verified(verdict, k, u, (k - half, k + half), p, misfit)
     return replace(result, moves=moves, verified=verified, warnings=warnings)
-
-
-def _reversal_left(
-    V: FloatArray, X: FloatArray, y: FloatArray, way: IntArray
-) -> tuple[float, float]:
-    """Forward minus reverse of readings y (n,) beside the columns X (n, k), by generalised least
-    squares, and its variance: infinite where X holds it already.
-    """
-    Z = np.column_stack([X, np.where(way < 0, -0.5, 0.5)])
-    if np.linalg.matrix_rank(Z) < Z.shape[1]:
-        return 0.0, np.inf
-    weighted = np.linalg.solve(V, Z)
-    C = np.linalg.inv(Z.T @ weighted)
-    return float((C @ (weighted.T @ y))[-1]), float(C[-1, -1])
 
 
 def moves_program(
