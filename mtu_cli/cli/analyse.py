@@ -37,28 +37,27 @@ DOUBTS = ("no-better", "not-held-out")
 
 
 def modelled(inputs: Inputs, extra: Collection[str] = ()) -> tuple[MachineModel, list[Finding]]:
-    """The model of a call, and warnings. Of each component a components report wins over readings,
-    readings over the machine file. Covariates that the command needs `extra`, beside those of the
-    model, may be given with --at.
+    """The model of a call, and warnings. A components report wins over readings, readings over the
+    machine file. Covariates that the command needs `extra`, beside those of the model, may be given
+    with --at.
 
     Raises InputError for components without an estimate.
     """
     machine, report, fit = inputs.machine, inputs.reports.components, None
-    known = () if report is None else tuple(report.components)
-    estimates = fitting.estimates_from_fit(machine, None)
-    if {*machine.machine.components} - {*known} and inputs.readings is not None:
-        result = fitted(inputs, machine, known)
-        fit, estimates = result.fit, _as_reported(machine, result)
     if report is not None:
-        estimates = fitting.estimates_from_report(machine, report, estimates)
+        estimates = fitting.estimates_from_report(machine, report)
+    elif inputs.readings is not None:
+        result = fitted(inputs, machine)
+        fit, estimates = result.fit, _as_reported(machine, result)
+    else:
+        estimates = fitting.estimates_from_fit(machine, None)
     thermal, drift_warnings = drift_estimates(inputs)
     warnings = [*fitting.machine_warnings(machine, estimates), *drift_warnings]
     model = build_model(machine, replace(estimates, thermal=thermal))
     # What u of a part does not contain, from the fit or from the report of it.
     terms = {term.estimate.name for term in model.terms}
     if report is not None:
-        if fit is None or not fit.components:
-            warnings += _not_read(inputs, ("lbb", "laser"), report)
+        warnings += _not_read(inputs, ("lbb", "laser"), report)
         warnings += _report_warnings(report, LIMITS, terms)
     for item in () if fit is None else fitting.fit_warnings(fit):
         if item.code not in LIMITS or item.facts["component"] in terms:
@@ -75,13 +74,11 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> tuple[MachineModel,
     return model, warnings
 
 
-def fitted(inputs: Inputs, machine: LoadedMachine, known: Collection[str] = ()) -> FitResult:
-    """The components of a machine, by the readings of the call where it has any, but for those
-    that are `known` already.
-    """
+def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
+    """The components of a machine, by the readings of the call where it has any."""
     fit, k = fitting.MachineFit(components={}, joint=()), inputs.settings.coverage_factor
     if inputs.readings is not None:
-        fit = fitting.fit_machine(machine, inputs.readings, known)
+        fit = fitting.fit_machine(machine, inputs.readings)
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     estimates = fitting.estimates_from_fit(machine, fit)
     return fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -74,16 +74,14 @@ class MachineFit:
         }
 
 
-def fit_machine(
-    machine: LoadedMachine, readings: Readings, known: Collection[str] = ()
-) -> MachineFit:
-    """Fits every component that was read and is not `known`, to the readings less the machine's
-    effects that were found in readings of it. A component that has neither readings nor
-    coefficients is not fitted, with a warning.
+def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
+    """Fits every component that was read, to the readings less the machine's effects that were
+    found in readings of it. A component that has neither readings nor coefficients is not fitted,
+    with a warning.
 
     Raises InputError for what looks like drift readings.
     """
-    components = {x: item for x, item in machine.machine.components.items() if x not in known}
+    components = machine.machine.components
     read, files = set(readings.components), ", ".join(each.shown for each in readings.sources)
     missing = [
         name for name, x in components.items() if name not in read and x.coefficients is None
@@ -296,18 +294,14 @@ def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
     }
 
 
-def estimates_from_report(
-    machine: LoadedMachine, report: ComponentsReport, others: Estimates | None = None
-) -> Estimates:
-    """The components of a fit-components report, which win over `others` (None: those of the
-    machine file).
+def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> Estimates:
+    """The components of a fit-components report, which win over the machine file.
 
     Raises InputError where the report and the machine disagree on a component's axis, unit
     or degree.
     """
     _check_report(machine, report)
-    others = others or estimates_from_fit(machine, None)
-    result = dict(others.components)
+    result = from_machine_file(machine)
     result |= {name: known_component(name, item) for name, item in report.components.items()}
     effects, item = None, report.effects
     if item is not None:
@@ -319,7 +313,7 @@ def estimates_from_report(
             values=np.asarray(item.values, float) * f,
             covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
         )
-    joint = [*others.joint]
+    joint = []
     for group in report.joint_pass_covariance:
         f = np.repeat([result[name].unit.to_internal for name in group.components], group.widths)
         halves = group.half_difference_mean_square

@@ -199,30 +199,6 @@ def test_squareness_and_lost_motion_are_handed_on(tmp_path: Path) -> None:
     assert "Ex" in grid.stdout
 
 
-def test_a_report_of_some_components_goes_with_readings_of_the_others(
-    laser: Path, tmp_path: Path
-) -> None:
-    """Squareness of a circular test, positioning of a laser: errors and variances add up."""
-    target, part = tmp_path / "c.json", tmp_path / "part.yaml"
-    done(mtu("circular", SHIPPED, "-q", "--write-components", target))
-    features = "{A: {x_mm: 0, y_mm: 500}, B: {x_mm: 500, y_mm: 200}}"
-    part.write_text(f"schema: mtu/part/1\nname: two holes\nfeatures: {features}\n", "utf-8")
-
-    def points(components: str, equation: str, *given: object) -> list[dict[str, Any]]:
-        machine_file(tmp_path, components, f"{{Ex: {equation}, Ey: 0}}\n" + TRAVELS)
-        call = ("predict-points", "-m", tmp_path / "m.yaml", "-p", part, *given)
-        result: list[dict[str, Any]] = report(*call)["results"]["points"]
-        return result
-
-    of_laser, of_test = ("--laser", laser), ("-c", target)
-    x, angle = "dx_x: {of: x, unit: um}", "axy: {unit: arcsec}"
-    one, other = points(f"{{{x}}}", "dx_x", *of_laser), points(f"{{{angle}}}", "-y*axy", *of_test)
-    both = points(f"{{{x}, {angle}}}", "dx_x - y*axy", *of_laser, *of_test)
-    for figure in ("Ex_um", "var_x_um2"):
-        sums = [a[figure] + b[figure] for a, b in zip(one, other, strict=True)]
-        assert [point[figure] for point in both] == pytest.approx(sums)
-
-
 @pytest.mark.parametrize(
     ("columns", "words", "text"),
     [
