@@ -143,10 +143,11 @@ def table_covariates(
     for name, column in columns.items():
         if column.dtype == object:
             continue
-        known, table = np.isfinite(column), None
-        # Between a direction and the other there is none.
-        if known.all() or not name.startswith("dir_"):
-            table = _smallest(column.astype(np.float64), known, cells)
+        known, share = np.isfinite(column), FEW_GAPS
+        if name.startswith("dir_"):
+            # Between a direction and the other there is none.
+            share = 0.0
+        table = _smallest(column.astype(np.float64), known, cells, share)
         if table is not None:
             result[name] = table
         if not known.all():
@@ -159,11 +160,14 @@ def table_covariates(
     ]
 
 
-def _smallest(column: FloatArray, known: BoolArray, cells: Cells) -> FloatArray | None:
-    """The table of the `known` values (n,); None where some part has none, or too many cells of a
-    column that changes within parts lack them.
+def _smallest(
+    column: FloatArray, known: BoolArray, cells: Cells, share: float
+) -> FloatArray | None:
+    """The table of the `known` values (n,). None where some part has none, or more than a `share`
+    of the cells lacks them, unless some may and all that is known of a part is the same.
     """
-    if len(np.unique(cells.part[known])) < len(cells.parts):
+    gaps = 1 - len(np.unique(cells.cell[known])) / len(np.unique(cells.cell))
+    if len(np.unique(cells.part[known])) < len(cells.parts) or (gaps and not share):
         return None
     size = cells.shape[0] * cells.shape[1]
     table = group_means(column[known], cells.cell[known], size).reshape(cells.shape)
@@ -171,7 +175,7 @@ def _smallest(column: FloatArray, known: BoolArray, cells: Cells) -> FloatArray 
         low, high = (f.reduce(table, axis=axis, keepdims=True) for f in (np.fmin, np.fmax))
         if (high - low <= ROUNDING * np.nanmax(np.abs(table))).all():
             return np.asarray(low)
-    if len(np.unique(cells.cell[known])) < (1 - FEW_GAPS) * len(np.unique(cells.cell)):
+    if gaps > share:
         return None
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
 

@@ -239,7 +239,7 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
         file, reason = machine.source.shown, "no equation contains a component"
         raise error("not-applicable", reason=reason, file=file)
     sources = "readings (--lbb, --laser), coefficients here, or a components report (-c)"
-    sources += "; with -m no study is read"
+    sources += ", which is read in place of readings; with -m no study is read"
     few, problems = "more readings of it, best in several passes", []
     places = {name: machine.place("components", name) for name in missing}
     if missing := sorted(missing, key=lambda name: places[name]["line"] or 0):

@@ -128,8 +128,8 @@ def axis_warnings(
             facts = {"axis": axis, "consequence": without.format(axis)}
             result.append(finding("axis-without-equation", **facts))
         elif axis in axes and lacking:
-            name, rows = next(iter(lacking.items()))
-            facts = {"what": some(rows, name), "axis": axis, "consequence": missing.format(axis)}
+            what = some(np.any([*lacking.values()], axis=0), " or ".join(lacking))
+            facts = {"what": what, "axis": axis, "consequence": missing.format(axis)}
             result.append(finding("axis-not-measured", **facts))
     return result
 

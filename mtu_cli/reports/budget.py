@@ -66,7 +66,7 @@ ONE = declare(
     name | | name of the output; where it is the only one its figures stand in `results` itself, \
         without `outputs`
     unit | | unit of the output
-    equation | | its measurement model, as the file has it but for the spelling
+    equation | | its measurement model; numbers may be spelled otherwise than in the file
     value | | value at the estimates of the inputs
     u | | standard uncertainty of first order (JCGM 100, 5.1.2)
     second_order.value | second_value | value to the second order

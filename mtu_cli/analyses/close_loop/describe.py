@@ -275,7 +275,7 @@ def crossings(
                 if inside:
                     whole, (first, _) = group is groups[0], group[0]
                     result.append(Crossing(axis, name, *zero, first.name, whole=whole))
-                break
+                    break
     return tuple(result)
 
 

@@ -456,6 +456,15 @@ def test_a_temperature_that_was_not_met_is_told_only_of_the_reference(
     assert [round(each.value, 6) for each in found] == [zero] * told
 
 
+def test_a_zero_of_one_effect_is_told_though_that_of_all_was_not_met() -> None:
+    own = replace(TABLE, covariates={"T_a_degC": np.linspace(20, 26, 12)[:, None]})
+    shift = effect("offset-x", parameter("shift", "um", 12, 0.4), equations={"Ex": "shift"})
+    shift = replace(shift, candidate=replace(shift.candidate, kind="offset"))
+    (found,) = crossings(*uncorrelated(DRIFT, shift), own)
+    assert (found.effect, found.whole) == ("thermal-drift-x", False)
+    assert found.value == pytest.approx(22.0)
+
+
 def grown(drift: float, level: float) -> FoundEffect:
     """A growth by 10 um/m/K from 23 degC on about some place, beside a level."""
     text = "growth*(x - 75)*(T_a_degC - 20) + scale*(x - 75) + drift*(T_a_degC - 20) + level_x"

@@ -387,10 +387,11 @@ def test_a_gap_is_the_other_repeats_or_the_mean_of_the_part(tmp_path: Path) -> N
     table, warned = residual_table(model, with_gaps(T_room_degC=empty, tool_parts=[]))
     assert "T_room_degC" not in table.covariates
     assert "can be tested" in warned[-1].message
-    # There is no direction between both.
-    table, warned = residual_table(model, with_gaps(dir_y=[17]))
-    assert "dir_y" not in table.covariates
-    assert "can be tested" in warned[-1].message
+    # There is no direction between both, but another repeat may state it.
+    for empty, stated_too in (([17], True), ([17, int(other)], False)):
+        table, warned = residual_table(model, with_gaps(dir_y=empty))
+        assert ("dir_y" in table.covariates) == stated_too
+        assert ("can be tested" in warned[-1].message) != stated_too
     needing = stated(tmp_path, MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1))
     with pytest.raises(InputError, match="empty cell"):
         residual_table(needing, with_gaps(T_room_degC=[17]))
