@@ -449,8 +449,8 @@ def counted(number: int, noun: str, several: str = "") -> str:
 
 
 def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
-    """The known name that `name` was probably meant to be, if there is one: the only one that has
-    a unit or another word behind it, else the closest.
+    """The known name that `name` was probably meant to be, if there is one: the only one that goes
+    on behind it, with a unit say, else the closest.
 
     >>> nearest("coverge_factor", ["seed", "coverage_factor"])
     ('coverage_factor',)

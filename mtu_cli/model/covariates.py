@@ -143,10 +143,8 @@ def table_covariates(
     for name, column in columns.items():
         if column.dtype == object:
             continue
-        known, share = np.isfinite(column), FEW_GAPS
-        if name.startswith("dir_"):
-            # Between a direction and the other there is none.
-            share = 0.0
+        # Between one direction and the other there is none.
+        known, share = np.isfinite(column), 0.0 if name.startswith("dir_") else FEW_GAPS
         table = _smallest(column.astype(np.float64), known, cells, share)
         if table is not None:
             result[name] = table

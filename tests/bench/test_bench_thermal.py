@@ -152,6 +152,40 @@ def test_rates(kind: str) -> None:
         assert found["to_unzeroed"] <= 1.1
 
 
+OFF_PATH, SPREAD_K = 5, 4.0
+"""States of a drift test in which each temperature is drawn by itself, and their spread."""
+
+
+@pytest.mark.parametrize("kind", ["r 0.95", "r 0.99", "memory, r 0.95"])
+def test_predictions_of_new_cycles_and_of_other_states(kind: str) -> None:
+    """Drifts within 2 u: of one more cycle, which took no part, and where temperatures go together
+    otherwise than in any cycle. The latter is reported, and not promised.
+    """
+    shares: dict[str, list[float]] = {"cycle": [], "other": []}
+    more = replace(KINDS[kind], cycles=KINDS[kind].cycles + 1)
+    for seed in range(SETS):
+        # The same cycles, and one more.
+        known, truth = drift_test(np.random.default_rng((11, seed)), KINDS[kind])
+        new, _ = drift_test(np.random.default_rng((11, seed)), more)
+        rng, last = np.random.default_rng((12, seed)), new.cycle == new.cycle.max()
+        estimate = fitted(known).estimate
+        if (estimate.time_constants > 0).any():
+            continue
+        states = {
+            "cycle": np.column_stack([new.covariates[name][last] for name in NAMES]) - 20,
+            "other": rng.normal(0, SPREAD_K, (OFF_PATH, len(NAMES))),
+        }
+        chosen = [NAMES.index(name) for name in estimate.sensors]
+        for name, T in states.items():
+            rest = T[:, chosen] @ estimate.coefficients.ravel() - 1e-3 * T @ truth
+            variance = np.einsum("ni,ij,nj->n", T[:, chosen], estimate.covariance, T[:, chosen])
+            u = np.sqrt(variance + estimate.leftover[0, 0])
+            shares[name].append(float(np.mean(np.abs(rest) < 2 * u)))
+    means = {name: float(np.mean(each)) for name, each in shares.items()}
+    print(f"\n{kind}: drifts within 2 u: {means}")
+    assert means["cycle"] >= least(0.93, SETS)
+
+
 def write(path: Path, rows: int) -> None:
     """Four positions, ten cycles; sensors that follow the room with lags of their own."""
     rng = np.random.default_rng(1)

@@ -243,8 +243,8 @@ def crossings(
     effects: Sequence[FoundEffect], covariance: FloatArray, table: ResidualTable
 ) -> tuple[Crossing, ...]:
     """Of all effects along an axis at once, and of each that has its level; of effects that are
-    alone in their class, with the `covariance` of a table. Places may lie beyond the features, as a
-    fixed end does; a covariate's interval reaches into its range, or holds the reference's degC.
+    alone in their class, with the `covariance` of a table. A place may lie beyond the features, as
+    a fixed end does; intervals of covariates reach into their range, or hold REFERENCE_DEGC.
     """
     result = list[Crossing]()
     values = TableData(table).values

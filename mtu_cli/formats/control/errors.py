@@ -143,8 +143,8 @@ class Controller:
             refuse("the positions do not rise", expected="rising positions")
         x = table.at - table.at.mean()
         if abs(abs(table.errors.mean(axis=0) @ x / (x @ x)) - 1) < FOLLOWS:
-            expected = "the --set parameters, type or variant, that it was written with"
-            refuse("read so its errors follow the positions", expected=expected)
+            expected = "the --set parameters that it was written with"
+            refuse("its errors would follow the positions", expected=expected)
         return table
 
 

@@ -236,7 +236,7 @@ ENC = golden("siemens-enc")
         ("table", golden("table").replace("\n2,100", "\n2,40"), "rising positions"),
         ("heidenhain", "\n", "begin no table"),
         # Of the other type, each.
-        ("linuxcnc", golden("linuxcnc", type="1"), "errors follow the positions"),
+        ("linuxcnc", golden("linuxcnc", type="1"), "errors would follow the positions"),
     ],
 )
 def test_what_a_control_would_not_read_is_refused(name: str, text: str, said: str) -> None:
