@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
@@ -399,6 +400,16 @@ class InputError(MtuError):
         rest = len(self.findings) + self.uncounted - sum(len(rows) for _, rows in first)
         lines = [each._sentence([n for n in rows if n is not None]) for each, rows in first]
         return "\n".join([*lines, *([f"... and {rest} more"] if rest else [])])
+
+
+@contextmanager
+def located(**place: Any) -> Iterator[None]:
+    """Raises the InputError of its block with the missing parts of each finding's place."""
+    try:
+        yield
+    except InputError as fault:
+        findings = (each.at(**place) for each in fault.findings)
+        raise InputError(findings, fault.uncounted) from None
 
 
 def error(code: str, **place_and_facts: Any) -> InputError:

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr, stdtr
 
+from mtu_cli.analyses.axis_errors import AxisErrors, Stated
 from mtu_cli.analyses.iso230 import TRIALS, WAYS, figures_of
+from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
-from mtu_cli.stats.blocks import stream
-from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pass_tests import FTest, f_test
@@ -32,171 +32,6 @@ UNLIKE_P = 0.05
 VERDICTS = {0.0: "worked", 1.0: "no-effect", 2.0: "wrong-sign"}
 SAME_PLACE = 1e-3
 """mm or deg: a verification reading this near a target is of that target."""
-
-
-class Block(NamedTuple):
-    """What one run adds to the errors (2T,): `root` (2T, k) of its covariance, with `dof`;
-    `shared` by all its readings, as a line is, or independent by reading.
-    """
-
-    root: FloatArray
-    dof: float
-    shared: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AxisErrors:
-    """Errors of one axis at `targets` (T,), mm (of a `rotary` axis deg), in the readings' frame.
-
-    `means` (2, T) forward and reverse, mm or rad, `expected` (2, T) what the axis most likely has;
-    `ways` 1 or 2 directions were measured. `runs` tests stand behind them, none where they are
-    stated and not `read`; `blocks` are lines of passes and scatter about them, `known` (2T, 2T) the
-    covariance of what was stated. `varies`: the F test of backlash over targets. `angle`: the
-    errors are angles.
-    """
-
-    targets: FloatArray
-    means: FloatArray
-    expected: FloatArray
-    ways: int = 1
-    runs: int = 1
-    blocks: tuple[Block, ...] = ()
-    known: FloatArray | None = None
-    varies: FTest | None = None
-    angle: bool = False
-    rotary: bool = False
-    read: bool = True
-
-    def plus(self, values: FloatArray, covariance: FloatArray, turns: bool) -> AxisErrors:
-        """With what a machine file states of another component or effect at the same targets."""
-        means, expected = self.means + values, self.expected + values
-        known = covariance if self.known is None else self.known + covariance
-        ways = 2 if turns else self.ways
-        return replace(self, means=means, expected=expected, ways=ways, known=known)
-
-    @property
-    def backlash(self) -> FloatArray | None:
-        """Forward minus reverse (T,); None of one direction."""
-        return None if self.ways == 1 else np.asarray(self.means[0] - self.means[1])
-
-    def of_run(self) -> FloatArray:
-        """The covariance (2T, 2T) of the readings of one run."""
-        return sum((b.root @ b.root.T for b in self.blocks), np.zeros((self.means.size,) * 2))
-
-    def of_means(self) -> FloatArray:
-        """The covariance (2T, 2T) of the means, that of the table."""
-        covariance = self.of_run() * (1.0 / self.runs if self.read else 0.0)
-        return covariance if self.known is None else covariance + self.known
-
-    def draw(self, trials: int, seed: int) -> FloatArray:
-        """What a new test of as many runs differs by (trials, 2, T): each variance over chi-squared
-        with its degrees of freedom (the scale of the table's error and of the new test's). Of
-        `expected` the backlash of a target has K of its variance in `means`.
-        """
-        rng, size = stream(seed, 49), self.means.size
-        result = np.zeros((trials, size))
-        share = np.sqrt((2.0 if self.read else 1.0) / self.runs)
-        for root, dof, _ in self.blocks:
-            scale = np.ones(trials) if np.isinf(dof) else np.sqrt(dof / rng.chisquare(dof, trials))
-            z = rng.standard_normal((trials, root.shape[1]))
-            result += share * scale[:, None] * (z @ root.T)
-        if self.known is not None:
-            result += rng.standard_normal((trials, size)) @ covariance_root(self.known).T
-        draws = result.reshape(trials, 2, -1)
-        return draws - (1.0 - np.sqrt((1.0 + reversal_share(self.varies)) / 2)) * reversal_of(draws)
-
-
-def reversal_share(varies: FTest | None) -> float:
-    """K = max(0, 1 - 1/F), the share of the variance of backlash over targets that is not scatter
-    (James and Stein 1961, "Estimation with quadratic loss"); 1 where no F is known.
-    """
-    return 1.0 if varies is None or varies.F <= 0 else max(0.0, 1.0 - 1.0 / varies.F)
-
-
-def reversal_of(errors: FloatArray) -> FloatArray:
-    """Half the backlash of errors (..., 2, T) less its mean over targets, with the sign of each
-    direction (..., 2, T).
-    """
-    half = (errors[..., 0, :] - errors[..., 1, :]) / 2
-    half = half - half.mean(-1, keepdims=True)
-    return np.stack([half, -half], -2)
-
-
-def axis_errors(
-    position: FloatArray, way: IntArray, value: FloatArray, run: IntArray, *, angle: bool = False,
-    rotary: bool = False,
-) -> AxisErrors:  # fmt: skip
-    """Means by target and direction (`way` +1, -1, 0 unknown) of readings (n,) in runs (n,), and
-    their scatter: a line of each pass, jointly in a run, and the residuals about the lines.
-    Backlash is expected as its means drawn to their average over targets by 1 - K: the largest of
-    the means themselves would be too large.
-    """
-    targets, at = np.unique(np.round(position, 6), return_inverse=True)
-    T, back = len(targets), (way < 0).astype(int)
-    ways = len(np.unique(back))
-    cell = (back * T if ways == 2 else 0) + at.reshape(-1)
-    counts = np.bincount(cell, minlength=2 * T)[: ways * T]
-    if (counts == 0).any():
-        where = float(targets[int(np.argmin(counts)) % T])
-        reason = f"target {where:g} was read in one direction only, others in both"
-        raise error("not-applicable", reason=reason, expected="every target in both directions")
-    means = np.bincount(cell, value, minlength=ways * T) / counts
-    blocks, runs = _scatter(targets, cell, value - means[cell], run, ways, counts)
-    # Two-way analysis of variance of forward - reverse by target and run, where complete.
-    varies, (numbers, index) = None, np.unique(run, return_inverse=True)
-    place, R = index.reshape(-1) * 2 * T + cell, len(numbers)
-    of_run = np.bincount(place, minlength=2 * T * R)
-    if ways == 2 and T > 1 and of_run.all():
-        each = (np.bincount(place, value, minlength=2 * T * R) / of_run).reshape(R, 2, T)
-        B = each[:, 0] - each[:, 1]
-        rest = B - B.mean(0) - B.mean(1)[:, None] + B.mean()
-        df = (T - 1) * (R - 1)
-        between = R * float(np.var(B.mean(0), ddof=1))
-        varies = f_test(between, float((rest**2).sum()) / max(df, 1), T - 1, df)
-    both = means.reshape(ways, T)[[0, -1]]
-    return AxisErrors(
-        targets=targets,
-        means=both,
-        expected=both - (1.0 - reversal_share(varies)) * reversal_of(both),
-        ways=ways,
-        runs=runs,
-        blocks=blocks,
-        varies=varies,
-        angle=angle,
-        rotary=rotary,
-    )
-
-
-def _scatter(
-    targets: FloatArray, cell: IntArray, residual: FloatArray, run: IntArray, ways: int,
-    counts: IntArray,
-) -> tuple[tuple[Block, ...], int]:  # fmt: skip
-    """The blocks of one run, and the runs behind a mean; none where nothing was repeated."""
-    T, numbers = len(targets), np.unique(run)
-    R, rest = len(numbers), len(residual) - ways * T
-    # Of one direction reverse is forward.
-    spread = np.kron(np.eye(2) if ways == 2 else np.ones((2, 1)), np.eye(T))
-    if R < 2:
-        # Repeats without pass numbers: nothing is known to be shared.
-        s = np.sqrt(float(residual @ residual) / rest) if rest > 0 else 0.0
-        blocks = (Block(np.asarray(s * spread), float(rest)),) if s else ()
-        return blocks, max(int(counts.min()), 1)
-    middle, half = targets.mean(), float(np.ptp(targets)) / 2 or 1.0
-    line = np.column_stack([np.ones(T), (targets - middle) / half])[:, : min(2, T - 1) or 1]
-    X = np.kron(np.eye(ways), line)
-    lines, scatter = np.zeros((R, X.shape[1])), residual.copy()
-    for i, number in enumerate(numbers):
-        rows = run == number
-        lines[i] = np.linalg.lstsq(X[cell[rows]], residual[rows], rcond=None)[0]
-        scatter[rows] -= X[cell[rows]] @ lines[i]
-    root = spread @ X @ covariance_root(lines.T @ lines / (R - 1))
-    of_lines = [Block(root, float(R - 1), shared=True)]
-    dof = rest - X.shape[1] * (R - 1)
-    if dof > 0:
-        s = np.sqrt(float(scatter @ scatter) / dof)
-        root = s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X))
-        of_lines.append(Block(root, float(dof)))
-    return tuple(of_lines), R
 
 
 def figures(means: FloatArray, ways: int) -> dict[str, FloatArray]:
@@ -386,6 +221,31 @@ def compensate(
         moves=_moves(errors, applied),
         warnings=tuple(warnings),
     )
+
+
+def named_parameters(
+    machine: LoadedMachine, first: Stated, control: Controller, given: Parameters
+) -> dict[str, str]:
+    """The parameters of a control, those `given` before its own, with the axis and the ISO 230-1
+    name of the component where it wants them: its own are those of X, and axes that it numbers are
+    counted on from it.
+
+    Raises InputError for an error across its axis, which no table of one axis holds.
+    """
+    parameters, name, axis = {**control.parameters, **given}, first.name, first.axis
+    of_x = "" if "axis" in given else parameters.get("axis", "")
+    if of_x.startswith("X"):
+        parameters["axis"] = axis.upper() + of_x[1:]
+    elif of_x:
+        parameters["axis"] = f"{of_x[:-1]}{int(of_x[-1]) + 'xyzabc'.index(axis)}"
+    if "error" in parameters and not parameters["error"]:
+        component = machine.machine.components.get(name)
+        iso_name = "" if first.angle else f"E{first.output}{axis}".upper()
+        parameters["error"] = (component and component.iso) or iso_name
+    elif first.output != axis and not control.listing:
+        reason = f"{name} is an error in {first.output} along {axis}: no table of one axis"
+        raise error("not-applicable", reason=reason, expected="--for isg-csv, etalon or table")
+    return parameters
 
 
 def _table(errors: AxisErrors, direction: str, request: TableRequest) -> ErrorTable:

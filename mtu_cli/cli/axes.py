@@ -6,29 +6,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses import iso230 as positioning
+from mtu_cli.analyses.axis_errors import errors_of, known_names, readings_along
 from mtu_cli.cli.analyse import fitted
 from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
 from mtu_cli.cli.values import assignments, known_name, number_of
-from mtu_cli.files.readings import PLANES, WAYS, Readings, read_traces
+from mtu_cli.files.readings import PLANES, WAYS, read_traces
 from mtu_cli.files.source import check_text, read_source, report_bytes, shown_path
 from mtu_cli.files.study import InstrumentBudget, load_study
-from mtu_cli.findings import InputError, error, listed
+from mtu_cli.findings import error, listed, located
 from mtu_cli.formats.control import CONTROLLERS, NAMES
-from mtu_cli.formats.control.errors import Controller, Parameters
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
-from mtu_cli.model.fit import Stated, known_names, stated
-from mtu_cli.model.visits import passes_read
 from mtu_cli.reports.document import envelope
-from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
@@ -166,14 +162,15 @@ def compensate(inputs: Inputs) -> Result:
     known_name("--for", "controller", options.for_, NAMES)
     control = CONTROLLERS.get(options.for_)
     defaults = DEFAULTS if control is None else control.parameters
-    overrides = assignments(
+    given = assignments(
         "--set", options.set, "NAME=VALUE", "axis=X", lambda _, x: x, defaults, "parameter"
     )
-    parameters = {**defaults, **overrides}
     if control is None:
-        return _skew(inputs, parameters)
+        return _skew(inputs, {**defaults, **given})
     if options.read:
-        table = _read(inputs, options.read, lambda text: control.read_back(text, parameters))
+        table = _read(
+            inputs, options.read, partial(control.read_back, parameters={**defaults, **given})
+        )
         result = analysis.CompensateResult(
             component=options.read.name, controller=control, asked=table, held=table,
             direction="both" if table.both else "mean",
@@ -186,11 +183,14 @@ def compensate(inputs: Inputs) -> Result:
         direction=options.direction, positions=_positions(inputs), reference=options.reference,
         frame=frame,
     )  # fmt: skip
-    errors, summands = _errors(inputs, request, overrides.get("axis", ROTARY).lower())
+    at = None if request.places is None else frame.of_machine(request.places)
+    errors, summands = errors_of(
+        inputs.machine, inputs.readings, options.component, at, given.get("axis", ROTARY).lower()
+    )
     first = summands[0]
-    _name_axis(inputs, first, control, parameters, overrides)
+    parameters = analysis.named_parameters(inputs.machine, first, control, given)
     if options.current:
-        current = _read(inputs, options.current, lambda text: control.read_back(text, parameters))
+        current = _read(inputs, options.current, partial(control.read_back, parameters=parameters))
         request = replace(request, current=current)
     # Type 0 where --set names none: a file does not show its type.
     parameters["type"] = parameters.get("type") or "0"
@@ -204,11 +204,8 @@ def compensate(inputs: Inputs) -> Result:
             components = ", ".join(readings.components)
             reason = f"--verify holds readings of {components}, not of {first.name}"
             raise error("not-applicable", reason=reason, file=file)
-        columns = _columns(readings, _rows(readings, first.name), first.axis)
-        try:
-            result = analysis.verify(result, *columns)
-        except InputError as fault:
-            raise InputError([each.at(file=file) for each in fault.findings]) from None
+        with located(file=file):
+            result = analysis.verify(result, *readings_along(readings, first.name, first.axis))
 
     files, table = dict[Path, bytes](), options.to_file
     if table:
@@ -222,28 +219,6 @@ def compensate(inputs: Inputs) -> Result:
         program = analysis.moves_program(plan, feed, DWELL_S, first.axis.upper(), frame)
         files[options.to_nc] = program.encode()
     return Result.reported(inputs, result, files=files)
-
-
-def _name_axis(
-    inputs: Inputs, first: Stated, control: Controller, parameters: dict[str, str],
-    overrides: Parameters,
-) -> None:  # fmt: skip
-    """The axis and the ISO 230-1 name of the component, where the control wants them: `parameters`
-    hold those of X, and axes that a control numbers are counted on from it.
-    """
-    name, axis, output = first.name, first.axis, first.output
-    of_x = "" if "axis" in overrides else parameters.get("axis", "")
-    if of_x.startswith("X"):
-        parameters["axis"] = axis.upper() + of_x[1:]
-    elif of_x:
-        parameters["axis"] = f"{of_x[:-1]}{int(of_x[-1]) + 'xyzabc'.index(axis)}"
-    if "error" in parameters and not parameters["error"]:
-        component = inputs.machine.machine.components.get(name)
-        iso_name = "" if first.angle else f"E{output}{axis}".upper()
-        parameters["error"] = (component and component.iso) or iso_name
-    elif output != axis and not control.listing:
-        reason = f"{name} is an error in {output} along {axis}: no table of one axis"
-        raise error("not-applicable", reason=reason, expected="--for isg-csv, etalon or table")
 
 
 def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
@@ -262,80 +237,13 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
     return grid
 
 
-def _errors(
-    inputs: Inputs, request: analysis.TableRequest, rotary: str
-) -> tuple[analysis.AxisErrors, list[Stated]]:
-    """Errors by the readings of one component, else by the machine, plus those of the others; and
-    what they are of, that component first.
-    """
-    machine, readings = inputs.machine, inputs.readings
-    names = sorted(inputs.options.component, key=lambda name: not len(_rows(readings, name)))
-    with_readings = [name for name in names if len(_rows(readings, name))]
-    if with_readings[1:]:
-        reason = (
-            f"there are readings of {' and '.join(with_readings)}: those of one are compensated"
-        )
-        raise error("not-applicable", reason=reason, expected="one of them")
-    component, rows = machine.machine.components.get(names[0]), _rows(readings, names[0])
-    if readings and positioning.places_read(readings)[1][rows].any():
-        if names[1:]:
-            reason = f"{names[0]} is of a rotary axis: nothing is added to its readings"
-            raise error("not-applicable", reason=reason)
-        angle = component is not None and UNITS[component.unit].dimension != LENGTH
-        columns = _columns(readings, rows, rotary)
-        summands = [Stated(name=names[0], axis=rotary, output=rotary)]
-        return analysis.axis_errors(*columns, angle=angle, rotary=True), summands
-    summands = [stated(machine, name) for name in names]
-    first, rest = summands[0], summands
-    if any(each.axis != first.axis for each in rest):
-        raise error("not-applicable", reason=f"{', '.join(names)} are not along one axis")
-    if readings and len(rows):
-        errors = analysis.axis_errors(*_columns(readings, rows, first.axis), angle=first.angle)
-        rest = rest[1:]
-    else:
-        if request.places is None:
-            at = first.default_positions(machine)
-        else:
-            at = request.frame.of_machine(request.places)
-        none = np.zeros((2, len(at)))
-        errors = analysis.AxisErrors(
-            targets=at, means=none, expected=none, angle=first.angle, read=False,
-            known=np.zeros((none.size,) * 2),
-        )  # fmt: skip
-    for each in rest:
-        errors = errors.plus(*each.errors_at(machine, errors.targets))
-    return errors, summands
-
-
-def _rows(readings: Readings | None, name: str) -> IntArray:
-    """The readings of a component."""
-    if readings is None or name not in readings.components:
-        return np.zeros(0, int)
-    return np.flatnonzero(readings.code == readings.components.index(name))
-
-
-def _columns(
-    readings: Readings, rows: IntArray, axis: str
-) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Position (mm, of a rotary axis deg), direction, error and run of some readings."""
-    position = positioning.places_read(readings)[0][rows]
-    if np.isnan(position).any():
-        place = readings.place(rows[np.argmax(np.isnan(position))]) | {"column": "position_mm"}
-        raise error("empty-cell", expected="a position", **place)
-    group, passes = passes_read(readings, rows, axis)
-    direction = readings.direction[rows].astype(np.int64)
-    return position, direction, readings.error[rows], passes.runs[group]
-
-
 def _read(inputs: Inputs, path: Path, reader: Callable[[str], Any]) -> Any:
     """What a control's file holds for its reader; raises InputError with the file's name."""
     source, content = read_source(path, "table")
     inputs.sources.append(source)
     check_text(content, source.shown)
-    try:
+    with located(file=source.shown):
         return reader(content.decode("utf-8-sig"))
-    except InputError as fault:
-        raise InputError([each.at(file=source.shown) for each in fault.findings]) from None
 
 
 def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
@@ -350,17 +258,12 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
     known_name("--component", "component", name, known_names(inputs.machine))
     entry = inputs.machine.machine.components.get(name)
     if entry is None or entry.of is not None or UNITS[entry.unit].dimension == LENGTH:
-        expected = "a component without `of`, such as axy"
-        raise error("not-applicable", reason=f"{name} is no angle between two axes",
-                    expected=expected)  # fmt: skip
+        reason, expected = f"{name} is no angle between two axes", "a component without `of`"
+        raise error("not-applicable", reason=reason, expected=f"{expected}, such as axy")
     estimate = fitted(inputs, inputs.machine).estimates.components.get(name)
     if estimate is None:
         expected = "readings of it, or coefficients in the machine file"
         raise error("missing-input", what=f"an estimate of {name}", expected=expected)
-    angle = float(estimate.coefficients[0])
-    text = write_skew(angle, parameters)
-    readback = read_skew(text)
-    if abs(readback - angle) > quantum / 2:
-        raise error("not-writable", reason=f"read back it is {readback:.9g} rad, not {angle:.9g}")
+    text = write_skew(float(estimate.coefficients[0]), parameters)
     files = {options.to_file: text.encode()} if options.to_file else {}
-    return Result(inputs, skew_document(name, readback, quantum), files=files)
+    return Result(inputs, skew_document(name, read_skew(text), quantum), files=files)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import re
 
+from mtu_cli.findings import error
 from mtu_cli.formats.control.errors import Parameters, choice, number_parameter, numeric, refuse
 
 SAYS = (
@@ -23,12 +24,19 @@ LINE = re.compile(r"SET_SKEW\s+(XY|XZ|YZ)=([^,\s]+),([^,\s]+),([^,\s]+)")
 
 
 def write_skew(angle: float, parameters: Parameters) -> str:
-    """G-code that sets the skew; `angle` in rad, more than 90 degrees positive."""
+    """G-code that sets the skew, read back; `angle` in rad, more than 90 degrees positive.
+
+    Raises InputError where the lengths give it otherwise than to half of `skew_quantum`.
+    """
     side = number_parameter(parameters, "side")
     plane = choice(parameters, "plane", ("XY", "XZ", "YZ"))
     diagonals = [side * math.sqrt(2 - 2 * way * math.sin(angle)) for way in (1, -1)]
     lengths = ",".join(f"{x:.{PLACES}f}" for x in (*diagonals, side))
-    return f"; {SAYS}\nSET_SKEW {plane}={lengths}\nSKEW_PROFILE SAVE=mtu\n"
+    text = f"; {SAYS}\nSET_SKEW {plane}={lengths}\nSKEW_PROFILE SAVE=mtu\n"
+    readback = read_skew(text)
+    if abs(readback - angle) > skew_quantum(parameters) / 2:
+        raise error("not-writable", reason=f"read back it is {readback:.9g} rad, not {angle:.9g}")
+    return text
 
 
 def read_skew(text: str) -> float:

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 from scipy.stats import f
 
+from mtu_cli.analyses.axis_errors import AxisErrors, axis_errors
 from mtu_cli.analyses.compensate import (
-    AxisErrors,
     CompensateResult,
     Frame,
     TableRequest,
     Verified,
-    axis_errors,
     compensate,
     figures,
     moves_program,

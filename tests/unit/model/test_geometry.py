@@ -13,11 +13,12 @@ from scipy.optimize import least_squares
 from support import read_components
 from table_trials import SIGMA, TARGETS, axis_machine, axis_readings, bend, table_coverage
 
+from mtu_cli.analyses.axis_errors import stated
 from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points, grid_of, outside_warnings
-from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine, stated
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.geometry import GeometryError, RoundFit, fit_circle, fit_round
 from mtu_cli.model.graph import transitions
 from mtu_cli.model.machine_model import MachineModel, build_model
