@@ -24,7 +24,6 @@ from pathlib import Path
 from typing import Any
 
 from mtu_cli.cli.commands import COMMANDS, analysis_of
-from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import KINDS, Inputs
 from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options, options_of
 from mtu_cli.cli.values import check_values
@@ -34,6 +33,7 @@ from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.files.study import LoadedStudy, load_study
 from mtu_cli.findings import Finding
+from mtu_cli.result import Result
 
 FUNCTIONS = {
     name.replace("-", "_").replace(" ", "_"): name

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -274,6 +275,8 @@ MOST_SHOWN = 20
 """Findings of an error that are shown; the rest is counted."""
 SHOWN_RUNS = 6
 """Runs of rows that a finding names."""
+MOST_ALIKE = 20
+"""Warnings of one code that are shown."""
 SHOWN_NAMES = 6
 LONGEST_VALUE = 60
 LONGEST_NAME = 200
@@ -427,6 +430,20 @@ def finding(code: str, **place_and_facts: Any) -> Finding:
     place = {name: value for name, value in place_and_facts.items() if name in fields}
     facts = {name: value for name, value in place_and_facts.items() if name not in fields}
     return Finding(code=code, **{**place, "facts": {**facts, **place.get("facts", {})}})
+
+
+def warning_lines(warnings: Iterable[Finding]) -> list[str]:
+    """Warnings and notes as lines for standard error, each once, of one code MOST_ALIKE at most."""
+    distinct = {(each.code, each.message): each for each in warnings}.values()
+    count, ordinal, lines = Counter(each.code for each in distinct), Counter[str](), []
+    for each in distinct:
+        ordinal[each.code] += 1
+        rest, more = count[each.code] - MOST_ALIKE, ""
+        if ordinal[each.code] == MOST_ALIKE and rest > 0:
+            more = f"; and {rest} more such, all in the report (-o)"
+        if ordinal[each.code] <= MOST_ALIKE:
+            lines.append(f"{each.severity}: {each.message}{more} [{each.code}]")
+    return lines
 
 
 def runs(numbers: Sequence[int]) -> str:

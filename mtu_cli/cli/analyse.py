@@ -12,7 +12,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.analyses.fit_components import FitResult, fit_result
-from mtu_cli.cli.emit import Gate, Result
 from mtu_cli.cli.load import Inputs, check_cell
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_from
@@ -22,6 +21,7 @@ from mtu_cli.model import fit as fitting
 from mtu_cli.model.estimates import Estimates, ThermalEstimate
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
 from mtu_cli.reports import fit_components as reporting
+from mtu_cli.result import Gate, Result
 from mtu_cli.stats.threads import one_blas_thread
 
 if TYPE_CHECKING:

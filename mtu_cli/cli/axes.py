@@ -14,7 +14,6 @@ from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses import iso230 as positioning
 from mtu_cli.analyses.axis_errors import errors_of, known_names, readings_along
 from mtu_cli.cli.analyse import fitted
-from mtu_cli.cli.emit import Result
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
 from mtu_cli.cli.values import assignments, known_name, number_of
@@ -25,6 +24,7 @@ from mtu_cli.findings import error, listed, located
 from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
 from mtu_cli.reports.document import envelope
+from mtu_cli.result import Result
 from mtu_cli.units import LENGTH, UNITS
 
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"

@@ -14,7 +14,7 @@ from mtu_cli import __version__
 from mtu_cli.analyses import close_loop as loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.cli.analyse import drift_estimates, fitted, modelled
-from mtu_cli.cli.emit import Result, written_files
+from mtu_cli.cli.emit import written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.source import report_bytes
@@ -28,6 +28,7 @@ from mtu_cli.model.residuals import ResidualTable, reading_tables, residual_tabl
 from mtu_cli.reports import close_loop as report
 from mtu_cli.reports import fit_components
 from mtu_cli.reports.document import envelope
+from mtu_cli.result import Result
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 

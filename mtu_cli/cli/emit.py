@@ -7,12 +7,11 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -21,101 +20,28 @@ from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.headers import is_made, measured_in, number
 from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
-from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
+from mtu_cli.findings import (
+    EXIT_GATE,
+    Finding,
+    InputError,
+    counted,
+    error,
+    finding,
+    listed,
+    warning_lines,
+)
 from mtu_cli.reports import figures
-from mtu_cli.reports.document import Document, document_of, envelope, page_bytes, plain_text
+from mtu_cli.reports.document import plain_text
 from mtu_cli.reports.fields import csv_text
+from mtu_cli.result import Result
 from mtu_cli.stats.monte_carlo import Progress
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 STANDARD_OUTPUT = Path("-")
-MOST_ALIKE = 20
-"""Warnings of one code that are shown."""
-USED = {"k": "coverage_factor", **{x: x for x in ("seed", "digits", "correlation", "trials")}}
-"""Settings that a report to hand on states, by the options of the commands that have them."""
 DELAY_S, EVERY_S = 1.0, 0.1
 """After what time, and how often, progress is shown."""
-Gate = Callable[[float], str | None]
-
-
-@dataclass(frozen=True)
-class Listing:
-    """A document of plain lines, with its `results` and the header and rows of its table."""
-
-    lines: Sequence[str] = ()
-    results: Mapping[str, Any] = field(default_factory=dict)
-    table: tuple[Sequence[str], Sequence[Sequence[object]]] = ((), ())
-    title: str = ""
-    figure: None = None
-
-    def record(self) -> dict[str, Any]:
-        """`results` of the JSON report."""
-        return dict(self.results)
-
-    def rows(self) -> tuple[Sequence[str], Sequence[Sequence[object]]]:
-        """Header and rows of the CSV."""
-        return self.table
-
-    def blocks(self, *, detail: bool) -> Iterable[str]:
-        """What is printed."""
-        return self.lines
-
-
-@dataclass(frozen=True)
-class Result:
-    """What a command gives: its document, warnings beside those of the input, and by name `gates`:
-    the reason why one is met, of a limit where it has one, or None. `files`: what the command
-    writes beside report, table and picture, by path.
-    """
-
-    inputs: Inputs
-    document: Document | Listing
-    further: Sequence[Finding] = ()
-    gates: Mapping[str, Gate] = field(default_factory=dict)
-    files: Mapping[Path, bytes] = field(default_factory=dict)
-
-    @classmethod
-    def reported(
-        cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
-    ) -> Result:
-        """An analysis' result as the document of the command, and its warnings after others."""
-        document = document_of(inputs.options.command, result, inputs.settings.digits)
-        further = [*warnings, *getattr(result, "warnings", ())]
-        return cls(inputs, document, further, **more)
-
-    @property
-    def warnings(self) -> tuple[Finding, ...]:
-        """Those of the input, and of the result."""
-        return (*self.inputs.suspicions, *self.further)
-
-    @property
-    def command(self) -> str:
-        """The command, as reports name it."""
-        return self.inputs.options.command
-
-    def to_dict(self) -> dict[str, Any]:
-        """`results` of the JSON report."""
-        return self.document.record()
-
-    def to_frame(self) -> pd.DataFrame:
-        """The main table, as `--csv` writes it."""
-        import pandas as pd
-
-        header, rows = self.document.rows()
-        return pd.DataFrame([list(row) for row in rows], columns=list(header))
-
-    def report(self) -> dict[str, Any]:
-        """The whole report, as `-o` writes it."""
-        return envelope(
-            self.command,
-            inputs=self.inputs.sources,
-            settings=self.inputs.settings,
-            results=self.to_dict(),
-            warnings=self.warnings,
-            at=self.inputs.at,
-        )
 
 
 def execute(options: Options, run: Callable[[Inputs], Result]) -> None:
@@ -172,20 +98,6 @@ def show(tables: Iterable[object]) -> None:
             sys.stdout.write(plain_text([table]))
 
 
-def warning_lines(warnings: Iterable[Finding]) -> list[str]:
-    """Warnings and notes as lines for standard error, each once, of one code MOST_ALIKE at most."""
-    distinct = {(each.code, each.message): each for each in warnings}.values()
-    count, ordinal, lines = Counter(each.code for each in distinct), Counter[str](), []
-    for each in distinct:
-        ordinal[each.code] += 1
-        rest, more = count[each.code] - MOST_ALIKE, ""
-        if ordinal[each.code] == MOST_ALIKE and rest > 0:
-            more = f"; and {rest} more such, all in the report (-o)"
-        if ordinal[each.code] <= MOST_ALIKE:
-            lines.append(f"{each.severity}: {each.message}{more} [{each.code}]")
-    return lines
-
-
 def asked_gates(options: Options) -> dict[str, float]:
     """The gates of --fail-if with their limits, 0 of a gate without one; `options.gates` are as
     help has them: ``drift``, ``nonconforming=0.01``.
@@ -235,36 +147,8 @@ def _files(result: Result) -> dict[Path, bytes]:
             raise error("not-applicable", reason="this result is not drawn", path="--plot")
         files[options.plot] = figures.figure_bytes(document.figure, options.plot.suffix)
     if options.report is not None:
-        files[options.report] = _page(result)
+        files[options.report] = result.page(options.report.suffix.lower())
     return files
-
-
-def _page(result: Result) -> bytes:
-    """The report to hand on; without a picture where the result cannot be drawn."""
-    inputs, options = result.inputs, result.inputs.options
-    svg = ""
-    if result.document.figure is not None:
-        with suppress(InputError):
-            svg = figures.figure_bytes(result.document.figure, ".svg").decode()
-    # A command that has no such option does not use it.
-    used = [name for option, name in USED.items() if option in options.values]
-    settings = {name.replace("_", " "): getattr(inputs.settings, name) for name in used}
-    settings |= {"trials": "adaptive"} if settings.get("trials", 0) is None else {}
-    names = [getattr(vars(inputs)[x], x).name for x in ("machine", "part") if x in vars(inputs)]
-    names += [inputs.study.source.shown] if inputs.study else []
-    names = names or [source.shown for source in inputs.sources]
-    synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
-    return page_bytes(
-        options.report.suffix.lower(),
-        svg,
-        result.document.blocks(detail=options.detail),
-        result.warnings,
-        settings | {f"{name} =": value for name, value in inputs.at.items()},
-        title=": ".join([result.document.title, *names[:1]]),
-        subject=[*names[1:], *synthetic],
-        inputs=inputs.sources,
-        date=options.date,
-    )
 
 
 def written_files(options: Options) -> dict[str, Path]:

@@ -5,22 +5,19 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.emit import STANDARD_OUTPUT, Listing, Result
+from mtu_cli.cli.emit import STANDARD_OUTPUT
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, number_of
 from mtu_cli.files.contract import is_name
-from mtu_cli.files.csv_file import read_tables
-from mtu_cli.files.headers import CellFaults
-from mtu_cli.findings import Finding, InputError, error
+from mtu_cli.findings import error
 from mtu_cli.formats import instruments
-from mtu_cli.formats.base import Ask, Imported, RawFile, local, raw_file
+from mtu_cli.formats.base import raw_file
+from mtu_cli.result import Listing, Result
 from mtu_cli.units import UNITS
 
 if TYPE_CHECKING:
@@ -120,41 +117,9 @@ def variation(name: str, text: str) -> tuple[float, ...]:
 def inspect(inputs: Inputs) -> Result:
     """Format, facts and how the file would be understood; of XML its element paths, too."""
     file = inputs.entered(raw_file(inputs.options.file, "file"))
-    result, title, faults, gives = Imported(format="xml"), "XML", list[Finding](), list[str]()
-    if instruments.is_contract(file.content):
-        result, title = instruments.contract_rows(file), "columns of the contract"
-    elif entry := instruments.identify(file):
-        title, gives, result = entry.title, [entry.gives], Imported(format=entry.name)
-        try:
-            result = instruments.read(file, Ask(kind="inspect", decimal=inputs.options.decimal))
-        except InputError as fault:
-            faults = list(fault.findings)
-    elif file.xml is None:
-        raise instruments.unknown(file)
-    results = {
-        "format": result.format,
-        "title": title,
-        "importable_as": gives,
-        "code_page": file.encoding,
-        "rows": len(result.rows),
-        "facts": result.facts,
-        "says": result.says,
-        "left_out": result.left_out,
-        "doubts": result.doubts,
-        "faults": [each.message for each in faults],
-        "elements": dict(Counter(_paths(file))),
-    }
-    doubts = [file.finding("instrument-doubt", doubt=text) for text in result.doubts]
+    results = instruments.inspection(file, inputs.options.decimal)
+    doubts = [file.finding("instrument-doubt", doubt=text) for text in results["doubts"]]
     return Result(inputs, Listing([*_lines(results)], results), doubts)
-
-
-def _paths(file: RawFile) -> Iterator[str]:
-    """The path of names of every element of an XML file, without recursion."""
-    pending = [] if file.xml is None else [(local(file.xml), file.xml)]
-    while pending:
-        path, element = pending.pop()
-        yield path
-        pending += [(f"{path}/{local(child)}", child) for child in reversed(element)]
 
 
 def _lines(results: dict[str, Any]) -> Iterable[str]:
@@ -184,34 +149,8 @@ def import_(inputs: Inputs) -> Result:
     if options.machine and kind != "points":
         spec = spec.with_texts("component", inputs.machine.machine.components)
     known_name("--unit", "value", options.unit, UNITS)
-    files, tables = list[tuple[Path, str]](), list[Imported]()
-    faults, last = CellFaults(), dict[tuple[object, str], int]()
-    for _, path in inputs.named_files("file"):
-        try:
-            file = raw_file(path, "file")
-            if instruments.is_contract(file.content) and not options.map:
-                raise file.error("other-table", kind="the contract's CSV already")
-            table = instruments.read(file, inputs.ask(path, "file"))
-        except InputError as fault:
-            for each in fault.findings:
-                faults.add(each)
-            continue
-        inputs.note(file, table)
-        if kind != "points":
-            table.count_on(last)
-        tables.append(table)
-        files.append((path, "file"))
-    # All files have the columns of all: what is read of each is what the one CSV holds of it.
-    names = dict.fromkeys(name for table in tables for name in table.columns)
-    for table in tables:
-        table.columns = {x: table.columns.get(x) or [None] * len(table.rows) for x in names}
-    parts = [table.converted([*spec.columns]) for table in tables]
-    if files:
-        rest = iter(parts)
-        read_tables(files, spec, faults, lambda source, content: next(rest), parts=True)
-    faults.raise_if_any()
-    bodies = [content.partition(b"\n")[2] for content, *_ in parts[1:]]
-    content = b"".join([parts[0][0], *bodies])
+    asks = [(path, inputs.ask(path, "file")) for _, path in inputs.named_files("file")]
+    content = instruments.contract_csv(asks, kind, spec, inputs.note)
     if options.to_csv in (None, STANDARD_OUTPUT):
         return Result(inputs, Listing([content.decode().rstrip("\n")]))
     return Result(inputs, Listing(), files={options.to_csv: content})

@@ -11,7 +11,7 @@ import numpy as np
 
 from mtu_cli import __version__
 from mtu_cli.cli.analyse import modelled
-from mtu_cli.cli.emit import Listing, Result, written_files
+from mtu_cli.cli.emit import written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import CLIMATE, DRIFT, OPTIONS, POINTS, READINGS, option_name
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, number_of, within
@@ -30,6 +30,7 @@ from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.reports.simulate import Synthetic, drift_file, points_file, readings_file
+from mtu_cli.result import Listing, Result
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 

@@ -4,16 +4,27 @@ the contract's CSV, of which that CSV is one entry.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
-from mtu_cli.files.csv_file import GZIP, Convert, Converted
-from mtu_cli.files.headers import POINTS, READINGS, header_names
+from mtu_cli.files.csv_file import GZIP, Convert, Converted, read_tables
+from mtu_cli.files.headers import POINTS, READINGS, CellFaults, Decimal, TableSpec, header_names
 from mtu_cli.files.source import Source
-from mtu_cli.findings import InputError, listed, nearest, shorten
-from mtu_cli.formats.base import Ask, Format, Import, Imported, RawFile, of_content
+from mtu_cli.findings import Finding, InputError, listed, nearest, shorten
+from mtu_cli.formats.base import (
+    Ask,
+    Format,
+    Import,
+    Imported,
+    RawFile,
+    local,
+    of_content,
+    raw_file,
+)
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
 MODULES = ("renishaw", "ecmc", "points", "channels", "wide")
@@ -137,3 +148,85 @@ def contract_rows(file: RawFile) -> Imported:
     result.facts = {"columns": names, "separator": NAMES[grid.separator]}
     result.drop("comment lines", grid.comments)
     return result
+
+
+def contract_csv(
+    asks: Iterable[tuple[Path, Ask]],
+    kind: str,
+    spec: TableSpec,
+    report: Callable[[RawFile, Imported], None],
+) -> bytes:
+    """One CSV of the contract with the rows of all files, checked by its reader; passes and cycles
+    are counted on from file to file. Of each file how it was understood is reported.
+
+    Raises InputError with the faults of all files.
+    """
+    files, tables = list[tuple[Path, str]](), list[Imported]()
+    faults, last = CellFaults(), dict[tuple[object, str], int]()
+    for path, ask in asks:
+        try:
+            file = raw_file(path, "file")
+            if is_contract(file.content) and not ask.profile:
+                raise file.error("other-table", kind="the contract's CSV already")
+            table = read(file, ask)
+        except InputError as fault:
+            for each in fault.findings:
+                faults.add(each)
+            continue
+        report(file, table)
+        if kind != "points":
+            table.count_on(last)
+        tables.append(table)
+        files.append((path, "file"))
+    # All files have the columns of all: what is read of each is what the one CSV holds of it.
+    names = dict.fromkeys(name for table in tables for name in table.columns)
+    for table in tables:
+        table.columns = {x: table.columns.get(x) or [None] * len(table.rows) for x in names}
+    parts = [table.converted([*spec.columns]) for table in tables]
+    if files:
+        rest = iter(parts)
+        read_tables(files, spec, faults, lambda source, content: next(rest), parts=True)
+    faults.raise_if_any()
+    bodies = [content.partition(b"\n")[2] for content, *_ in parts[1:]]
+    return b"".join([parts[0][0], *bodies])
+
+
+def inspection(file: RawFile, decimal: Decimal | None) -> dict[str, Any]:
+    """What `mtu inspect` reports of a file: its format, facts and how it would be understood; of an
+    XML file its element paths with their counts, too.
+
+    Raises InputError for what fits no format and is no XML.
+    """
+    result, title, faults, gives = Imported(format="xml"), "XML", list[Finding](), list[str]()
+    if is_contract(file.content):
+        result, title = contract_rows(file), "columns of the contract"
+    elif entry := identify(file):
+        title, gives, result = entry.title, [entry.gives], Imported(format=entry.name)
+        try:
+            result = read(file, Ask(kind="inspect", decimal=decimal))
+        except InputError as fault:
+            faults = list(fault.findings)
+    elif file.xml is None:
+        raise unknown(file)
+    return {
+        "format": result.format,
+        "title": title,
+        "importable_as": gives,
+        "code_page": file.encoding,
+        "rows": len(result.rows),
+        "facts": result.facts,
+        "says": result.says,
+        "left_out": result.left_out,
+        "doubts": result.doubts,
+        "faults": [each.message for each in faults],
+        "elements": dict(Counter(_paths(file))),
+    }
+
+
+def _paths(file: RawFile) -> Iterator[str]:
+    """The path of names of every element of an XML file, without recursion."""
+    pending = [] if file.xml is None else [(local(file.xml), file.xml)]
+    while pending:
+        path, element = pending.pop()
+        yield path
+        pending += [(f"{path}/{local(child)}", child) for child in reversed(element)]

@@ -21,16 +21,17 @@ from support import CONFIGS, DATA, PAPER, SIMULATED
 
 from mtu_cli.cli.analyse import fit_components, modelled
 from mtu_cli.cli.commands import COMMANDS
-from mtu_cli.cli.emit import Listing, Result, check_outputs, execute, warning_lines
+from mtu_cli.cli.emit import check_outputs, execute
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.main import main
 from mtu_cli.cli.options import Options
 from mtu_cli.files.yaml_file import read_yaml
-from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.findings import Finding, InputError, finding, warning_lines
 from mtu_cli.model.effect_library import BUILT_IN
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.document import REPORTS, column_meanings, declaration, envelope, meanings
 from mtu_cli.reports.fields import Fields, Group, fields_of
+from mtu_cli.result import Listing, Result
 
 STUDY = """\
 schema: mtu/study/1
