@@ -38,7 +38,7 @@ from mtu_cli.result import Result
 FUNCTIONS = {
     name.replace("-", "_").replace(" ", "_"): name
     for name, command in COMMANDS.items()
-    if command.chapter != "help" and name not in ("graph draw", "import")
+    if command.chapter != "commands" and name not in ("graph draw", "import")
 }
 """The functions of the commands that report or make something, by their names in Python."""
 OF_READINGS = ("readings", "drift", "before")

@@ -5,6 +5,7 @@ A chapter is imported when one of its commands runs, so that --help is quick.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from importlib import import_module
 from keyword import iskeyword
@@ -15,6 +16,8 @@ from typer.core import TyperArgument, TyperOption
 
 from mtu_cli import __version__
 from mtu_cli.cli.options import Options, entries, options_of, signature
+from mtu_cli.findings import CATALOGUE, error, nearest
+from mtu_cli.help import ORDER, paragraph, topic
 
 PANELS = {
     "machine": "The machine",
@@ -124,9 +127,9 @@ COMMANDS = declare(f"""
     import | one_file | about | - | Instruments' files to the contract's CSV of readings, \
         points or drift. \
         | file:import as_ component:read map unit decimal directions machine to_csv
-    schema | help | about | - | The JSON Schema of a YAML contract, for editors. \
+    schema | commands | about | - | The JSON Schema of a YAML contract, for editors. \
         | kind
-    help | help | about | - | Topics, the meaning of a warning or error, and the options of a \
+    help | commands | about | - | Topics, the meaning of a warning or error, and the options of a \
         command. \
         | topic
 """)
@@ -147,7 +150,7 @@ def _call_of(name: str) -> Callable[..., None]:
 
     def call(**values: Any) -> None:
         options = Options(name, values, command.gates or ())
-        if command.chapter == "help":
+        if command.chapter == "commands":
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute
@@ -194,3 +197,46 @@ for _name, _command in COMMANDS.items():
     _group, _, _last = _name.rpartition(" ")
     _place: Any = {"help": _command.text, "rich_help_panel": _command.panel}
     (graph if _group else app).command(_last, **_place)(_call_of(_name))
+
+
+def schema(options: Options) -> None:
+    """Prints the JSON Schema of a contract."""
+    import json
+
+    from mtu_cli.files.contract import json_schema
+
+    print(json.dumps(json_schema(options.kind), indent=2))
+
+
+def help(options: Options) -> None:
+    """Prints a topic, the paragraph of a finding, or the help of a command."""
+    commands = [*COMMANDS, "graph"]
+    name = " ".join(options.topic or ())
+    if not name:
+        titles = {each: topic(each).partition("\n")[0].removeprefix("# ") for each in ORDER}
+        lines = [f"- `mtu help {each}` — {title}" for each, title in titles.items()]
+        show("\n".join(["# Help", "", *lines, "- `mtu help CODE` — a warning or error", ""]))
+    elif name in ORDER:
+        show(topic(name))
+    elif name in CATALOGUE:
+        show(paragraph(name))
+    elif name not in commands:
+        meant = nearest(name, [*ORDER, *commands, *CATALOGUE])
+        expected = "a topic, a command, or the code of a finding (mtu help lists the topics)"
+        raise error("unknown-name", what="topic", value=name, expected=expected, meant=meant)
+    if name in commands:
+        app([*name.split(), "--help"], prog_name="mtu", standalone_mode=False)
+        from mtu_cli.reports.document import help_text
+
+        show(help_text(name))
+
+
+def show(text: str) -> None:
+    """Markdown, rendered on a terminal and as it is in a pipe."""
+    if not sys.stdout.isatty():
+        sys.stdout.write(text)
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    Console().print(Markdown(text))

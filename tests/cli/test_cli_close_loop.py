@@ -38,7 +38,7 @@ from support import CONFIGS, DATA
 
 from mtu_cli.analyses import close_loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
-from mtu_cli.cli.help import topic
+from mtu_cli.help import topic
 
 UNDECLARED = CONFIGS / "undeclared"
 MACHINE = UNDECLARED / "machine.yaml"

@@ -15,8 +15,8 @@ from support import ROOT
 
 from mtu_cli import __version__, checks
 from mtu_cli.cli.commands import app
-from mtu_cli.cli.help import ORDER, paragraph, topic
 from mtu_cli.findings import CATALOGUE
+from mtu_cli.help import ORDER, paragraph, topic
 
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # a group has them
 GRAPH = [("graph", name) for name in COMMANDS["graph"].commands]
