@@ -30,6 +30,8 @@ VARIES_SHARE, VARIES_P = 0.25, 0.01
 UNLIKE_P = 0.05
 """Of verification readings, whatever k, by the scatter of the first test: an upper bound of p."""
 VERDICTS = {0.0: "worked", 1.0: "no-effect", 2.0: "wrong-sign"}
+MOST_STEPS, SAME_STEP = 10_000, 1e-6
+"""Of a table with equal steps, and what a step may be off a whole one."""
 SAME_PLACE = 1e-3
 """mm or deg: a verification reading this near a target is of that target."""
 
@@ -78,23 +80,29 @@ class Frame:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableRequest:
-    """How the table is to be: direction, positions (`low`, `high`, `step`, machine coordinates),
-    reference, frame, and the table that was active while measuring.
+    """How the table is to be: direction, `places` (n,) mm of its points in machine coordinates
+    (None: those of the targets), reference, frame, and the table that was active while measuring.
     """
 
     direction: str | None = None
-    positions: tuple[float, float, float] | None = None
+    places: FloatArray | None = None
     reference: float | None = None
     frame: Frame = Frame()
     current: ErrorTable | None = None
 
-    @property
-    def places(self) -> FloatArray | None:
-        """Machine positions of its points; None: those of the targets."""
-        if self.positions is None:
-            return None
-        low, high, step = self.positions
-        return np.asarray(low + step * np.arange(round((high - low) / step) + 1))
+
+def grid(low: float | None, high: float | None, step: float | None) -> FloatArray:
+    """Places (n,) mm from --from to --to by --step; raises InputError for less than all three, and
+    for no whole number of steps.
+    """
+    if low is None or high is None or step is None:
+        raise error("incomplete", what="one of --from, --to, --step", other="the other two")
+    count = (high - low) / step if step > 0 else -1.0
+    if not 1 <= count <= MOST_STEPS or abs(count - round(count)) > SAME_STEP:
+        value = f"{low:g} to {high:g} by {step:g} mm"
+        expected = f"--to above --from by a whole number of steps, at most {MOST_STEPS}"
+        raise error("out-of-range", path="--step", value=value, expected=expected)
+    return np.asarray(low + step * np.arange(round(count) + 1))
 
 
 class Move(NamedTuple):
@@ -366,6 +374,12 @@ def verify(
         warnings = (*warnings, finding("unlike-first-test", **facts))
     verified = Verified(verdict, k, u, (k - half, k + half), p, misfit)
     return replace(result, moves=moves, verified=verified, warnings=warnings)
+
+
+def notes(control: Controller, frame: Frame, parameters: Parameters) -> str:
+    """What stands beside a table whose format has no comments."""
+    values = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
+    return f"{control.says}\n{frame.says}\nThis table: {values}.\n"
 
 
 def moves_program(

@@ -141,15 +141,8 @@ def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Re
     if inputs.options.write_components:
         expected = "a CSV of traces: the sign of stated features is not known"
         raise error("missing-input", what="a trace", expected=expected)
-    contents = {}
-    for path in paths:
-        file = inputs.entered(raw_file(path, "traces"))
-        content = contents[file.source.shown] = features_of(file)
-        test_plane = str(content.get("test_plane") or "")
-        for plane in planes:
-            if test_plane and plane != test_plane.upper():
-                raise file.error("contradicts", path="TEST_PLANE", value=test_plane,
-                                 other=f"--plane {plane}")  # fmt: skip
+    files = [inputs.entered(raw_file(path, "traces")) for path in paths]
+    contents = {file.source.shown: features_of(file, planes) for file in files}
     return Result(inputs, stated_document(contents, inputs.settings.digits))
 
 
@@ -178,12 +171,14 @@ def compensate(inputs: Inputs) -> Result:
         return Result.reported(inputs, result)
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
+    grid = (options.from_, options.to, options.step)
+    places = None if grid == (None, None, None) else analysis.grid(*grid)
     frame = analysis.Frame(zero=options.machine_zero, reverse=options.reverse_axis)
     request = analysis.TableRequest(
-        direction=options.direction, positions=_positions(inputs), reference=options.reference,
+        direction=options.direction, places=places, reference=options.reference,
         frame=frame,
     )  # fmt: skip
-    at = None if request.places is None else frame.of_machine(request.places)
+    at = None if places is None else frame.of_machine(places)
     errors, summands = errors_of(
         inputs.machine, inputs.readings, options.component, at, given.get("axis", ROTARY).lower()
     )
@@ -212,29 +207,11 @@ def compensate(inputs: Inputs) -> Result:
         files[table] = result.text.encode()
     if table and not control.comment:
         companion = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
-        values = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
-        notes = (control.says, frame.says, f"This table: {values}.")
-        files[companion] = "".join(f"{note}\n" for note in notes).encode()
+        files[companion] = analysis.notes(control, frame, parameters).encode()
     if options.to_nc:
         program = analysis.moves_program(plan, feed, DWELL_S, first.axis.upper(), frame)
         files[options.to_nc] = program.encode()
     return Result.reported(inputs, result, files=files)
-
-
-def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
-    options = inputs.options
-    grid = (options.from_, options.to, options.step)
-    if all(each is None for each in grid):
-        return None
-    if None in grid:
-        raise error("incomplete", what="one of --from, --to, --step", other="the other two")
-    low, high, step = grid
-    count = (high - low) / step if step > 0 else -1.0
-    if not 1 <= count <= 10_000 or abs(count - round(count)) > 1e-6:
-        value = f"{low:g} to {high:g} by {step:g} mm"
-        expected = "--to above --from by a whole number of steps, at most 10000"
-        raise error("out-of-range", path="--step", value=value, expected=expected)
-    return grid
 
 
 def _read(inputs: Inputs, path: Path, reader: Callable[[str], Any]) -> Any:

@@ -6,6 +6,7 @@ deviations mrad), whose sections end in ``::``, keys and blanks varying; the dyn
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from mtu_cli.formats.base import Format, Import, Imported, RawFile, local
@@ -155,10 +156,10 @@ def read_rtx(result: Import) -> None:
     result.says = ["the order of day and month in Date is not known"]
 
 
-def features_of(file: RawFile) -> dict[str, Any]:
+def features_of(file: RawFile, planes: Sequence[str] = ()) -> dict[str, Any]:
     """Plane, machine and features of a ballbar file ``.b5r``: each `value` with its `unit`.
 
-    Raises InputError where it has no feature.
+    Raises InputError where it has no feature, and for a plane that is none of the `planes` asked.
     """
     result, features = dict[str, Any](), dict[str, Any]()
     for element in file.xml.iter() if file.xml is not None else ():
@@ -177,6 +178,10 @@ def features_of(file: RawFile) -> dict[str, Any]:
         result = {key.lower(): fields[key] for key in STATED if key in fields} | result
     if not features:
         raise file.error("empty-file", what="FEATURE with NAME, DT and value", expected="a .b5r")
+    plane = result.get("test_plane")
+    if plane and (others := {*planes} - {plane.upper()}):
+        other = f"--plane {', '.join(sorted(others))}"
+        raise file.error("contradicts", path="TEST_PLANE", value=plane, other=other)
     return {**result, "features": features}
 
 

@@ -21,6 +21,7 @@ from mtu_cli.analyses.compensate import (
     Verified,
     compensate,
     figures,
+    grid,
     moves_program,
     verify,
 )
@@ -374,10 +375,10 @@ def test_unequal_targets_need_a_step() -> None:
     errors = axis(4, np.zeros((2, 4)), np.array([0.0, 10.0, 25.0, 60.0]))
     with pytest.raises(InputError, match="--step"):
         compensate(errors, *made("siemens-enc"), TableRequest())
-    found = compensate(errors, *made("siemens-enc"), TableRequest(positions=(0.0, 60.0, 10.0)))
+    found = compensate(errors, *made("siemens-enc"), TableRequest(places=grid(0, 60, 10)))
     assert found.held.at.tolist() == [0, 10, 20, 30, 40, 50, 60]
     with pytest.raises(InputError, match="within the targets"):
-        compensate(errors, *made("siemens-enc"), TableRequest(positions=(0.0, 70.0, 10.0)))
+        compensate(errors, *made("siemens-enc"), TableRequest(places=grid(0, 70, 10)))
 
 
 def test_backlash_that_varies_is_warned_of() -> None:
