@@ -9,9 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.load import Inputs
-from mtu_cli.findings import Finding, InputError
+from mtu_cli.cli.options import SUSPICIOUS
+from mtu_cli.files.source import report_bytes
+from mtu_cli.findings import Finding, InputError, counted, error, listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, document_of, envelope, page_bytes
+from mtu_cli.reports.fields import csv_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -97,6 +100,29 @@ class Result:
             warnings=self.warnings,
             at=self.inputs.at,
         )
+
+    def gates_met(self, limits: Mapping[str, float]) -> dict[str, str]:
+        """The reasons of the gates that are met, of those with `limits`."""
+        codes = [each.code for each in self.warnings if each.kind.suspicious]
+        suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
+        gates = {SUSPICIOUS: lambda _: suspicious if codes else None, **self.gates}
+        return {name: why for name, limit in limits.items() if (why := gates[name](limit))}
+
+    def outputs(self) -> dict[Path, bytes]:
+        """All files of the call, by path."""
+        options, document = self.inputs.options, self.document
+        files = dict(self.files)
+        if options.out is not None:
+            files[options.out] = report_bytes(self.report())
+        if options.csv is not None:
+            files[options.csv] = csv_text(*document.rows()).encode()
+        if options.plot is not None:
+            if document.figure is None:
+                raise error("not-applicable", reason="this result is not drawn", path="--plot")
+            files[options.plot] = figures.figure_bytes(document.figure, options.plot.suffix)
+        if options.report is not None:
+            files[options.report] = self.page(options.report.suffix.lower())
+        return files
 
     def page(self, ending: str) -> bytes:
         """The report to hand on, ``.html`` or ``.pdf``; without a picture where it cannot be

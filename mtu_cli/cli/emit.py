@@ -7,7 +7,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -19,20 +19,15 @@ from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.headers import is_made, measured_in, number
-from mtu_cli.files.source import files_written, given_path, report_bytes, same, target_faults
+from mtu_cli.files.source import files_written, given_path, same, target_faults
 from mtu_cli.findings import (
     EXIT_GATE,
     Finding,
     InputError,
-    counted,
-    error,
     finding,
-    listed,
     warning_lines,
 )
-from mtu_cli.reports import figures
 from mtu_cli.reports.document import plain_text
-from mtu_cli.reports.fields import csv_text
 from mtu_cli.result import Result
 from mtu_cli.stats.monte_carlo import Progress
 
@@ -57,8 +52,8 @@ def execute(options: Options, run: Callable[[Inputs], Result]) -> None:
         with late_bar(options.command) as progress:
             inputs.settings = replace(inputs.settings, progress=progress)
             result = run(inputs)
-            reasons = _gate_reasons(limits, result)
-            files = _files(result)
+            reasons = result.gates_met(limits)
+            files = result.outputs()
     except InputError as fault:
         raise InputError(inputs.with_paths(fault.findings), fault.uncounted) from None
     report = files.pop(STANDARD_OUTPUT, None)
@@ -124,31 +119,6 @@ def asked_gates(options: Options) -> dict[str, float]:
     if problems:
         raise InputError(problems)
     return result
-
-
-def _gate_reasons(limits: Mapping[str, float], result: Result) -> dict[str, str]:
-    """The reasons of the gates that are met, of those with `limits`."""
-    codes = [each.code for each in result.warnings if each.kind.suspicious]
-    suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
-    gates = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.gates}
-    return {name: why for name, limit in limits.items() if (why := gates[name](limit))}
-
-
-def _files(result: Result) -> dict[Path, bytes]:
-    """All files of a run, by path."""
-    options, document = result.inputs.options, result.document
-    files = dict(result.files)
-    if options.out is not None:
-        files[options.out] = report_bytes(result.report())
-    if options.csv is not None:
-        files[options.csv] = csv_text(*document.rows()).encode()
-    if options.plot is not None:
-        if document.figure is None:
-            raise error("not-applicable", reason="this result is not drawn", path="--plot")
-        files[options.plot] = figures.figure_bytes(document.figure, options.plot.suffix)
-    if options.report is not None:
-        files[options.report] = result.page(options.report.suffix.lower())
-    return files
 
 
 def written_files(options: Options) -> dict[str, Path]:
