@@ -4,22 +4,23 @@ estimates of all its components, what each command makes of it, and when its gat
 
 from __future__ import annotations
 
-import fnmatch
 import json
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.analyses.fit_components import FitResult, fit_result
-from mtu_cli.cli.load import Inputs, check_cell
+from mtu_cli.cli.load import Inputs
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.reports_read import ComponentsReport, ThermalReport, report_from
-from mtu_cli.files.source import read_source, report_bytes, shown_path
-from mtu_cli.findings import Finding, error, finding, listed, nearest
+from mtu_cli.files.reports_read import report_from
+from mtu_cli.files.source import read_source, report_bytes
+from mtu_cli.findings import Finding, error, finding, listed
 from mtu_cli.model import fit as fitting
+from mtu_cli.model.covariates import given_covariates
 from mtu_cli.model.estimates import Estimates, ThermalEstimate
-from mtu_cli.model.machine_model import AXES, MachineModel, build_model
+from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.reports import fit_components as reporting
 from mtu_cli.result import Gate, Result
 from mtu_cli.stats.threads import one_blas_thread
@@ -57,21 +58,13 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> tuple[MachineModel,
     # What u of a part does not contain, from the fit or from the report of it.
     terms = {term.estimate.name for term in model.terms}
     if report is not None:
-        warnings += _not_read(inputs, ("lbb", "laser"), report)
-        warnings += _report_warnings(report, LIMITS, terms)
+        warnings += fitting.not_read(report, _digests(inputs, "lbb", "laser"))
+        warnings += fitting.reported_warnings(report, LIMITS, terms)
     for item in () if fit is None else fitting.fit_warnings(fit):
         if item.code not in LIMITS or item.facts["component"] in terms:
             warnings += [item] * (item.code != "lack-of-fit")
-    covariates = model.covariates()
-    _expand(inputs.at, dict.fromkeys((*covariates, *extra)))
-    # The nearest of those names alone that the call would take.
-    names = [name for name in model.covariates() if name not in inputs.at]
-    for name in (name for name in inputs.at if name not in (*covariates, *extra)):
-        place = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
-        expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
-        meant = nearest(name, names)
-        warnings.append(finding("option-not-used", **place, meant=meant, expected=expected))
-    return model, warnings
+    inputs.at, unused = given_covariates(model, inputs.at, extra)
+    return model, [*warnings, *unused]
 
 
 def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
@@ -97,8 +90,8 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
     estimates = fitting.thermal_from_machine_file(machine)
     report = inputs.reports.thermal
     if report is not None:
-        doubts = _report_warnings(report, DOUBTS, report.components)
-        doubts += _not_read(inputs, ("drift",), report)
+        doubts = fitting.reported_warnings(report, DOUBTS, report.components)
+        doubts += fitting.not_read(report, _digests(inputs, "drift"))
         return fitting.thermal_from_report(machine, report), doubts
     if inputs.files("drift"):
         fit = fitted_drift(inputs, "auto")
@@ -120,57 +113,16 @@ def fitted_drift(inputs: Inputs, method: str) -> ThermalFit:
         return thermal_fit(readings, components, reference=reference, method=method, zeroed=zeroed)
 
 
-def _not_read(
-    inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
-) -> list[Finding]:
-    """The warning that readings are not used with the `report` of a fit to other files."""
-    digests = {
-        path: read_source(path, role)[0].sha256 for role in roles for path in inputs.files(role)
-    }
-    entries = report.document.get("inputs")
-    items = [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
-    fit_digests = {each.get("sha256") for each in items if each.get("role") in roles}
-    if not digests or set(digests.values()) == fit_digests:
-        return []
-    other = [path for path, digest in digests.items() if digest not in fit_digests]
-    names, what = [shown_path(path) for path in other or digests], ", ".join(report.components)
-    reason = f"{report.source.shown} gives {what}"
-    if fit_digests:
-        reason += "; it was fitted to other files"
-    return [finding("not-used", what="readings", names=names, reason=reason)]
-
-
-def _report_warnings(
-    report: ComponentsReport | ThermalReport, codes: Collection[str], components: Collection[str]
-) -> list[Finding]:
-    """Warnings of a report, of these `codes` and components, that hold for predictions from it."""
-    entries, result = report.document.get("warnings"), []
-    for item in entries if isinstance(entries, list) else ():
-        code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})
-        # Earlier versions reported no facts.
-        component = facts.get("component") if isinstance(facts, dict) else None
-        if code in codes and (component is None or component in components):
-            what = {"of": code, "message": str(item.get("message"))}
-            result.append(finding("reported", file=report.source.shown, **what))
-    return list(dict.fromkeys(result))
+def _digests(inputs: Inputs, *roles: str) -> dict[Path, str]:
+    """The SHA-256 of the files of these roles, by path."""
+    paths = [(path, role) for role in roles for path in inputs.files(role)]
+    return {path: read_source(path, role)[0].sha256 for path, role in paths}
 
 
 def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:
     """The warning of one approach direction for all features: between them a reversal cancels."""
     names = [name for name in inputs.at if name.startswith("dir_") and name in model.covariates()]
     return [finding("one-direction", names=names)] if names else []
-
-
-def _expand(at: dict[str, float], covariates: Iterable[str]) -> None:
-    """Names with * and ? stand for all covariates they match that have no entry in `at`."""
-    names = list(covariates)
-    for pattern in [name for name in at if "*" in name or "?" in name]:
-        matches = fnmatch.filter(names, pattern)
-        if matches:
-            value = at.pop(pattern)
-            at |= {name: value for name in matches if name not in at}
-    for name, value in at.items():
-        check_cell(name, value)
 
 
 def fit_components(inputs: Inputs) -> Result:

@@ -16,9 +16,8 @@ from mtu_cli.checks import Data, DocumentData, PointsData, ReadingsData, warning
 from mtu_cli.cli.options import MADE, ROLES, Options
 from mtu_cli.cli.values import assignments, number_of
 from mtu_cli.files.contract import expectation
-from mtu_cli.files.covariates import DIRECTIONS, SENSOR_DEGC, direction_sign, is_temperature
+from mtu_cli.files.covariates import direction_sign
 from mtu_cli.files.csv_file import Convert
-from mtu_cli.files.headers import cell_text
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points, Readings, read_points, read_readings
@@ -27,6 +26,7 @@ from mtu_cli.files.source import Source, given_path, resolved, same, shown_path
 from mtu_cli.files.study import STUDY_NAME, Instrument, LoadedStudy, find_study, load_study
 from mtu_cli.files.study import Settings as StudySettings
 from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.model.covariates import check_cell
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
@@ -303,17 +303,3 @@ def named_file(path: Path) -> tuple[str | None, Path]:
     if match is None or path.exists():
         return None, path
     return match[1], Path(match[2])
-
-
-def check_cell(name: str, value: float) -> None:
-    """Raises InputError for a value that no cell of its column may have: a direction that is
-    neither forth nor back, a temperature that no sensor reads, or a broken count.
-    """
-    place = {"path": f"--at {name}", "value": cell_text(value)}
-    if name in DIRECTIONS and abs(value) != 1.0:
-        raise error("out-of-range", **place, expected="-1 or +1")
-    low, high = SENSOR_DEGC
-    if is_temperature(name) and not low <= value <= high:
-        raise error("out-of-range", **place, expected=f"degC, {low:g} to {high:g}")
-    if name == "sequence" and value != int(value):
-        raise error("wrong-type", **place, kind="a whole number")

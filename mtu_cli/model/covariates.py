@@ -1,16 +1,18 @@
-"""Columns of measured points as covariates of the equations."""
+"""Covariates of the equations: of a call, and columns of measured points."""
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mtu_cli.files.headers import LISTED_FAULTS
+from mtu_cli.files.covariates import DIRECTIONS, SENSOR_DEGC, is_temperature
+from mtu_cli.files.headers import LISTED_FAULTS, cell_text
 from mtu_cli.files.readings import Points, Readings
-from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.findings import Finding, InputError, error, finding, nearest
 from mtu_cli.model.machine_model import (
     AXES,
     TIME,
@@ -37,6 +39,46 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
     }
     columns = {name: column for name, column in columns.items() if not np.isnan(column).all()}
     return columns | points.covariates
+
+
+def given_covariates(
+    model: MachineModel, at: Mapping[str, float], extra: Collection[str] = ()
+) -> tuple[dict[str, float], list[Finding]]:
+    """The covariates of --at for the model and `extra` ones, and warnings of those that no equation
+    needs. A name with * and ? stands for all that it matches and that have no value of their own.
+
+    Raises InputError for a value that no cell of its column may have.
+    """
+    needed = dict.fromkeys((*model.covariates(), *extra))
+    values, warnings = dict(at), list[Finding]()
+    for pattern in (name for name in at if "*" in name or "?" in name):
+        if matches := fnmatch.filter(needed, pattern):
+            value = values.pop(pattern)
+            values |= {name: value for name in matches if name not in values}
+    for name, value in values.items():
+        check_cell(name, value)
+    # The nearest of those names alone that the call would take.
+    lacking = [name for name in model.covariates() if name not in values]
+    for name in (name for name in values if name not in needed):
+        place = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
+        expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
+        meant = nearest(name, lacking)
+        warnings.append(finding("option-not-used", **place, meant=meant, expected=expected))
+    return values, warnings
+
+
+def check_cell(name: str, value: float) -> None:
+    """Raises InputError for a value that no cell of its column may have: a direction that is
+    neither forth nor back, a temperature that no sensor reads, or a broken count.
+    """
+    place = {"path": f"--at {name}", "value": cell_text(value)}
+    if name in DIRECTIONS and abs(value) != 1.0:
+        raise error("out-of-range", **place, expected="-1 or +1")
+    low, high = SENSOR_DEGC
+    if is_temperature(name) and not low <= value <= high:
+        raise error("out-of-range", **place, expected=f"degC, {low:g} to {high:g}")
+    if name == "sequence" and value != int(value):
+        raise error("wrong-type", **place, kind="a whole number")
 
 
 def needed_covariates(

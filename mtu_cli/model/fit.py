@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from mtu_cli.files.reports_read import (
     ReportedDrift,
     ThermalReport,
 )
+from mtu_cli.files.source import shown_path
 from mtu_cli.findings import Finding, InputError, finding, listed, suggestion
 from mtu_cli.language import evaluate
 from mtu_cli.model.effect_parameters import range_warnings, renames
@@ -431,3 +433,36 @@ def thermal_from_report(
             position_range=item.position_range_mm,
         )
     return result
+
+
+def not_read(
+    report: ComponentsReport | ThermalReport, digests: Mapping[Path, str]
+) -> list[Finding]:
+    """The warning that readings of a call, by path their `digests`, are not used with a report that
+    was fitted to other files.
+    """
+    entries = report.document.get("inputs")
+    items = [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
+    of_fit = {x.get("sha256") for x in items if x.get("role") in ("lbb", "laser", "drift")}
+    if not digests or {*digests.values()} == of_fit:
+        return []
+    other = [path for path, digest in digests.items() if digest not in of_fit]
+    reason = f"{report.source.shown} gives {', '.join(report.components)}"
+    reason += "; it was fitted to other files" if of_fit else ""
+    names = [shown_path(path) for path in other or digests]
+    return [finding("not-used", what="readings", names=names, reason=reason)]
+
+
+def reported_warnings(
+    report: ComponentsReport | ThermalReport, codes: Collection[str], components: Collection[str]
+) -> list[Finding]:
+    """Warnings of a report, of these `codes` and components, that hold for predictions from it."""
+    entries, result = report.document.get("warnings"), []
+    for item in entries if isinstance(entries, list) else ():
+        code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})
+        # Earlier versions reported no facts.
+        component = facts.get("component") if isinstance(facts, dict) else None
+        if code in codes and (component is None or component in components):
+            what = {"of": code, "message": str(item.get("message"))}
+            result.append(finding("reported", file=report.source.shown, **what))
+    return list(dict.fromkeys(result))
