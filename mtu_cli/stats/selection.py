@@ -58,9 +58,8 @@ Blocks = Sequence[tuple[int, ...]]
 
 class Panel:
     """The rows by place and cycle, by index: columns 1, g `regressors` in one variant after the
-    other, response. `x` (places,) is the places' coordinate, best from -1 to 1. Where all columns
-    of the `pieces` count from their means there, these have levels of their own (Frisch-Waugh), in
-    fits and in held-out cycles alike. Rows and stepwise choices of some cycles are made once.
+    other, response. `x` (places,) is the places' coordinate, best from -1 to 1. Rows and stepwise
+    choices of some cycles are made once.
     """
 
     def __init__(self, pieces: Pieces, x: FloatArray, regressors: int) -> None:
@@ -68,6 +67,13 @@ class Panel:
         self.cycles = range(1 + max(cycle for _, cycle in pieces))
         self._rows: dict[frozenset[int], dict[int, Compressed]] = {}
         self.selections: dict[tuple[frozenset[int], int], tuple[IntArray, LeastSquares]] = {}
+
+    def freed(self) -> Panel:
+        """With all columns counted from their means in each piece: these then have levels of their
+        own (Frisch-Waugh), in fits and in held-out cycles alike.
+        """
+        pieces = {key: piece.about_mean() for key, piece in self.pieces.items()}
+        return Panel(pieces, self.x, self.regressors)
 
     @property
     def most_degree(self) -> int:
@@ -310,30 +316,26 @@ def held_out_products(panel: Panel, spec: Spec) -> tuple[float, float] | None:
     return lag, leverage
 
 
-def levels_of_pieces(pieces: Pieces, sets: Iterable[list[int]]) -> tuple[float, float]:
+def levels_of_pieces(panel: Panel, sets: Iterable[list[int]]) -> tuple[float, float]:
     """What levels of all pieces explain of the residuals of one level a place: their share, and p
     of F, with the effective number of rows as n. Of several `sets` of columns that the response is
-    regressed on, that with the least share; (0, 1) where there is nothing to test.
+    regressed on, at each place by itself, that with the least share; (0, 1) where there is nothing
+    to test.
     """
-    places = sorted({place for place, _ in pieces})
-    by_place = [[piece for (place, _), piece in pieces.items() if place == p] for p in places]
-    both = [(together(x), together([piece.about_mean() for piece in x])) for x in by_place]
-    last, tests = both[0][0].factor.shape[1] - 1, []
+    places = panel.rows(panel.cycles).values(), panel.freed().rows(panel.cycles).values()
+    n, pieces, tests = sum(rows.n for rows in places[0]), len(panel.pieces), []
     for columns in sets:
-        rss_level = rss_offset = 0.0
-        df1, rank, fits = len(pieces) - len(places), len(pieces), []
-        for rows, centred in both:
-            level_fit, offset_fit = (
-                least_squares(x.inner(columns), x.inner([last])[:, 0]) for x in (rows, centred)
-            )
-            weights = np.zeros(last + 1)
-            weights[columns], weights[last] = -offset_fit.coefficients, 1.0
-            fits.append((centred, weights))
-            rss_level, rss_offset = rss_level + level_fit.rss, rss_offset + offset_fit.rss
-            df1, rank = df1 + offset_fit.rank - level_fit.rank, rank + offset_fit.rank
-        n = sum(piece.n for piece in pieces.values())
+        rss_level = rss_own = 0.0
+        df1, rank, fits = pieces - len(places[0]), pieces, []
+        for both in zip(*places, strict=True):
+            level, own = (least_squares(x.inner(columns), x.inner([-1])[:, 0]) for x in both)
+            weights = np.zeros(both[1].factor.shape[1])
+            weights[columns], weights[-1] = -own.coefficients, 1.0
+            fits.append((both[1], weights))
+            rss_level, rss_own = rss_level + level.rss, rss_own + own.rss
+            df1, rank = df1 + own.rank - level.rank, rank + own.rank
         dof = effective_number(n, autocorrelation(fits)) - rank
-        if df1 > 0 and dof > 0 and rss_offset > 0:
-            F = max(rss_level - rss_offset, 0.0) / df1 / (rss_offset / dof)
-            tests.append((1 - rss_offset / rss_level, float(fdtrc(df1, dof, F))))
+        if df1 > 0 and dof > 0 and rss_own > 0:
+            F = max(rss_level - rss_own, 0.0) / df1 / (rss_own / dof)
+            tests.append((1 - rss_own / rss_level, float(fdtrc(df1, dof, F))))
     return min(tests, default=(0.0, 1.0))

@@ -110,6 +110,9 @@ class Design:
         lagged_rise = np.moveaxis(np.concatenate(lags, axis=1), 0, 1).reshape(n, -1)
         self.Z = np.column_stack([np.ones(n), lagged_rise, self.y])
         pieces = {key: compress(self.Z[part]) for key, part in self.runs.items()}
+        places = np.array([position or 0.0 for position in self.positions])
+        middle, half = float(places.max() + places.min()) / 2, float(np.ptp(places)) / 2 or 1.0
+        self.scale, panel = (middle, half), Panel(pieces, (places - middle) / half, len(groups))
         self.offsets, self.by = zeroed == "cycle", "test" if zeroed == "auto" else "setting"
         several = len(self.cycles) > 1 and len(self.runs) > len(self.positions)
         if zeroed == "auto" and groups and several:
@@ -120,15 +123,10 @@ class Design:
                 # least decides.
                 by_lag = np.arange(1, self.Z.shape[1] - 1).reshape(-1, len(groups)).tolist()
                 sets = [by_lag[0], *(by_lag[0] + columns for columns in by_lag[1:])]
-                share, p = levels_of_pieces(pieces, sets)
+                share, p = levels_of_pieces(panel, sets)
                 self.offsets = p < OFFSET_P and share > OFFSET_SHARE
         self.offsets &= len(self.cycles) > 1
-        if self.offsets:
-            pieces = {key: piece.about_mean() for key, piece in pieces.items()}
-        places = np.array([position or 0.0 for position in self.positions])
-        middle, half = float(places.max() + places.min()) / 2, float(np.ptp(places)) / 2 or 1.0
-        self.scale = middle, half
-        self.panel = Panel(pieces, (places - middle) / half, len(groups))
+        self.panel = panel.freed() if self.offsets else panel
 
     def _sort(self, readings: Readings, rows: IntArray) -> IntArray:
         """The rows by position, cycle and time."""
