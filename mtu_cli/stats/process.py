@@ -10,10 +10,9 @@ from math import nan
 import numpy as np
 from scipy.special import chdtri, nctdtrinc, ndtr, stdtr
 
-from mtu_cli.stats.coverage import PROBABILITY
+from mtu_cli.stats.coverage import TAIL
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
-TAIL = (1 - PROBABILITY) / 2
 FEWEST_FOR_TREND = 4
 """Values that a line is fitted to, at least."""
 MOVING_RANGE = 1.128

@@ -14,7 +14,7 @@ from scipy.special import chdtri, stdtr, stdtrit
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval, reml
-from mtu_cli.stats.coverage import FAMILY_RATE, PROBABILITY, holm
+from mtu_cli.stats.coverage import FAMILY_RATE, TAIL, holm
 from mtu_cli.stats.least_squares import FloatArray, known_mean, quotient
 from mtu_cli.stats.outliers import outstanding_rows
 from mtu_cli.stats.process import Capability, capability, radial_capability, slopes
@@ -23,7 +23,6 @@ from mtu_cli.units import ARCSEC, UM
 
 Method = Literal["paper", "anova", "reml"]
 Kind = Literal["feature", "length", "angle"]
-TAIL = (1 - PROBABILITY) / 2
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ from scipy.special import comb, fdtri
 from mtu_cli.analyses.thermal_fit.design import Design
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.covariance import covariance_root, positive_part
-from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor, t_interval
 from mtu_cli.stats.least_squares import FloatArray, effective_number, polynomial
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.stats.selection import Fitted, held_out_products
@@ -231,8 +231,7 @@ def gradients(
         value = float(weights @ fit.slopes[p])
         u, interval = float(np.hypot(combination.u[0], value - combination.value[0])), None
         if np.isfinite(u):
-            U = coverage_factor(PROBABILITY, float(combination.dof[0])) * u
-            interval = value - U, value + U
+            interval = t_interval(value, u, float(combination.dof[0]))
         by = "cycles" if combination.clustered[0] else "model"
         return Gradient(design.positions[p], sensors, value, u if interval else None, interval, by)
 
