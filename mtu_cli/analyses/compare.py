@@ -38,9 +38,9 @@ from mtu_cli.stats.coverage import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, group_means, quotient
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
-    UncertainVariance,
     f_tails,
-    mean_square_tails,
+    mean_squares,
+    pooled_p,
     t_tail,
     uncertain_variance,
 )
@@ -428,7 +428,7 @@ def _item_tests(
     cmm = repeat / t.N
     expected_mean = D * t.share + cmm
     by_parts = (t.parts >= FEWEST_PARTS) & (of_mean >= expected_mean)
-    variance = _variance(
+    variance = mean_squares(
         squares.of_mean + np.where(by_parts, 0.0, t.share) * squares.of_part,
         squares.dof,
         (np.where(by_parts, of_mean, 0.0), t.df_between),
@@ -441,7 +441,7 @@ def _item_tests(
     repeated = t.df_within > 0
     within, n0 = np.where(repeated, t.ms_within, 0.0), np.where(t.df_between > 0, t.n0, 0.0)
     hidden_ms = n0 * hidden(np.where(repeated, within, D), r)
-    variance = _variance(
+    variance = mean_squares(
         n0 * squares.of_part, squares.dof, (within, t.df_within), rounding=hidden_ms
     )
     expected = within + n0 * D + hidden_ms
@@ -452,25 +452,10 @@ def _item_tests(
     return np.array([np.sqrt(u2 + rounding), p_bias, expected, p_scatter])
 
 
-def _variance(
-    squares: FloatArray,
-    dof: FloatArray,
-    *terms: tuple[FloatArray, FloatArray],
-    rounding: FloatArray,
-) -> UncertainVariance:
-    """A sum of mean squares (K, items) of `dof` (K,); of `terms`, with degrees of freedom by item;
-    and of `rounding` (items,), of infinite ones.
-    """
-    rows, dofs = [squares, rounding[None]], [dof, np.array([inf])]
-    for values, df in terms:
-        numbers = np.unique(df[(values > 0) & (df > 0)])
-        rows.append(np.where(df == numbers[:, None], values, 0.0))
-        dofs.append(numbers)
-    return uncertain_variance(np.concatenate(rows), np.concatenate(dofs))
-
-
 def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArray) -> Pooled:
-    """The test of the scatter of features A E with their tables and `expected` MS_between."""
+    """The test of the scatter of features A E with their tables and `expected` MS_between. Less the
+    share w of the CMM the mean T of the ratios is of the parts alone: `ratio`^2 = (T - w)/(1 - w).
+    """
     df, weights, within = t.df_between, t.n0 / expected, t.ms_within / expected
     # Of part means relative to their variance; the CMM is in the variances alone.
     correlation = (A @ prediction.assembled(coefficients=0.0) @ A.T) * np.sqrt(
@@ -483,37 +468,15 @@ def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArr
     denominator = float((within**2 / t.df_within).sum())
     cmm = float(within.sum()) ** 2 / denominator if denominator else inf
     rows = np.append((squares.of_part * weights).mean(axis=1), within.mean())
-    return pooled_test(
-        t.ms_between / expected,
+    ratios, w = t.ms_between / expected, float(within.mean())
+    p = pooled_p(
+        ratios,
         correlation,
         2.0 * correlation**2 / np.maximum(df, df[:, None]),
-        (rows[:, None], np.append(squares.dof * times, cmm)),
-        float(within.mean()),
+        uncertain_variance(rows[:, None], np.append(squares.dof * times, cmm)),
     )
-
-
-def pooled_test(
-    ratios: FloatArray,
-    correlation: FloatArray,
-    shared: FloatArray,
-    squares: tuple[FloatArray, FloatArray],
-    w: float,
-) -> Pooled:
-    """The mean T of m `ratios` MS_between/expectation.
-
-    `correlation` (m, m) is that of the means of one part, `shared` (m, m) the covariance of any
-    two ratios if the expectations are right, whose mean has the mean `squares` (K, 1) and degrees
-    of freedom (K,); w is the share of the CMM in it. Of normal errors T is a sum of chi-squared
-    variables whose sizes are the eigenvalues of the correlation; where items lack parts its degrees
-    of freedom are those that give its variance, the mean of `shared`. Less the CMM's share T is of
-    the parts alone: `ratio`^2 = (T - w)/(1 - w).
-    """
-    T = float(ratios.mean())
-    sizes = np.maximum(np.linalg.eigvalsh(correlation), 0.0)
-    dof = 2.0 * float((correlation**2).mean() / shared.mean())
-    tails = mean_square_tails(T, sizes, dof, uncertain_variance(*squares))
-    ratio = float(np.sqrt(max(T - w, 0.0) / (1 - w)))
-    return Pooled(items=len(ratios), ratio=ratio, p=min(2 * min(tails), 1.0))
+    ratio = float(np.sqrt(max(float(ratios.mean()) - w, 0.0) / (1 - w)))
+    return Pooled(items=len(ratios), ratio=ratio, p=p)
 
 
 def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float = inf) -> FloatArray:

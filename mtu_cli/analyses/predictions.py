@@ -29,7 +29,7 @@ from mtu_cli.model.measurands import (
 )
 from mtu_cli.model.prediction import Prediction, Variance, predict, ratio_of
 from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
-from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
+from mtu_cli.stats.coverage import t_interval
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult, Validation
 from mtu_cli.stats.threads import one_blas_thread
@@ -141,18 +141,12 @@ def predict_places(
         coverage_factor=settings.coverage_factor,
         variance=total,
         dof=dof,
-        interval95=_interval(prediction.mean, np.sqrt(total), dof),
+        interval95=np.array([*map(t_interval, prediction.mean, np.sqrt(total), dof)]),
         split=split,
         independent=settings.independent,
         conformance=(None,) * len(ids),
         warnings=(*prediction_warnings(model, prediction, covariates), *dof_warnings(names, dof)),
     )
-
-
-def _interval(mean: FloatArray, u: FloatArray, dof: FloatArray) -> FloatArray:
-    """mean -+ t u at 95 % (rows, 2), t of the `dof` (rows,)."""
-    half = np.array([coverage_factor(PROBABILITY, each) for each in dof]) * u
-    return np.column_stack([mean - half, mean + half])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,7 +240,7 @@ def predict_lengths(
         error=errors,
         variance=variance,
         dof=dof,
-        interval95=_interval(errors, u, dof),
+        interval95=np.array([*map(t_interval, errors, u, dof)]),
         independent_variance=independent,
         u_uncorrelated=np.sqrt(np.where(uncorrelated >= 0, uncorrelated, np.nan)),
         u_bounds=np.array([ends for ends, _ in bounds]),
@@ -376,14 +370,13 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
         first_order, run = trials(independent=False)
     mean, dof = float(first_order.linear_mean[0]), float(first_order.dof[0])
     u, by_trials = float(first_order.linear_u[0, 0]), float(run.u[0])
-    half = coverage_factor(PROBABILITY, dof) * u
     return Orthogonality(
         id=entry.id,
         prediction=prediction,
         run=run,
         scale=by_trials if np.isfinite(by_trials) else u,
         model=first_order,
-        interval95=(mean - half, mean + half),
+        interval95=t_interval(mean, u, dof),
         independent=independent,
         validation=settings.validate(mean, u, dof, run, 0),
         shares=None if first_order.variance is None else first_order.variance.shares(0),

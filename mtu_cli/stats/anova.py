@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri
 
-from mtu_cli.stats.coverage import PROBABILITY
+from mtu_cli.stats.coverage import TAIL
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means, quotient
 from mtu_cli.stats.resolution import hidden
 
@@ -173,7 +173,6 @@ def part_interval(cells: Cells, table: OneWay) -> FloatArray:
     that miss, and says nothing of the size of s_part.
     """
     present = cells.present
-    tail = (1 - PROBABILITY) / 2
     known = (table.df_between > 0) & (table.df_within > 0)
     n1, n2 = (np.where(known, df, np.nan) for df in (table.df_between, table.df_within))
     inverse = np.divide(1.0, cells.n, out=np.zeros_like(cells.n), where=present)
@@ -181,9 +180,9 @@ def part_interval(cells: Cells, table: OneWay) -> FloatArray:
     centre = np.where(present, cells.mean, 0.0).sum(axis=1) / table.parts
     deviation = np.where(present, cells.mean - centre[:, None], 0.0)
     S1, S2 = h * (deviation**2).sum(axis=1) / n1, table.ms_within
-    G1, G2 = 1 - n1 / chdtri(n1, tail), 1 - n2 / chdtri(n2, tail)
-    H1, H2 = n1 / chdtri(n1, 1 - tail) - 1, n2 / chdtri(n2, 1 - tail) - 1
-    upper, lower = fdtri(n1, n2, 1 - tail), fdtri(n1, n2, tail)
+    G1, G2 = 1 - n1 / chdtri(n1, TAIL), 1 - n2 / chdtri(n2, TAIL)
+    H1, H2 = n1 / chdtri(n1, 1 - TAIL) - 1, n2 / chdtri(n2, 1 - TAIL) - 1
+    upper, lower = fdtri(n1, n2, 1 - TAIL), fdtri(n1, n2, TAIL)
     G12 = ((upper - 1) ** 2 - (G1 * upper) ** 2 - H2**2) / upper
     H12 = ((1 - lower) ** 2 - (H1 * lower) ** 2 - G2**2) / lower
     down = (G1 * S1) ** 2 + (H2 * S2) ** 2 + G12 * S1 * S2

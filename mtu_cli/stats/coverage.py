@@ -15,6 +15,8 @@ from mtu_cli.stats.least_squares import FloatArray
 
 PROBABILITY = 0.95
 """Of every interval that is not asked for otherwise."""
+TAIL = (1 - PROBABILITY) / 2
+"""Beyond either end of it."""
 
 
 def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> float:
@@ -56,6 +58,12 @@ def t_quantile(probability: FloatArray, dof: float) -> FloatArray:
     """Quantiles (n,) of Student's t at `probability` (n,); of the normal for infinite `dof`."""
     result = ndtri(probability) if math.isinf(dof) else stdtrit(dof, probability)
     return np.asarray(result, dtype=np.float64)
+
+
+def t_interval(value: float, u: float, dof: float) -> tuple[float, float]:
+    """value -+ t u, which covers PROBABILITY."""
+    half = coverage_factor(PROBABILITY, dof) * u
+    return value - half, value + half
 
 
 def few_blocks_factor(blocks: int) -> float:

@@ -61,6 +61,23 @@ def uncertain_variance(squares: FloatArray, dof: FloatArray) -> UncertainVarianc
     return UncertainVariance(*map(np.concatenate, zip(*nodes, strict=True)))
 
 
+def mean_squares(
+    squares: FloatArray,
+    dof: FloatArray,
+    *terms: tuple[FloatArray, FloatArray],
+    rounding: FloatArray,
+) -> UncertainVariance:
+    """The distribution of sums of mean squares (K, m) of `dof` (K,); of `terms`, with degrees of
+    freedom by item, each (m,); and of `rounding` (m,), of infinite ones.
+    """
+    rows, dofs = [squares, rounding[None]], [dof, np.array([np.inf])]
+    for values, df in terms:
+        numbers = np.unique(df[(values > 0) & (df > 0)])
+        rows.append(np.where(df == numbers[:, None], values, 0.0))
+        dofs.append(numbers)
+    return uncertain_variance(np.concatenate(rows), np.concatenate(dofs))
+
+
 def t_tail(deviation: FloatArray, variance: UncertainVariance) -> FloatArray:
     """Two-sided p (m,) that a normal `deviation` (m,) of such variance is as large.
 
@@ -191,3 +208,20 @@ def mean_square_tails(
     high = np.where(positive, np.where(above, ndtr(-r), 1.0), 0.0)
     low = np.where(positive, np.where(above, ndtr(r), 0.0), 1.0)
     return float(high @ weights), float(low @ weights)
+
+
+def pooled_p(
+    ratios: FloatArray, correlation: FloatArray, shared: FloatArray, variance: UncertainVariance
+) -> float:
+    """Two-sided p of the mean T of m `ratios` of mean squares to their expectations, T of such an
+    expected `variance`.
+
+    Of normal errors T is a sum of chi-squared variables whose sizes are the eigenvalues of the
+    `correlation` (m, m) of what the mean squares are of; where items have unequal numbers of these
+    its degrees of freedom are those that give its variance, the mean of `shared` (m, m), the
+    covariance of any two ratios if the expectations are right.
+    """
+    sizes = np.maximum(np.linalg.eigvalsh(correlation), 0.0)
+    dof = 2.0 * float((correlation**2).mean() / shared.mean())
+    tails = mean_square_tails(float(ratios.mean()), sizes, dof, variance)
+    return min(2 * min(tails), 1.0)

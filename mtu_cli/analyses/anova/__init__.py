@@ -11,7 +11,7 @@ import numpy as np
 from mtu_cli.analyses.anova.tables import (
     FEWEST_PARTS,
     Analysed,
-    Capability,
+    ItemCapability,
     Kind,
     Method,
     Trend,
@@ -82,7 +82,7 @@ class AnovaResult:
     unusual: tuple[UnusualPart, ...] | None
     sequence: Mapping[str, FloatArray]
     trends: tuple[Trend, ...]
-    capabilities: tuple[Capability, ...]
+    capabilities: tuple[ItemCapability, ...]
     totals: tuple[Total, ...]
     warnings: tuple[Finding, ...]
 

@@ -30,7 +30,7 @@ from mtu_cli.model.features import dof_warnings, guess_warnings, outside_warning
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import axis_warnings, no_shared_axis, roundings
 from mtu_cli.model.settings import Settings
-from mtu_cli.stats.coverage import PROBABILITY
+from mtu_cli.stats.coverage import significant
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
@@ -169,8 +169,7 @@ def _size_warnings(
         details = {"names": exact, "reason": "no error before the correction"}
         yield finding("not-estimable", quantity="reduction_percent", **details)
     calibrated = [form for form in forms if form.calibrated]
-    excess = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
-    if excess:
+    if excess := significant({form: form.p for form in calibrated}):
         worst = max(excess, key=lambda form: form.F)
         labels = {form: f"{form.operation} {form.id}".strip() for form in excess}
         yield finding(

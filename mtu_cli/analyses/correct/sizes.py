@@ -37,7 +37,7 @@ from mtu_cli.model.machine_model import AXES, TIME, MachineModel
 from mtu_cli.model.measured import roundings
 from mtu_cli.model.prediction import Outside, Prediction, predict
 from mtu_cli.model.visits import only_features, operations_of, visits_of
-from mtu_cli.stats.coverage import ENDLESS, PROBABILITY, coverage_factor, welch_satterthwaite
+from mtu_cli.stats.coverage import ENDLESS, t_interval, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.units import UM
@@ -459,9 +459,6 @@ def mean_sizes(
         # Effective degrees of freedom: JCGM 100, eq. (G.2b).
         variances = np.array([u**2, u_calibration**2])
         dof_error = welch_satterthwaite(variances, np.array([dof, inf]))
-        half, half_error = (
-            coverage_factor(PROBABILITY, nu) * s for nu, s in ((dof, u), (dof_error, u_error))
-        )
         size = Size(
             kind=item.kind,
             id=item.id,
@@ -477,10 +474,10 @@ def mean_sizes(
             n_repeats=n,
             s_repeats=float(after.std(ddof=1)) if n > 1 else nan,
             U=k * u,
-            interval95=(last - half, last + half),
+            interval95=t_interval(last, u, dof),
             error=(error_before, error_after),
             u_error=u_error,
-            error_interval95=(error_after - half_error, error_after + half_error),
+            error_interval95=t_interval(error_after, u_error, dof_error),
             reduction_percent=100 * (1 - abs(error_after / error_before)) if error_before else nan,
         )
         result.append(size)

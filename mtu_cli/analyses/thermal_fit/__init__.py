@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.design import Design, about_means, sensors_of
-from mtu_cli.analyses.thermal_fit.models import FEWEST_NESTED, Fitted, HeldOut, choose, held_out
+from mtu_cli.analyses.thermal_fit.models import choose
 from mtu_cli.analyses.thermal_fit.uncertainty import (
     Gradient,
     estimate,
@@ -22,6 +22,7 @@ from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, counted, error, finding
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, effective_number
+from mtu_cli.stats.selection import FEWEST_NESTED, Fitted, HeldOut, held_out
 from mtu_cli.stats.serial import condition_number, normality_p, variance_inflation
 from mtu_cli.units import SMALL, UNITS, Unit
 
@@ -132,13 +133,14 @@ def thermal_fit(
         of, unit = None, SMALL[design.dimension].name
         if components is not None:
             of, unit = components[design.name]
-        fitted = Fitted(design, design.every_cycle, choose(design, design.blocks, method))
+        panel = design.panel
+        fitted = Fitted(panel, panel.cycles, choose(design, panel.blocks, method))
         if len(design.y) - fitted.parameters < 1 - _ROUNDING_OF_COUNT:
-            levels = sum(x.levels for x in design.rows(design.every_cycle).values())
+            levels = sum(x.levels for x in panel.rows(panel.cycles).values())
             what = f"{counted(len(design.y), 'reading')} of {design.name}"
             expected = f"{levels + fitted.coefficients.size + 1} for the {fitted.spec.kind} model"
             raise error("too-little-data", what=what, file=design.file, expected=expected)
-        drift, bound = _component(fitted, method, of, unit)
+        drift, bound = _component(design, fitted, method, of, unit)
         result[design.name], share = drift, min(share, bound)
         warnings += _warnings(design, drift)
     numbers = [name for name, values in readings.covariates.items() if values.dtype != object]
@@ -158,19 +160,21 @@ def thermal_fit(
     )
 
 
-def _component(fit: Fitted, method: str, of: str | None, unit: str) -> tuple[ComponentDrift, float]:
+def _component(
+    design: Design, fit: Fitted, method: str, of: str | None, unit: str
+) -> tuple[ComponentDrift, float]:
     """The model with its evidence, and the share of the sensors' noise that residuals allow for."""
-    design, spec, y = fit.design, fit.spec, fit.design.y
+    panel, spec, y = design.panel, fit.spec, design.y
     modelled = np.empty_like(y)
     for (p, _), rows in design.runs.items():
-        modelled[rows] = design.Z[rows][:, fit.columns[1:-1]] @ fit.gradients[p]
+        modelled[rows] = design.Z[rows][:, fit.columns[1:-1]] @ fit.slopes[p]
     places = [*design.runs.values()] if design.offsets else design.places
     residual, drift = about_means(y - modelled, places), about_means(y, places)
     before, after = float(np.mean(drift**2)), float(np.mean(residual**2))
-    square, lag = fit.mean_products(design.every_cycle)
+    square, lag = fit.mean_products(panel.cycles)
     lag1 = lag / square if square > 0 else 0.0
     sensor_u, curves = sensor_noise(design), []
-    share = noise_share(fit, sensor_u)
+    share = noise_share(design, fit, sensor_u)
     for (p, c), run in design.runs.items():
         sample = slice(run.start, run.stop, max(1, -(-(run.stop - run.start) // MOST_POINTS)))
         time, measured = design.time[sample], y[sample]
@@ -178,16 +182,16 @@ def _component(fit: Fitted, method: str, of: str | None, unit: str) -> tuple[Com
         predicted = measured - residual[sample]
         curves.append(Curve(design.positions[p], design.cycles[c], time, measured, predicted))
     columns = [fit.columns[1 + j] for j in fit.used.tolist()]
-    items = design.rows(design.every_cycle).values()
+    items = panel.rows(panel.cycles).values()
     inner = np.vstack([item.inner(columns) for item in items])
     factors = variance_inflation(inner).tolist() if len(columns) else []
-    squares = fit.group_shares(design.every_cycle)
-    single, several = gradients(fit, sensor_u * share)
+    squares = fit.shares(panel.cycles)
+    single, several = gradients(design, fit, sensor_u * share)
     result = ComponentDrift(
         name=design.name,
         unit=UNITS[unit],
-        model=spec.kind if spec.kind != "lagged" or any(spec.lags) else "ridge",
-        estimate=estimate(fit, residual, of, UNITS[unit], sensor_u),
+        model=spec.kind if spec.kind != "lagged" or any(spec.variants) else "ridge",
+        estimate=estimate(design, fit, residual, of, UNITS[unit], sensor_u),
         positions=tuple(p for p in design.positions if p is not None),
         n=len(y),
         cycles=design.cycles,
@@ -195,7 +199,7 @@ def _component(fit: Fitted, method: str, of: str | None, unit: str) -> tuple[Com
         r2_fit=1 - after / before if before > 0 and not design.still else float("nan"),
         rms_before=float(np.sqrt(before)),
         rms_after=float(np.sqrt(after)),
-        held_out=held_out(design, method),
+        held_out=held_out(panel, lambda blocks: choose(design, blocks, method)),
         condition=condition_number(inner) if len(columns) else 1.0,
         vif={
             sensor: factor if np.isfinite(factor) else None

@@ -1,31 +1,19 @@
 """The drift readings of one component, and the columns that its thermal models choose from:
-sensors, or groups of them, with and without lag. Fits are to compressed rows of any cycles.
+sensors, or groups of them, with and without lag.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.special import fdtrc
 
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError, error, finding
-from mtu_cli.stats.least_squares import (
-    Compressed,
-    FloatArray,
-    IntArray,
-    LeastSquares,
-    autocorrelation,
-    compress,
-    effective_number,
-    least_squares,
-    polynomial,
-    together,
-)
+from mtu_cli.stats.least_squares import FloatArray, IntArray, compress
+from mtu_cli.stats.selection import Panel, levels_of_pieces
 from mtu_cli.stats.serial import first_order_lag
 
 ALIKE = 0.999
@@ -33,19 +21,11 @@ ALIKE = 0.999
 MOST_LAGS = 7
 MOST_ROWS = 1_000_000
 """Readings of a component that are fitted; of more every second, third, ... of a cycle."""
-MOST_BLOCKS = 12
-"""Cycles up to which each is held out alone; more are held out in this many blocks, because each
-block's model is chosen by holding out the others in turn: the square of their number of fits.
-"""
 OFFSET_P, OFFSET_SHARE = 0.001, 0.7
-"""Level of the test of cycles' offsets, and their least share of the residuals without them."""
+"""Level of the test of cycles' offsets, and their least share of the residuals without them: memory
+and noise make small offsets, too."""
 ROUNDING = 1e-12
 """Share of the readings that is rounding where it is all they differ by."""
-
-Rows = dict[int, Compressed]
-"""Compressed rows by position index."""
-Pieces = dict[tuple[int, int], Compressed]
-"""Compressed rows by (position index, cycle index)."""
 
 
 class Design:
@@ -60,9 +40,9 @@ class Design:
     `groups` are tuples of sensors, `average` (s, g) their means. `Z` (n, 2 + k g) are the rows 1,
     columns, reading: column 1 + c g + j is the rise of group j above the reference, degC, with the
     time constant `time_constants[c]`, min, of which the first is 0; `step` between readings, min.
-    Where cycles have `offsets` of their own (`by`: setting, first readings or test), all columns of
-    the `pieces` count from their means there, which frees them of these (Frisch-Waugh), in fits and
-    in held-out cycles alike. `row_cache` and `selections` hold rows and stepwise choices by cycles.
+    `panel` has these rows, and (p - c)/h of the positions p, c their middle and h their half range
+    (`scale`, mm; c is 0 without an axis). Where cycles have `offsets` of their own (`by`: setting,
+    first readings or test) its columns count from their means in each position and cycle.
 
     Lagged columns are made where `lagged` is asked for and times are known. `zeroed`: cycle (an
     offset each), never, or auto.
@@ -129,19 +109,24 @@ class Design:
         lags = [first_order_lag(rise[p], self.time[p], self.time_constants) for p in self.places]
         lagged_rise = np.moveaxis(np.concatenate(lags, axis=1), 0, 1).reshape(n, -1)
         self.Z = np.column_stack([np.ones(n), lagged_rise, self.y])
-        self.pieces = {key: compress(self.Z[part]) for key, part in self.runs.items()}
+        pieces = {key: compress(self.Z[part]) for key, part in self.runs.items()}
+        places = np.array([position or 0.0 for position in self.positions])
+        middle, half = float(places.max() + places.min()) / 2, float(np.ptp(places)) / 2 or 1.0
+        self.scale, panel = (middle, half), Panel(pieces, (places - middle) / half, len(groups))
         self.offsets, self.by = zeroed == "cycle", "test" if zeroed == "auto" else "setting"
         several = len(self.cycles) > 1 and len(self.runs) > len(self.positions)
         if zeroed == "auto" and groups and several:
             if not self.y[[part.start for part in self.runs.values()]].any():
                 self.offsets, self.by = True, "first readings"
             else:
-                self.offsets = _offsets_explain(self.pieces, len(groups))
+                # Lags that are left out shift the levels of cycles: that with which offsets explain
+                # least decides.
+                by_lag = np.arange(1, self.Z.shape[1] - 1).reshape(-1, len(groups)).tolist()
+                sets = [by_lag[0], *(by_lag[0] + columns for columns in by_lag[1:])]
+                share, p = levels_of_pieces(panel, sets)
+                self.offsets = p < OFFSET_P and share > OFFSET_SHARE
         self.offsets &= len(self.cycles) > 1
-        if self.offsets:
-            self.pieces = {key: piece.about_mean() for key, piece in self.pieces.items()}
-        self.row_cache: dict[frozenset[int], Rows] = {}
-        self.selections: dict[tuple[frozenset[int], int], tuple[IntArray, LeastSquares]] = {}
+        self.panel = panel.freed() if self.offsets else panel
 
     def _sort(self, readings: Readings, rows: IntArray) -> IntArray:
         """The rows by position, cycle and time."""
@@ -164,54 +149,6 @@ class Design:
         ends = np.searchsorted(place, np.arange(len(positions) + 1)).tolist()
         self.places = [slice(low, high) for low, high in pairwise(ends)]
         return rows[order]
-
-    @property
-    def most_degree(self) -> int:
-        """The highest degree in position that the observed positions determine."""
-        return len(self.positions) - 1
-
-    @cached_property
-    def scaled(self) -> tuple[float, float, FloatArray]:
-        """The middle c of the observed positions (mm; 0 without an axis), their half range h, and
-        (p - c)/h (positions,), whose powers condition well.
-        """
-        places = np.array([position or 0.0 for position in self.positions])
-        middle, half = float(places.max() + places.min()) / 2, float(np.ptp(places)) / 2 or 1.0
-        return middle, half, (places - middle) / half
-
-    def powers(self, degree: int) -> FloatArray:
-        """Powers (positions, degree + 1) of the position scaled to -1 ... 1."""
-        return polynomial(self.scaled[2], degree)
-
-    @property
-    def every_cycle(self) -> range:
-        """Indices of the cycles."""
-        return range(len(self.cycles))
-
-    @cached_property
-    def blocks(self) -> tuple[tuple[int, ...], ...]:
-        """Cycles that are held out together: each alone, or blocks of those that follow each
-        other, as near to one size as can be.
-        """
-        many = min(len(self.cycles), MOST_BLOCKS)
-        ends = [block * len(self.cycles) // many for block in range(many + 1)]
-        return tuple(tuple(range(low, high)) for low, high in pairwise(ends))
-
-    def rows(self, cycles: Iterable[int]) -> Rows:
-        """All rows of some cycles."""
-        key = frozenset(cycles)
-        if key not in self.row_cache:
-            pieces: dict[int, list[Compressed]] = {}
-            for position, cycle in sorted(self.pieces):
-                if cycle in key:
-                    pieces.setdefault(position, []).append(self.pieces[position, cycle])
-            self.row_cache[key] = {position: together(items) for position, items in pieces.items()}
-        return self.row_cache[key]
-
-    def columns(self, lags: tuple[int, ...]) -> list[int]:
-        """Constant, one column a group with the time constant of index lags[j], reading."""
-        g = len(self.groups)
-        return [0, *(1 + lag * g + j for j, lag in enumerate(lags)), self.Z.shape[1] - 1]
 
 
 def about_means(values: FloatArray, parts: Iterable[slice]) -> FloatArray:
@@ -249,36 +186,3 @@ def sensors_of(readings: Readings) -> tuple[str, ...]:
     if problems:
         raise InputError(problems)
     return sensors
-
-
-def _offsets_explain(pieces: Pieces, g: int) -> bool:
-    """Whether offsets of all pieces explain the residuals of one level a position and g groups.
-
-    F with the effective number of readings, at OFFSET_P. As memory and noise make small offsets,
-    too, these must also explain OFFSET_SHARE of those residuals. Lags that are left out shift the
-    levels of cycles: the lag with which offsets explain least decides.
-    """
-    places = sorted({place for place, _ in pieces})
-    by_place = [[piece for (place, _), piece in pieces.items() if place == p] for p in places]
-    both = [(together(x), together([piece.about_mean() for piece in x])) for x in by_place]
-    last, tests = both[0][0].factor.shape[1] - 1, []
-    for first in range(1, last, g):
-        columns = [*range(1, g + 1), *(range(first, first + g) if first > 1 else ())]
-        rss_level = rss_offset = 0.0
-        df1, rank, fits = len(pieces) - len(places), len(pieces), []
-        for rows, centred in both:
-            level_fit, offset_fit = (
-                least_squares(x.inner(columns), x.inner([last])[:, 0]) for x in (rows, centred)
-            )
-            weights = np.zeros(last + 1)
-            weights[columns], weights[last] = -offset_fit.coefficients, 1.0
-            fits.append((centred, weights))
-            rss_level, rss_offset = rss_level + level_fit.rss, rss_offset + offset_fit.rss
-            df1, rank = df1 + offset_fit.rank - level_fit.rank, rank + offset_fit.rank
-        n = sum(piece.n for piece in pieces.values())
-        dof = effective_number(n, autocorrelation(fits)) - rank
-        if df1 > 0 and dof > 0 and rss_offset > 0:
-            F = max(rss_level - rss_offset, 0.0) / df1 / (rss_offset / dof)
-            tests.append((1 - rss_offset / rss_level, float(fdtrc(df1, dof, F))))
-    share, p = min(tests, default=(0.0, 1.0))
-    return p < OFFSET_P and share > OFFSET_SHARE

@@ -25,12 +25,12 @@ import numpy as np
 from scipy.special import comb, fdtri
 
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.analyses.thermal_fit.models import Fitted, folds
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.covariance import covariance_root, positive_part
-from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
-from mtu_cli.stats.least_squares import FloatArray, effective_number
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor, t_interval
+from mtu_cli.stats.least_squares import FloatArray, effective_number, polynomial
 from mtu_cli.stats.resolution import rounding_variance
+from mtu_cli.stats.selection import Fitted, held_out_products
 from mtu_cli.stats.serial import Block, SerialFit
 from mtu_cli.units import Unit
 
@@ -65,20 +65,25 @@ class Gradient(NamedTuple):
 
 
 def estimate(
-    fit: Fitted, residual: FloatArray, of: str | None, unit: Unit, sensor_u: FloatArray
+    design: Design,
+    fit: Fitted,
+    residual: FloatArray,
+    of: str | None,
+    unit: Unit,
+    sensor_u: FloatArray,
 ) -> ThermalEstimate:
     """The model in powers of mm and sensors, with the covariances of coefficients and of the
     `residual` (n,); `sensor_u` (s,) of all sensors, degC.
     """
-    design, used = fit.design, fit.used
+    used = fit.used
     members = np.flatnonzero((design.average[:, used] != 0).any(axis=1))
     spread = design.average[np.ix_(members, used)]
     # From powers of (p - c)/h to powers of p.
-    (c, h, _), m = design.scaled, fit.spec.degree + 1
+    (c, h), m = design.scale, fit.spec.degree + 1
     T = np.array([[comb(k, j) * (-c) ** max(k - j, 0) / h**k for k in range(m)] for j in range(m)])
     terms = np.concatenate([used + k * len(design.groups) for k in range(m)])
-    products = _held_out_products(fit)
-    n, cycles = len(design.y), design.every_cycle
+    products = held_out_products(fit.panel, fit.spec)
+    n, cycles = len(design.y), fit.panel.cycles
     square, lag = fit.mean_products(cycles)
     square *= n / max(n - fit.parameters, 1.0)
     number = effective_number(n, lag / square if square > 0 else 0.0)
@@ -92,7 +97,7 @@ def estimate(
         if excess > scale * float(fdtri(between, coefficient_dof, PROBABILITY)):
             scale, coefficient_dof = excess, between
     root = np.kron(T, spread) @ covariance_root(fit.unit_covariance[np.ix_(terms, terms)])
-    slow, leftover_dof = _slow(fit, residual, products)
+    slow, leftover_dof = _slow(design, fit, residual, products)
     places = [position for position in design.positions if position is not None]
     return ThermalEstimate(
         component=design.name,
@@ -103,49 +108,26 @@ def estimate(
         coefficients=T @ fit.coefficients[:, used] @ spread.T,
         covariance=scale * root @ root.T,
         coefficient_dof=coefficient_dof,
-        leftover=T @ _as_polynomial(design.powers(m - 1), slow) @ T.T,
+        leftover=T @ _as_polynomial(polynomial(fit.panel.x, m - 1), slow) @ T.T,
         leftover_dof=leftover_dof,
-        time_constants=time_constants(fit)[members],
+        time_constants=time_constants(design, fit)[members],
         sensor_u=sensor_u[members],
         temperature_range=design.span[members],
         position_range=(min(places), max(places)) if places else None,
     )
 
 
-def _held_out_products(fit: Fitted) -> tuple[float, float] | None:
-    """Of held-out residuals the mean e_i e_(i+1), and the mean x'C x: C the unit covariance of the
-    fold's fit, x a held-out row about the mean of the rows that it was fitted to. None with a
-    single block of cycles.
-    """
-    design, columns, total = fit.design, fit.columns[1:-1], np.zeros(2)
-    powers = design.powers(fit.spec.degree)
-    if len(design.blocks) < 2:
-        return None
-    for block, training in folds(design.blocks):
-        fold = Fitted(design, training, fit.spec)
-        rows, test_rows = design.rows(training), design.rows(block)
-        total[0] += fold.mean_products(block)[1] * sum(item.n for item in test_rows.values())
-        for position in test_rows.keys() & rows.keys():
-            factor = test_rows[position].factor
-            inner = factor[:, columns] - factor[:, :1] * rows[position].mean(columns)
-            x = np.kron(powers[position], inner)
-            total[1] += float(np.einsum("ri,ij,rj->", x, fold.unit_covariance, x))
-    lag, leverage = (total / len(design.y)).tolist()
-    return lag, leverage
-
-
 def _slow(
-    fit: Fitted, residual: FloatArray, products: tuple[float, float] | None
+    design: Design, fit: Fitted, residual: FloatArray, products: tuple[float, float] | None
 ) -> tuple[FloatArray, float]:
     """Covariance (positions, positions) of what carries over between readings, and its dof.
 
     Positions that were read at the same times are correlated as they show; others are not.
     """
-    design, n = fit.design, len(residual)
-    count = len(design.positions)
+    n, count = len(residual), len(design.positions)
     first, pairs = np.zeros((count, count)), np.zeros((count, count))
     second, triples = 0.0, 0
-    for c in design.every_cycle:
+    for c in fit.panel.cycles:
         series = [(p, residual[rows]) for (p, cycle), rows in design.runs.items() if cycle == c]
         second += sum(float(e[:-2] @ e[2:]) for _, e in series)
         triples += sum(max(len(e) - 2, 0) for _, e in series)
@@ -186,10 +168,10 @@ def _as_polynomial(V: FloatArray, slow: FloatArray) -> FloatArray:
     return level
 
 
-def time_constants(fit: Fitted) -> FloatArray:
+def time_constants(design: Design, fit: Fitted) -> FloatArray:
     """Of every sensor (s,), min; 0 of one that the model does not use."""
-    design, used = fit.design, fit.used
-    lags = np.asarray(fit.spec.lags, int)[used]
+    used = fit.used
+    lags = np.asarray(fit.spec.variants, int)[used]
     return np.asarray((design.average[:, used] != 0) @ design.time_constants[lags])
 
 
@@ -208,48 +190,48 @@ def sensor_noise(design: Design) -> FloatArray:
     return np.asarray(np.maximum(middle, rounding))
 
 
-def _through_lags(fit: Fitted) -> FloatArray:
+def _through_lags(design: Design, fit: Fitted) -> FloatArray:
     """Share (s,) of the noise of a reading that comes through the lag of each sensor."""
-    constants = time_constants(fit)
-    slow = np.sqrt(fit.design.step / (2 * np.where(constants > 0, constants, np.inf)))
+    constants = time_constants(design, fit)
+    slow = np.sqrt(design.step / (2 * np.where(constants > 0, constants, np.inf)))
     return np.where((constants > 0) & (slow > 0), np.minimum(slow, 1.0), 1.0)
 
 
-def noise_share(fit: Fitted, sensor_u: FloatArray) -> float:
+def noise_share(design: Design, fit: Fitted, sensor_u: FloatArray) -> float:
     """The largest share of `sensor_u` (s,) that the residuals allow for, 1 at most.
 
     The noise of the sensors makes residuals without memory, of variance sum_s g_s^2 u_s^2; so
     does the instrument. The mean e_i^2 less e_i e_(i+1) over all positions bounds both together.
     """
-    design, noise = fit.design, sensor_u * _through_lags(fit)
-    rows = design.rows(design.every_cycle)
-    squares = np.sum((fit.gradients @ design.average.T * noise) ** 2, axis=1)
+    noise = sensor_u * _through_lags(design, fit)
+    rows = fit.panel.rows(fit.panel.cycles)
+    squares = np.sum((fit.slopes @ design.average.T * noise) ** 2, axis=1)
     expected = sum(item.n * float(squares[p]) for p, item in rows.items())
-    square, lag = fit.mean_products(design.every_cycle)
+    square, lag = fit.mean_products(fit.panel.cycles)
     if expected <= 0:
         return 1.0
     return float(np.sqrt(np.clip((square - lag) * len(design.y) / expected, 0.0, 1.0)))
 
 
-def gradients(fit: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list[Gradient]]:
+def gradients(
+    design: Design, fit: Fitted, sensor_u: FloatArray
+) -> tuple[list[Gradient], list[Gradient]]:
     """The model's gradients of every sensor at every observed position, and of the sensors that
     are not separable; `sensor_u` (s,) as the residuals allow for it, degC.
     """
     single, several = list[Gradient](), list[Gradient]()
     if not fit.used.size:
         return single, several
-    design, model = fit.design, fit.gradients
-    full, movement, width = _full(fit, sensor_u)
-    powers = design.powers(fit.spec.degree)
+    full, movement, width = _full(design, fit, sensor_u)
+    powers = polynomial(fit.panel.x, fit.spec.degree)
 
     def gradient(p: int, sensors: tuple[str, ...], weights: FloatArray) -> Gradient:
         """Of the combination `weights` (g,) of the groups' gradients at a position."""
         combination = full.combinations((weights @ levers)[None])
-        value = float(weights @ model[p])
+        value = float(weights @ fit.slopes[p])
         u, interval = float(np.hypot(combination.u[0], value - combination.value[0])), None
         if np.isfinite(u):
-            U = coverage_factor(PROBABILITY, float(combination.dof[0])) * u
-            interval = value - U, value + U
+            interval = t_interval(value, u, float(combination.dof[0]))
         by = "cycles" if combination.clustered[0] else "model"
         return Gradient(design.positions[p], sensors, value, u if interval else None, interval, by)
 
@@ -267,13 +249,13 @@ def gradients(fit: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list[G
     return single, several
 
 
-def _full(fit: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int]:
+def _full(design: Design, fit: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int]:
     """The fit of all groups to the rows, their covariance (g, g) about their levels, and how many
     columns each power has: the g groups, and other lags of them. Lags are known to a factor only,
     and may be another sensor's: where the model has lags, a group has u_lag b + sum_c (u_c - u_lag)
     b_c of other lags c, the steady state of which is b.
     """
-    design, g, lags = fit.design, len(fit.design.groups), np.asarray(fit.spec.lags)
+    g, lags = len(design.groups), np.asarray(fit.spec.variants)
     # Other lags are none and the next ones; of a group without lag the mean of all.
     usual = round(float(lags[lags > 0].mean())) if lags.any() else 0
     pairs = [
@@ -285,14 +267,14 @@ def _full(fit: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int
     group, other_lags = np.array(pairs, int).reshape(-1, 2).T
     # What of a sensor's noise is in u_lag, and in u_c - u_lag.
     reading_u = sensor_u * (design.average[:, fit.used] != 0).any(axis=1)
-    lagged_u = reading_u * _through_lags(fit)
+    lagged_u = reading_u * _through_lags(design, fit)
     plain, lagged = (np.sqrt(u**2 @ design.average**2) for u in (reading_u, lagged_u))
     noise = np.append(lagged, plain[group] * (other_lags == 0) - lagged[group])
     change = design.Z[:, 1 + other_lags * g + group] - design.Z[:, 1 + lags[group] * g + group]
     columns = np.column_stack([design.Z[:, fit.columns[1:-1]], change, design.y])
     owner = np.concatenate([np.arange(g), group])
     in_columns = np.equal.outer(owner, owner) * np.outer(noise, noise)
-    powers = design.powers(fit.spec.degree)
+    powers = polynomial(fit.panel.x, fit.spec.degree)
     blocks, squares = [], np.zeros((g, g))
     runs = [(p, c, rows) for (p, c), rows in sorted(design.runs.items())]
     # A single reading does not rise from its level; where all are such, levels are of positions.

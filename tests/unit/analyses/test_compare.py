@@ -14,10 +14,9 @@ from compare_trials import predicted as prediction
 from measured_examples import PLACES, part_file, points
 from measured_examples import study as three_holes
 from model_examples import stated
-from scipy import stats
 from scipy.special import fdtrc, ndtr
 
-from mtu_cli.analyses.compare import Compared, CompareResult, compare, compared, judged, pooled_test
+from mtu_cli.analyses.compare import Compared, CompareResult, compare, compared, judged
 from mtu_cli.files.readings import Points
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.prediction import Prediction
@@ -25,7 +24,6 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_features
 from mtu_cli.reports.compare import verdict_text
 from mtu_cli.stats.anova import cells_of
-from mtu_cli.stats.least_squares import FloatArray
 
 
 def codes(result: CompareResult) -> set[str]:
@@ -297,35 +295,7 @@ def test_one_family_of_all_tests(share: float, verdict: str) -> None:
     assert (*found.verdicts, *others.verdicts) == (verdict, *["consistent"] * 3)
 
 
-# The pooled scatter of all features: its test, its rate of false alarms, and its power.
-
-
-def p_of(ratio: FloatArray, correlation: FloatArray, df: float, dof: float = np.inf) -> float:
-    """p of items of one mean square and no CMM, whose part means have this correlation."""
-    squares = np.ones((1, 1)), np.array([dof])
-    return pooled_test(ratio, correlation, 2 * correlation**2 / df, squares, 0.0).p
-
-
-@pytest.mark.parametrize("T", [1.2, 1.5, 0.7])
-def test_independent_items_are_one_chi_squared(T: float) -> None:
-    """30 items of 4 degrees of freedom: chi-squared of 120, to 1 in 1000."""
-    found = p_of(np.full(30, T), np.eye(30), 4.0)
-    tail = min(stats.chi2.sf(120 * T, 120), stats.chi2.cdf(120 * T, 120))
-    assert found == pytest.approx(2 * tail, rel=1e-3)
-
-
-@pytest.mark.parametrize("common", [0.3, 0.8])
-@pytest.mark.parametrize("tail", [0.0005, 0.005, 0.025])
-def test_correlated_items_against_draws(common: float, tail: float) -> None:
-    """Four standard errors of the drawn quantiles, and 2 % for the formula."""
-    m, df, draws = 24, 5, 100_000
-    correlation = common * np.ones((m, m)) + (1 - common) * np.eye(m)
-    sizes = np.linalg.eigvalsh(correlation)
-    T = np.random.default_rng(11).chisquare(df, (draws, m)) @ sizes / (df * m)
-    for end in np.quantile(T, [tail, 1 - tail]):
-        found = p_of(np.full(m, end), correlation, df)
-        error = 2 * 4 * np.sqrt(tail / draws)
-        assert found == pytest.approx(2 * tail, abs=error + 0.02 * 2 * tail)
+# The pooled scatter of all features: the power of its test.
 
 
 def loose(points: Points, factor: float) -> Points:

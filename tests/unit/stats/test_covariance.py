@@ -29,7 +29,13 @@ from mtu_cli.stats.kernels import (
     wiener,
 )
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.uncertain_variance import f_tails, mean_square_tails, t_tail, uncertain_variance
+from mtu_cli.stats.uncertain_variance import (
+    f_tails,
+    mean_square_tails,
+    pooled_p,
+    t_tail,
+    uncertain_variance,
+)
 
 
 def spread(rng: np.random.Generator, size: int) -> FloatArray:
@@ -285,3 +291,31 @@ def test_a_mean_square_against_one_of_few_readings_is_fishers(nu: float) -> None
     high, low = mean_square_tails(6.0, np.full(6, 0.7), 5.0, variance)
     assert high == pytest.approx(stats.f.sf(6.0 / 2.5, 30, nu), rel=0.01)
     assert low == pytest.approx(stats.f.cdf(6.0 / 2.5, 30, nu), rel=0.01)
+
+
+def p_of(ratio: FloatArray, correlation: FloatArray, df: float, dof: float = np.inf) -> float:
+    """p of items of one mean square whose values have this correlation."""
+    variance = uncertain_variance(np.ones((1, 1)), np.array([dof]))
+    return pooled_p(ratio, correlation, 2 * correlation**2 / df, variance)
+
+
+@pytest.mark.parametrize("T", [1.2, 1.5, 0.7])
+def test_independent_items_are_one_chi_squared(T: float) -> None:
+    """30 items of 4 degrees of freedom: chi-squared of 120, to 1 in 1000."""
+    found = p_of(np.full(30, T), np.eye(30), 4.0)
+    tail = min(stats.chi2.sf(120 * T, 120), stats.chi2.cdf(120 * T, 120))
+    assert found == pytest.approx(2 * tail, rel=1e-3)
+
+
+@pytest.mark.parametrize("common", [0.3, 0.8])
+@pytest.mark.parametrize("tail", [0.0005, 0.005, 0.025])
+def test_correlated_items_against_draws(common: float, tail: float) -> None:
+    """Four standard errors of the drawn quantiles, and 2 % for the formula."""
+    m, df, draws = 24, 5, 100_000
+    correlation = common * np.ones((m, m)) + (1 - common) * np.eye(m)
+    sizes = np.linalg.eigvalsh(correlation)
+    T = np.random.default_rng(11).chisquare(df, (draws, m)) @ sizes / (df * m)
+    for end in np.quantile(T, [tail, 1 - tail]):
+        found = p_of(np.full(m, end), correlation, df)
+        error = 2 * 4 * np.sqrt(tail / draws)
+        assert found == pytest.approx(2 * tail, abs=error + 0.02 * 2 * tail)
