@@ -229,6 +229,22 @@ class CompareResult:
     coverage_factor: float
     warnings: tuple[Finding, ...]
 
+    def failures(self, fault: Verdict) -> list[str] | None:
+        """The items with a fault, and operations whose features pooled have it; of few parts a mean
+        that is off is either. None where nothing was tested.
+        """
+        result, tested = list[str](), False
+        for kind in filter(None, (self.features, self.lengths)):
+            answers = kind.biased if fault == "biased" else kind.under_predicted
+            few = kind.one_way.parts < FEWEST_PARTS
+            for label, *flags, small in zip(kind.labels, answers, kind.biased, few, strict=True):
+                verdicts = flags[: 1 + bool(small)]
+                tested |= any(answer is not None for answer in verdicts)
+                result += [" ".join(filter(None, label))] if any(verdicts) else []
+        pooled = [item for item in self.features.summaries if item.pooled_fault == fault]
+        result += [f"{item.operation} features pooled".strip() for item in pooled]
+        return result if tested else None
+
 
 def compare(
     model: MachineModel,

@@ -100,6 +100,18 @@ class FitResult:
     coverage_factor: float
     warnings: tuple[Finding, ...]
 
+    @property
+    def drifts(self) -> list[str]:
+        """Components whose passes differ by more than repeatability, or drift in one direction."""
+        names = [
+            f"{name} ({text})"
+            for test, text in (("drift", "pass to pass"), ("trend", "trend"))
+            for name, component in self.components.items()
+            for instrument in component.instruments
+            if test in instrument.tests and instrument.tests[test].significant
+        ]
+        return list(dict.fromkeys(names))
+
 
 def fit_result(
     machine: str,

@@ -58,6 +58,12 @@ class PointsResult:
     conformance: tuple[Conformance | None, ...]
     warnings: tuple[Finding, ...]
 
+    @property
+    def conformances(self) -> dict[str, Conformance]:
+        """Of the features that have a tolerance."""
+        pairs = zip(self.prediction.ids, self.conformance, strict=True)
+        return {name: item for name, item in pairs if item is not None}
+
     @cached_property
     def covariance(self) -> FloatArray:
         """Covariance (rows, rows), which of many features is made only where it is asked for."""
@@ -182,6 +188,13 @@ class LengthsResult:
     joint_conformance: JointConformance | None
     run: MonteCarloResult
     warnings: tuple[Finding, ...]
+
+    @property
+    def conformances(self) -> dict[str, Conformance | JointConformance]:
+        """Of the lengths that have a tolerance, and of the part with all of them."""
+        named = [*zip(self.ids, self.conformance, strict=True)]
+        named += [("the whole part", self.joint_conformance)]
+        return {name: item for name, item in named if item is not None}
 
 
 def predict_lengths(
@@ -313,6 +326,11 @@ class OrthogonalityResult:
 
     angles: tuple[Orthogonality, ...]
     warnings: tuple[Finding, ...]
+
+    @property
+    def conformances(self) -> dict[str, Conformance]:
+        """Of the angles that have a tolerance."""
+        return {x.id: x.conformance for x in self.angles if x.conformance is not None}
 
 
 def predict_orthogonality(

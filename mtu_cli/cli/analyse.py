@@ -5,7 +5,7 @@ estimates of all its components, what each command makes of it, and when its gat
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,7 +26,6 @@ from mtu_cli.result import Gate, Result
 from mtu_cli.stats.threads import one_blas_thread
 
 if TYPE_CHECKING:
-    from mtu_cli.analyses.compare import CompareResult
     from mtu_cli.analyses.thermal_fit import ThermalFit
 
 REFERENCE_WITHOUT_MACHINE = 20.0
@@ -134,15 +133,7 @@ def fit_components(inputs: Inputs) -> Result:
         *fitting.machine_warnings(machine, result.estimates),
         *fitting.fit_warnings(result.fit),
     ]
-    # Passes that drift in one direction, or differ by more than repeatability.
-    drifts = [
-        f"{name} ({text})"
-        for test, text in (("drift", "pass to pass"), ("trend", "trend"))
-        for name, component in result.components.items()
-        for instrument in component.instruments
-        if test in instrument.tests and instrument.tests[test].significant
-    ]
-    reason = f"drift in {', '.join(dict.fromkeys(drifts))}" if drifts else None
+    reason = f"drift in {', '.join(result.drifts)}" if result.drifts else None
     return Result.reported(inputs, result, warnings, gates={"drift": lambda _: reason})
 
 
@@ -165,8 +156,7 @@ def predict_points(inputs: Inputs) -> Result:
         result = analysis.predict_places(model, ids, places, inputs.settings, inputs.at)
     matrix = bool(inputs.options.covariance)
     document = report.points(result, inputs.settings.digits, with_covariance=matrix)
-    conformances = dict(zip(result.prediction.ids, result.conformance, strict=True))
-    gates = _conformance_gate(conformances, "position_um at a feature")
+    gates = _conformance_gate(result.conformances, "position_um at a feature")
     return Result(inputs, document, [*warnings, *result.warnings], gates=gates)
 
 
@@ -176,9 +166,7 @@ def lengths(inputs: Inputs) -> Result:
     model, warnings = modelled(inputs)
     result = predict_lengths(model, inputs.part, inputs.settings, inputs.at)
     warnings = [*warnings, *inputs.part.warnings, *one_direction(inputs, model)]
-    conformances: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
-    conformances["the whole part"] = result.joint_conformance
-    gates = _conformance_gate(conformances, "tolerance_um at a length")
+    gates = _conformance_gate(result.conformances, "tolerance_um at a length")
     return Result.reported(inputs, result, warnings, gates=gates)
 
 
@@ -188,18 +176,17 @@ def orthogonality(inputs: Inputs) -> Result:
     model, warnings = modelled(inputs)
     result = predict_orthogonality(model, inputs.part, inputs.settings, inputs.at)
     warnings = [*warnings, *one_direction(inputs, model)]
-    conformances = {each.id: each.conformance for each in result.angles}
-    gates = _conformance_gate(conformances, "tolerance_arcsec at an angle")
+    gates = _conformance_gate(result.conformances, "tolerance_arcsec at an angle")
     return Result.reported(inputs, result, warnings, gates=gates)
 
 
-def _conformance_gate(conformances: dict[str, Any], key: str) -> dict[str, Gate]:
+def _conformance_gate(conformances: Mapping[str, Any], key: str) -> dict[str, Gate]:
     """The gate of a prediction by its `conformances` by name, which need a `key` of the part."""
 
     def nonconforming(limit: float) -> str | None:
-        risks = {x: 1 - c.probability for x, c in conformances.items() if c is not None}
-        if not risks:
+        if not conformances:
             raise error("gate-undefined", gate="nonconforming", expected=f"{key} of the part")
+        risks = {name: 1 - item.probability for name, item in conformances.items()}
         failures = [
             f"{name} {100 * p:.{2 if p < 0.995 else 4}g} %"
             for name, p in risks.items()
@@ -232,32 +219,19 @@ def compare(inputs: Inputs) -> Result:
     model, warnings = modelled(inputs)
     datum = inputs.choices.datum or "none"
     result = analysis(model, inputs.part, inputs.points, inputs.settings, datum, inputs.at)
-    gates = {gate: partial(_verdict_reason, result, gate) for gate in ("biased", "under-predicted")}
+
+    def failed(fault: Any, _: float) -> str | None:
+        failures = result.failures(fault)
+        if failures is None:
+            expected = (
+                "two or more parts, in which features or lengths of the part were measured, "
+                "and a machine that was read in enough passes"
+            )
+            raise error("gate-undefined", gate=fault, expected=expected)
+        return listed(failures) if failures else None
+
+    gates = {fault: partial(failed, fault) for fault in ("biased", "under-predicted")}
     return Result.reported(inputs, result, warnings, gates=gates)
-
-
-def _verdict_reason(result: CompareResult, gate: str, limit: float) -> str | None:
-    """The items that meet a gate; of few parts a mean that is off meets both."""
-    from mtu_cli.analyses.compare import FEWEST_PARTS
-
-    failures: list[str] = []
-    judged = False
-    for kind in filter(None, (result.features, result.lengths)):
-        answers = kind.biased if gate == "biased" else kind.under_predicted
-        few = kind.one_way.parts < FEWEST_PARTS
-        for label, *flags, small in zip(kind.labels, answers, kind.biased, few, strict=True):
-            verdicts = flags[: 1 + bool(small)]
-            judged |= any(answer is not None for answer in verdicts)
-            failures += [" ".join(filter(None, label))] if any(verdicts) else []
-    if not judged:
-        expected = (
-            "two or more parts, in which features or lengths of the part were measured, "
-            "and a machine that was read in enough passes"
-        )
-        raise error("gate-undefined", gate=gate, expected=expected)
-    pooled = [item for item in result.features.summaries if item.pooled_fault == gate]
-    failures += [f"{item.operation} features pooled".strip() for item in pooled]
-    return listed(failures) if failures else None
 
 
 def correct(inputs: Inputs) -> Result:
