@@ -192,9 +192,14 @@ class LengthsResult:
     @property
     def conformances(self) -> dict[str, Conformance | JointConformance]:
         """Of the lengths that have a tolerance, and of the part with all of them."""
-        named = [*zip(self.ids, self.conformance, strict=True)]
-        named += [("the whole part", self.joint_conformance)]
-        return {name: item for name, item in named if item is not None}
+        result: dict[str, Conformance | JointConformance] = {
+            name: item
+            for name, item in zip(self.ids, self.conformance, strict=True)
+            if item is not None
+        }
+        if self.joint_conformance is not None:
+            result["the whole part"] = self.joint_conformance
+        return result
 
 
 def predict_lengths(

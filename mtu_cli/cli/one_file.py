@@ -5,10 +5,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mtu_cli.cli.emit import STANDARD_OUTPUT
 from mtu_cli.cli.load import Inputs
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 EXAMPLE = "--vary axis_um=0.5:2.5:5 (from 0.5 to 2.5 in 5 steps) or --vary repeats=1,2,4"
 DIGITS = 12
 """Digits of a value that count: 1:5:5 has whole steps but for rounding."""
-LISTED = 40
-"""Element paths of an XML file that the table shows; the report has all."""
 
 
 def budget(inputs: Inputs) -> Result:
@@ -119,25 +116,7 @@ def inspect(inputs: Inputs) -> Result:
     file = inputs.entered(raw_file(inputs.options.file, "file"))
     results = instruments.inspection(file, inputs.options.decimal)
     doubts = [file.finding("instrument-doubt", doubt=text) for text in results["doubts"]]
-    return Result(inputs, Listing([*_lines(results)], results), doubts)
-
-
-def _lines(results: dict[str, Any]) -> Iterable[str]:
-    yield f"{results['format']}: {results['title']}; {results['code_page']}"
-    if results["importable_as"]:
-        yield f"  importable as {' or '.join(results['importable_as'])}: {results['rows']} rows"
-    for name, value in results["facts"].items():
-        content = value
-        if isinstance(value, list):
-            some = [f"{x:g}" if isinstance(x, float) else str(x) for x in value]
-            content = ", ".join(some[:12]) + (f" and {len(some) - 12} more" if some[12:] else "")
-        yield f"  {name}: {'not stated' if content == '' else content}"
-    yield from (f"  {text}" for text in results["says"])
-    yield from (f"  left out: {count} {what}" for what, count in results["left_out"].items())
-    yield from (f"  fault: {text}" for text in results["faults"])
-    yield from (f"  {count:5} {path}" for path, count in [*results["elements"].items()][:LISTED])
-    if (rest := len(results["elements"]) - LISTED) > 0:
-        yield f"  and {rest} more element paths (-o)"
+    return Result(inputs, Listing([*instruments.inspection_lines(results)], results), doubts)
 
 
 def import_(inputs: Inputs) -> Result:

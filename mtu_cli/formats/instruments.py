@@ -5,7 +5,7 @@ the contract's CSV, of which that CSV is one entry.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -36,6 +36,8 @@ KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), "readings") | {
 SPECS = {"readings": READINGS, "drift": READINGS, "points": POINTS}
 CONTRACT = "contract-csv"
 HEAD = 1 << 16
+LISTED = 40
+"""Element paths of an XML file that the table shows; the report has all."""
 
 
 def registry() -> Iterator[Format]:
@@ -221,6 +223,25 @@ def inspection(file: RawFile, decimal: Decimal | None) -> dict[str, Any]:
         "faults": [each.message for each in faults],
         "elements": dict(Counter(_paths(file))),
     }
+
+
+def inspection_lines(results: Mapping[str, Any]) -> Iterator[str]:
+    """The same as lines of text."""
+    yield f"{results['format']}: {results['title']}; {results['code_page']}"
+    if results["importable_as"]:
+        yield f"  importable as {' or '.join(results['importable_as'])}: {results['rows']} rows"
+    for name, value in results["facts"].items():
+        content = value
+        if isinstance(value, list):
+            some = [f"{x:g}" if isinstance(x, float) else str(x) for x in value]
+            content = ", ".join(some[:12]) + (f" and {len(some) - 12} more" if some[12:] else "")
+        yield f"  {name}: {'not stated' if content == '' else content}"
+    yield from (f"  {text}" for text in results["says"])
+    yield from (f"  left out: {count} {what}" for what, count in results["left_out"].items())
+    yield from (f"  fault: {text}" for text in results["faults"])
+    yield from (f"  {count:5} {path}" for path, count in [*results["elements"].items()][:LISTED])
+    if (rest := len(results["elements"]) - LISTED) > 0:
+        yield f"  and {rest} more element paths (-o)"
 
 
 def _paths(file: RawFile) -> Iterator[str]:
