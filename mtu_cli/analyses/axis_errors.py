@@ -14,7 +14,7 @@ from mtu_cli.analyses.iso230 import places_read
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import error, suggestion
-from mtu_cli.model.estimates import known_component
+from mtu_cli.model.estimates import Estimates, known_component
 from mtu_cli.model.machine_model import AXES, component_alone, coordinates_of, design, effect_alone
 from mtu_cli.model.prediction import component_blocks
 from mtu_cli.model.visits import passes_read
@@ -279,6 +279,21 @@ def stated(machine: LoadedMachine, name: str) -> Stated:
         angle=angle,
         at_mm=None if at is None else np.array(at, float),
     )
+
+
+def angle_between(machine: LoadedMachine, estimates: Estimates, name: str) -> float:
+    """The angle less 90 degrees, rad, of a component that is one between two axes.
+
+    Raises InputError for another component, and for one without an estimate.
+    """
+    entry, estimate = machine.machine.components.get(name), estimates.components.get(name)
+    if entry is None or entry.of is not None or UNITS[entry.unit].dimension == LENGTH:
+        reason, expected = f"{name} is no angle between two axes", "a component without `of`"
+        raise error("not-applicable", reason=reason, expected=f"{expected}, such as axy")
+    if estimate is None:
+        expected = "readings of it, or coefficients in the machine file"
+        raise error("missing-input", what=f"an estimate of {name}", expected=expected)
+    return float(estimate.coefficients[0])
 
 
 # Of a call: readings of one component, and what the machine file states of others.

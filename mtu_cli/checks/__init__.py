@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,6 +122,21 @@ def check(code: str, of: Of | tuple[Of, ...]) -> Callable[[Find], Find]:
         return find
 
     return register
+
+
+def data_of(
+    kind: str, item: Any, machine: Any = None, part: Any = None, datum: Datum = "none"
+) -> tuple[Of, Data]:
+    """What the checks look at of one input of a call, a `machine`, a `part`, `points` or readings
+    (`readings`, `drift`, `before`, `verify`), and as what: with the machine and part of the call.
+    """
+    travels = {} if machine is None else machine.travels
+    if kind in ("machine", "part"):
+        return cast(Of, kind), DocumentData(item, travels)
+    if kind == "points":
+        return "points", PointsData(item, part, travels, datum)
+    components = {} if machine is None else machine.components
+    return "drift" if kind == "drift" else "readings", ReadingsData(item, components, travels)
 
 
 def run(of: Of, data: Data) -> list[Finding]:

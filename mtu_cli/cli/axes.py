@@ -12,7 +12,7 @@ from typing import Any
 
 from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses import iso230 as positioning
-from mtu_cli.analyses.axis_errors import errors_of, known_names, readings_along
+from mtu_cli.analyses.axis_errors import angle_between, errors_of, known_names, readings_along
 from mtu_cli.cli.analyse import fitted
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
@@ -25,7 +25,6 @@ from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
 from mtu_cli.reports.document import envelope
 from mtu_cli.result import Result
-from mtu_cli.units import LENGTH, UNITS
 
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
 DWELL_S = 3.0
@@ -233,14 +232,7 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
         return Result(inputs, skew_document(name, angle, quantum))
     name = (options.component or [""])[0]
     known_name("--component", "component", name, known_names(inputs.machine))
-    entry = inputs.machine.machine.components.get(name)
-    if entry is None or entry.of is not None or UNITS[entry.unit].dimension == LENGTH:
-        reason, expected = f"{name} is no angle between two axes", "a component without `of`"
-        raise error("not-applicable", reason=reason, expected=f"{expected}, such as axy")
-    estimate = fitted(inputs, inputs.machine).estimates.components.get(name)
-    if estimate is None:
-        expected = "readings of it, or coefficients in the machine file"
-        raise error("missing-input", what=f"an estimate of {name}", expected=expected)
-    text = write_skew(float(estimate.coefficients[0]), parameters)
+    angle = angle_between(inputs.machine, fitted(inputs, inputs.machine).estimates, name)
+    text = write_skew(angle, parameters)
     files = {options.to_file: text.encode()} if options.to_file else {}
     return Result(inputs, skew_document(name, read_skew(text), quantum), files=files)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
 
-from mtu_cli.checks import Data, DocumentData, PointsData, ReadingsData, warnings_of
+from mtu_cli.checks import data_of, warnings_of
 from mtu_cli.cli.options import MADE, ROLES, Options
 from mtu_cli.cli.values import assignments, number_of
 from mtu_cli.files.contract import expectation
@@ -219,19 +219,11 @@ class Inputs:
         """
         self.__dict__[kind] = item
         value: Any = self.entered(item)
-        of: Any = kind
-        if kind == "reports":
-            return item
         of_machine = self.options.command not in OF_ANY_MACHINE and self.files("machine")
         machine = self.machine.machine if of_machine else None
-        travels = machine.travels if machine else {}
-        data: Data = DocumentData(value, travels)
-        if kind == "points":
-            data = PointsData(value, self.part_if_any, travels, self.choices.datum or "none")
-        elif kind not in ("machine", "part"):
-            data = ReadingsData(value, machine.components if machine else {}, travels)
-            of = "drift" if kind == "drift" else "readings"
-        self.suspicions += warnings_of(of, data)
+        of_points = (self.part_if_any, self.choices.datum or "none") if kind == "points" else ()
+        if kind != "reports":
+            self.suspicions += warnings_of(*data_of(kind, value, machine, *of_points))
         return item
 
     @cached_property
