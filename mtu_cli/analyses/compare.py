@@ -30,10 +30,11 @@ from mtu_cli.model.measured import (
     roundings,
     some,
 )
-from mtu_cli.model.prediction import Prediction, Variance, predict
+from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import aligned, basis, operations_of, visits_of, without
 from mtu_cli.stats.anova import OneWay, one_way, only, reml
+from mtu_cli.stats.composed_variance import Variance, covariance_of
 from mtu_cli.stats.coverage import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, group_means, quotient
 from mtu_cli.stats.resolution import hidden
@@ -473,9 +474,8 @@ def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArr
     """The test of the scatter of features A E with their tables and `expected` MS_between."""
     df, weights, within = t.df_between, t.n0 / expected, t.ms_within / expected
     # Of part means relative to their variance; the CMM is in the variances alone.
-    correlation = (A @ prediction.assembled(coefficients=0.0) @ A.T) * np.sqrt(
-        weights * weights[:, None]
-    )
+    of_part = covariance_of(prediction.blocks, len(prediction.axes), coefficients=0.0)
+    correlation = (A @ of_part @ A.T) * np.sqrt(weights * weights[:, None])
     np.fill_diagonal(correlation, 1.0)
     squares = prediction.variance(A).squares
     times = [1.0 if each is None else each.independent(weights)

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.findings import InputError, error, finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.prediction import Prediction, Variance, ratio_of
+from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws, Workspace
-from mtu_cli.stats.covariance import factor_of
+from mtu_cli.stats.composed_variance import Variance
+from mtu_cli.stats.covariance import factor_of, ratio_of
 from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
 from mtu_cli.stats.least_squares import FloatArray, IntArray, quotient
@@ -82,7 +83,7 @@ class PointTrials:
                 C = stacked @ prediction.drawable @ stacked.T
             self.dof, self.factor = variance.dof, factor_of(C)
             if lowered:
-                # By a negative D, which the variance is not (`block_variance`): without
+                # By a negative D, which the variance is not (`variance_of`): without
                 # its negative part, all rows of an output scaled alike.
                 drawn = np.sum(self.factor[self.k :] ** 2, axis=1)
                 self.factor *= ratio_of(variance.total, drawn)[self.owner, None]

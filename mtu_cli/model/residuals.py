@@ -43,7 +43,6 @@ from mtu_cli.model.measured import judged_axes, roundings
 from mtu_cli.model.prediction import (
     component_blocks,
     constant_effects,
-    drawable_passes,
     noise_by_sensor,
     outside_ranges,
 )
@@ -58,7 +57,7 @@ from mtu_cli.model.visits import (
     operations_of,
     without_motions,
 )
-from mtu_cli.stats.covariance import bounded, factor_of
+from mtu_cli.stats.covariance import bounded, drawable_passes, factor_of
 from mtu_cli.stats.least_squares import (
     BoolArray,
     FloatArray,

@@ -28,9 +28,9 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     theta,
 )
-from mtu_cli.model.prediction import component_blocks, drawable_passes
+from mtu_cli.model.prediction import component_blocks
 from mtu_cli.stats.blocks import stream
-from mtu_cli.stats.covariance import covariance_root
+from mtu_cli.stats.covariance import covariance_root, drawable_passes
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
 
@@ -45,7 +45,7 @@ Columns = dict[str, np.ndarray]
 
 def pass_root(model: MachineModel) -> FloatArray:
     """F (K, K), F F' the pass-to-pass covariance of all coefficients, in the order of theta,
-    without the negative part that an estimate of D may have (`prediction.drawable_passes`).
+    without the negative part that an estimate of D may have (`drawable_passes`).
     """
     columns = model.columns
     K = columns[-1].stop

@@ -71,6 +71,19 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     return (D + D.T) / 2
 
 
+def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
+    """D (k, k) without its negative part, measured in the standard uncertainties of C.
+
+    Level and slope differ in unit: without a measure the result would depend on them. One without
+    uncertainty, or with an unknown one (nan), has the measure 1.
+    """
+    variances = np.where(np.diag(C) > 0, np.diag(C), 1.0)
+    scale = np.sqrt(variances)
+    if np.linalg.eigvalsh(D / np.outer(scale, scale))[0] >= 0:
+        return D
+    return positive_part(D, np.diag(variances))
+
+
 def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
     """K (q, q) cut to lie between -S and S; 0 in what S does not scatter in."""
     scale = np.sqrt(np.diag(S))
@@ -99,3 +112,8 @@ def as_covariance(C: FloatArray) -> FloatArray:
     F = factor_of(C)
     D = F @ F.T
     return C if np.all(np.abs(D - C) <= ROUNDING * units) else D
+
+
+def ratio_of(target: FloatArray, drawn: FloatArray) -> FloatArray:
+    """The factor that scales rows of the variances `drawn` to those of `target`; 0 where 0."""
+    return np.sqrt(np.divide(target, drawn, out=np.zeros_like(drawn), where=drawn > 0))
