@@ -32,11 +32,13 @@ from mtu_cli.model.measured import (
 )
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import aligned, basis, operations_of, visits_of, without
+from mtu_cli.model.visits import aligned, operations_of, visits_of
+from mtu_cli.stats.alignment import motion_basis, partial_out
 from mtu_cli.stats.anova import OneWay, one_way, only, reml
 from mtu_cli.stats.composed_variance import Variance, covariance_of
 from mtu_cli.stats.coverage import FAMILY_RATE, holm
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, group_means, quotient
+from mtu_cli.stats.groups import group_means
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, quotient
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
     UncertainVariance,
@@ -266,8 +268,8 @@ def compare(
             if op == operation
         ]
         A = np.zeros((len(places), len(prediction.mean)))
-        Q = basis(prediction.points, axes, datum)
-        A[:, columns] = without(Q, np.eye(len(Q)))[places]
+        Q = motion_basis(prediction.points, axes, datum)
+        A[:, columns] = partial_out(Q, np.eye(len(Q)))[places]
         of_operation[operation] = prediction, A
     features, lengths = compared(tables, of_operation, k), None
     if (table := length_tables(points, visits_of(points), part)) is not None:

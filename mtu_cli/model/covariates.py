@@ -20,7 +20,8 @@ from mtu_cli.model.machine_model import (
     without_coordinate,
 )
 from mtu_cli.model.visits import Cells, axes_of
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means
+from mtu_cli.stats.groups import group_means
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import step_of
 
 Columns = Mapping[str, np.ndarray]

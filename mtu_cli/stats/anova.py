@@ -15,7 +15,8 @@ import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri
 
 from mtu_cli.stats.coverage import PROBABILITY
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means, quotient
+from mtu_cli.stats.groups import group_means
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
 from mtu_cli.stats.resolution import hidden
 
 OfTables = TypeVar("OfTables", bound=Any)

@@ -10,6 +10,8 @@ ROUNDING = 1e-9
 """Difference of two correlations that is 0 but for rounding."""
 LIVE = 1e-12
 """Eigenvalue of a correlation matrix above which there is scatter."""
+NEGLIGIBLE = 1e-13
+"""Share of the largest variance, or value, below which something is rounding."""
 
 
 def correlation_of(C: FloatArray) -> FloatArray:
@@ -34,6 +36,20 @@ def factor_of(C: FloatArray) -> FloatArray:
     size = np.sqrt(np.sum(root**2, axis=1))
     scale = np.divide(s, size, out=np.zeros_like(s), where=size > 0)
     return np.ascontiguousarray(scale[:, None] * root)
+
+
+def reduced_factor(factor: FloatArray) -> FloatArray:
+    """The same covariances F F' with as few columns as they have directions, F (P, ..., R); P is 1
+    where all parts have the same but for rounding.
+    """
+    if not factor.size:
+        return factor[:1, ..., :0]
+    tolerance = NEGLIGIBLE * np.abs(factor).max()
+    factor = factor[:1] if (np.abs(factor - factor[:1]) <= tolerance).all() else factor
+    flat = factor.reshape(-1, factor.shape[-1])
+    size, vectors = np.linalg.eigh(flat.T @ flat)
+    nonzero = size > NEGLIGIBLE * max(float(size[-1]), 0.0)
+    return (flat @ vectors[:, nonzero]).reshape(*factor.shape[:-1], int(nonzero.sum()))
 
 
 def covariance_root(C: FloatArray) -> FloatArray:

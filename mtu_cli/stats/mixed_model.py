@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.stats.covariance import as_covariance, bounded, positive_part
+from mtu_cli.stats.groups import group_least
 from mtu_cli.stats.least_squares import (
     RANK_TOLERANCE,
     BoolArray,
@@ -254,9 +255,7 @@ def _pass_design(
     """
     ids, first, codes = np.unique(group, return_index=True, return_inverse=True)
     G = len(ids)
-    low, high = np.full(G, np.inf), np.full(G, -np.inf)
-    np.minimum.at(low, codes, position)
-    np.maximum.at(high, codes, position)
+    low, high = group_least(position, codes, G), -group_least(-position, codes, G)
     whole = high - low > OWN_SLOPE_SPAN * float(np.ptp(position))
     sloped = degree >= 1 and (whole.all() or (whole.sum() >= 3 and whole.mean() > 0.5))
     if not sloped:
