@@ -26,7 +26,7 @@ from mtu_cli.model.covariates import (
     without_repeated,
 )
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
-from mtu_cli.model.estimation import MOST_AUTO, reading_rounding
+from mtu_cli.model.estimation import reading_rounding
 from mtu_cli.model.features import guess_warnings, outside_warnings, temperature_warnings
 from mtu_cli.model.fit import ComponentReadings, component_readings, effects_on_readings
 from mtu_cli.model.machine_model import (
@@ -56,6 +56,7 @@ from mtu_cli.model.visits import (
 from mtu_cli.stats.alignment import Motions, motions_of, without_motions
 from mtu_cli.stats.covariance import bounded, drawable_passes, factor_of, reduced_factor
 from mtu_cli.stats.groups import distinct, filled_table, group_least, known_mean
+from mtu_cli.stats.kernels import MOST_AUTO
 from mtu_cli.stats.least_squares import (
     BoolArray,
     FloatArray,

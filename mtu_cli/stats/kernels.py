@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray, IntArray, polynomial
+from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import lines_by_pass
 
 
@@ -221,3 +221,46 @@ def averaged(
     spread = (deviations.T * weight) @ deviations / s2 if s2 > 0 else np.zeros((len(s), len(s)))
     covariance = basis @ (np.diag(weight @ variances) + spread) @ basis.T
     return basis @ mean, covariance, float(weight @ AMPLITUDES**2)
+
+
+MOST_AUTO = 5
+"""Highest degree that is chosen: more bends are a table."""
+
+
+def chosen_degree(
+    position: FloatArray, y: FloatArray, group: IntArray | None, run: IntArray | None
+) -> int | None:
+    """The degree of a polynomial that held-out runs choose for readings as in `smooth_profile`;
+    None for the profile itself, a table. 1 of fewer than three runs.
+
+    Every run is left out once, and every shape, fitted to the rest, predicts its readings but for
+    their level, which drifts. The simplest shape is chosen that is no worse than the best by more
+    than a standard error of the difference, run by run (after the rule of Breiman et al.,
+    Classification and Regression Trees (1984), 3.4.3).
+    """
+    places = len(np.unique(position))
+    if group is None or run is None or len(runs := np.unique(run)) < FEWEST_RUNS:
+        return min(1, places - 1)
+    middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
+    shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
+    losses = np.full((len(shapes), len(runs)), np.nan)
+    for fold, test_run in enumerate(runs):
+        train = run != test_run
+        test = [np.flatnonzero(group == g) for g in np.unique(group[~train])]
+        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
+        for i, degree in enumerate(shapes):
+            bend = np.zeros(len(y))
+            if degree is None:
+                profile = smooth_profile(position[train], y[train], group[train], run[train])
+                if profile is None:
+                    continue
+                bend, degree = profile.bend_at(position), 1
+            powers = polynomial((position - middle) / half, degree)[:, 1:]
+            fit = least_squares(np.column_stack([levels, powers[train]]), (y - bend)[train])
+            rest = y - (bend + powers @ fit.coefficients[levels.shape[1] :])
+            losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
+    candidates = np.flatnonzero(np.isfinite(losses).all(axis=1))
+    best = candidates[np.argmin(losses[candidates].mean(axis=1))]
+    worse = losses[candidates] - losses[best]
+    se = worse.std(axis=1, ddof=1) / np.sqrt(len(runs))
+    return shapes[int(candidates[np.flatnonzero(worse.mean(axis=1) <= se)[0]])]

@@ -401,6 +401,34 @@ def _ratio(estimates: Estimates, probability: float, digits: int, fraction: floa
     return largest
 
 
+Happens = Callable[[np.random.Generator, int], BoolArray]
+"""Random numbers and a count m -> whether each event happens (events, m)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Events:
+    """A model whose outputs are 1 where an event happens, else 0."""
+
+    names: tuple[str, ...]
+    happens: Happens
+    linear_mean: None = None
+
+    def draw(self, rng: np.random.Generator, m: int) -> Draws:
+        return Draws(values=self.happens(rng, m).astype(np.float64))
+
+
+def probabilities(
+    names: tuple[str, ...], happens: Happens, seed: int, trials: int, threads: int | None
+) -> tuple[FloatArray, FloatArray]:
+    """Probabilities (events,) of the events `names` by Monte Carlo, and their standard errors."""
+    events = _Events(names, happens)
+    result = monte_carlo(events, seed=seed, trials=trials, threads=threads)
+    n, p = result.trials, result.mean
+    # One miss more and one hit more: 200 000 hits of 200 000 are not certainty.
+    cautious = (p * n + 1) / (n + 2)
+    return p, np.sqrt(cautious * (1 - cautious) / n)
+
+
 CONVERGED_TO = 0.2
 """Share of the tolerance to which the Monte Carlo must have converged, 8.2."""
 
