@@ -15,8 +15,6 @@ from mtu_cli.findings import error
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
-    Powers,
-    TableShape,
     between_passes,
     covariance_in_run,
 )
@@ -26,7 +24,9 @@ from mtu_cli.stats.coverage import welch_satterthwaite, yao_p
 from mtu_cli.stats.kernels import (
     FEWEST_TARGETS,
     MOST_AUTO,
+    PolynomialShape,
     SmoothProfile,
+    TableShape,
     chosen_degree,
     smooth_profile,
 )
@@ -248,7 +248,7 @@ def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimat
         )
         b, C = L @ b + profile.bend, L @ C @ L.T + free @ profile.covariance @ free.T
         C_independent = np.diag(s2 / counts)
-    T = (table or Powers(fit.powers - 1)).of_line(lines.center, len(lines.D))
+    T = (table or PolynomialShape(fit.powers - 1)).of_line(lines.center, len(lines.D))
     D = T @ lines.D_moment @ T.T
     halves = None if lines.half_differences is None else T @ lines.half_differences @ T.T
     return ComponentEstimate(

@@ -244,7 +244,7 @@ def table_blocks(
     model: MachineModel, points: FloatArray, levers: FloatArray
 ) -> list[CoefficientBlock]:
     """The uncertainty of tables between and beyond their positions, common to all parts, and the
-    bends of runs (`estimates.TableShape`); `levers` (rows, terms).
+    bends of runs (`TableShape`); `levers` (rows, terms).
     """
     blocks, place = [], places(model, points)
     for t, term in enumerate(model.terms):

@@ -1,5 +1,5 @@
-"""Random functions: the integrated Wiener process, interpolation with it, and a smooth profile seen
-in passes.
+"""Functions of a position: the integrated Wiener process, interpolation with it, shapes that are
+linear in their coefficients, and a smooth profile seen in passes.
 
 f is a straight line, which is left free, plus tau times an integrated Wiener process: what has a
 generalised covariance of tau^2 |h|^3/12. Given its values at T knots, the expected f in between is
@@ -76,6 +76,75 @@ def smooth_root(knots: FloatArray) -> FloatArray:
 def _scale(knots: FloatArray) -> tuple[float, float]:
     """Middle and half of the range: cubes of numbers of order 1 lose no digits."""
     return float(knots[0] + knots[-1]) / 2, float(knots[-1] - knots[0]) / 2
+
+
+@dataclass(frozen=True, slots=True)
+class PolynomialShape:
+    """1, p, p^2, ... of the position p; of degree 0 the constant alone."""
+
+    degree: int
+
+    def columns(self, position: FloatArray) -> FloatArray:
+        """The columns (n, degree + 1) at n positions, mm."""
+        return polynomial(position, self.degree)
+
+    def of_line(self, center: float, q: int) -> FloatArray:
+        """T (k, q) from (intercept at the centre, slope) to coefficients."""
+        T = np.eye(self.degree + 1, q)
+        T[0, 1:] = -center
+        return T
+
+    def at_centre(self, center: float) -> FloatArray:
+        """T (q, k) from coefficients to level and slope at the centre."""
+        k = np.arange(self.degree + 1)
+        return np.array([center**k, k * center ** np.maximum(k - 1, 0)])[: len(k)]
+
+
+AT_MM = 1e-3
+"""Distance up to which a point is at a position of a table."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableShape:
+    """Values at the positions `at` (T,), mm, rising, with natural cubic interpolation.
+
+    `roughness` is the variance tau^2 of the integrated Wiener process that the interpolation leaves
+    open, `own` that of a run's own bend, of future readings only, with `own_dof` degrees of
+    freedom; both in mm or rad squared per mm^3. `between` is a variance added off the positions.
+    """
+
+    at: FloatArray
+    roughness: float = 0.0
+    between: float = 0.0
+    own: float = 0.0
+    own_dof: float = np.inf
+
+    def columns(self, position: FloatArray) -> FloatArray:
+        """Weights (n, T) of the values at n positions, mm; beyond the table a straight line."""
+        return weights(self.at, position)
+
+    def of_line(self, center: float, q: int) -> FloatArray:
+        """T (k, q) from (intercept at the centre, slope) to values."""
+        return polynomial(self.at - center, 1)[:, :q]
+
+    def at_centre(self, center: float) -> FloatArray:
+        """T (2, k) from values to level and slope of the least-squares line at the centre."""
+        return np.asarray(np.linalg.pinv(polynomial(self.at - center, 1)), np.float64)
+
+    def interpolation_covariance(self, position: FloatArray) -> FloatArray:
+        """Covariance (n, n) of what the values leave open, the same for all parts."""
+        off = np.abs(position[:, None] - self.at).min(axis=1) > AT_MM
+        return self.roughness * interpolation_covariance(self.at, position) + np.diag(
+            off * self.between
+        )
+
+    def of_runs(self, position: FloatArray) -> FloatArray:
+        """Covariance (n, n) of the bend of one run, its line left out."""
+        W = weights(self.at, position) @ smooth_root(self.at)
+        return self.own * (W @ W.T + interpolation_covariance(self.at, position))
+
+
+Shape = PolynomialShape | TableShape
 
 
 FEWEST_TARGETS = 4
