@@ -31,7 +31,7 @@ from mtu_cli.stats.kernels import (
     smooth_profile,
 )
 from mtu_cli.stats.least_squares import FloatArray, IntArray, polynomial
-from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
+from mtu_cli.stats.mixed_model import PassFit, fit_passes, joint_passes
 from mtu_cli.stats.pass_tests import FTest, Shift, lack_of_fit, pass_scatter, pass_trend, reversal
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.units import UNITS, Unit
@@ -398,24 +398,16 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     from scipy.linalg import block_diag
 
     fits = [item.instruments[0].fit for item in group]
-    n, pairs = fits[0].n_passes, fits[0].pairs
     shapes = [item.estimate.shape for item in group]
     T = block_diag(*(x.of_line(f.center, len(f.D)) for f, x in zip(fits, shapes, strict=True)))
-    deviations = np.column_stack([fit.deviations for fit in fits])
-    S = deviations.T @ deviations / fits[0].divisor
-    K = 2 * len(pairs) / n * covariance_in_runs(deviations, pairs, S)
-    inside = block_diag(*(np.ones_like(fit.D) for fit in fits)) > 0
-    off, off_runs = np.where(inside, 0.0, S), np.where(inside, 0.0, K)
-    D = T @ (block_diag(*(fit.D_moment for fit in fits)) + off) @ T.T
     C = block_diag(*(item.estimate.covariance for item in group))
-    blocks = [fit.half_differences for fit in fits if fit.half_differences is not None]
-    halves = block_diag(*blocks) + (off - off_runs) / 2 if blocks else None
+    between, D, halves = joint_passes(fits, T)
     return JointPasses(
         components=tuple(item.estimate.name for item in group),
         widths=tuple(len(item.estimate.coefficients) for item in group),
-        covariance=as_covariance(C + (T @ (off + off_runs) @ T.T) / n),
-        pass_covariance=(D + D.T) / 2,
+        covariance=as_covariance(C + between),
+        pass_covariance=D,
         pass_dof=float(fits[0].pass_dof),
-        n_passes=n,
-        half_differences=None if halves is None else as_covariance(T @ halves @ T.T),
+        n_passes=fits[0].n_passes,
+        half_differences=halves,
     )

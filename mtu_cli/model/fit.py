@@ -38,8 +38,8 @@ from mtu_cli.model.machine_model import (
     coordinates_of,
     design,
     effect_alone,
+    places_of,
 )
-from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.prediction import component_blocks
 from mtu_cli.model.visits import Passes, passes_read
 from mtu_cli.stats.coverage import significant
@@ -246,7 +246,7 @@ def effects_on_readings(
             continue
         warnings += range_warnings([effect], numeric | along, machine.source.shown)
         errors = design(model, points, complete).mean.reshape(len(places), -1)
-        values: dict[str, Any] = {**fixed_places(model, points), **complete}
+        values: dict[str, Any] = {**places_of(model, points), **complete}
         values |= {name: value for name, (value, _) in model.constants.items()}
         total += errors[:, model.axes.index(axis)] / evaluate(levers[axis], values)
     return total, warnings

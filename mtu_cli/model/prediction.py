@@ -22,7 +22,7 @@ from mtu_cli.model.machine_model import (
     MachineModel,
     design,
     missing_covariates,
-    places,
+    places_of,
     row_times,
     sensors_of,
 )
@@ -224,7 +224,7 @@ def outside_ranges(model: MachineModel, ids: Sequence[str], points: FloatArray) 
     """Which of the `points` (n, 3), mm, are beyond the measured range of which component; of
     several of one name the farthest out.
     """
-    place, result = places(model, points), Outside()
+    place, result = places_of(model, points), Outside()
     for term in model.terms:
         estimate, drift = term.estimate, term.drift
         if estimate.of is None or estimate.position_range is None:
@@ -246,7 +246,7 @@ def table_blocks(
     """The uncertainty of tables between and beyond their positions, common to all parts, and the
     bends of runs (`TableShape`); `levers` (rows, terms).
     """
-    blocks, place = [], places(model, points)
+    blocks, place = [], places_of(model, points)
     for t, term in enumerate(model.terms):
         table, axis = term.estimate.table, term.estimate.of
         if table is None or axis is None:
@@ -267,7 +267,7 @@ def noise_by_sensor(
     """u(T) dE/dT (rows,), mm, by sensor and lag in min, over all drifts: u(T) times lever times
     sum_m g[m, s] p^m. `points` (n, 3), `levers` (rows, terms) as `design` gives them.
     """
-    place, n = places(model, points), len(points)
+    place, n = places_of(model, points), len(points)
     result: dict[str, dict[float, FloatArray]] = {}
     for lever, drift in zip(levers.T, (term.drift for term in model.terms), strict=True):
         if drift is None:

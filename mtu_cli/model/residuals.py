@@ -36,9 +36,9 @@ from mtu_cli.model.machine_model import (
     MachineModel,
     component_alone,
     design,
+    places_of,
     sensors_of,
 )
-from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import judged_axes, roundings
 from mtu_cli.model.prediction import (
     component_blocks,
@@ -266,7 +266,7 @@ def _cells(model: MachineModel, points: Points) -> Cells:
         operation=of_column,
         part=row,
         column=column,
-        nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
+        nominal=np.column_stack(list(places_of(model, points.nominal).values())),
     )
 
 

@@ -47,14 +47,11 @@ def pass_root(model: MachineModel) -> FloatArray:
     """F (K, K), F F' the pass-to-pass covariance of all coefficients, in the order of theta,
     without the negative part that an estimate of D may have (`drawable_passes`).
     """
-    columns = model.columns
-    K = columns[-1].stop
-    result, every = np.zeros((K, K)), np.arange(K)
-    place = {term.estimate.name: every[at] for term, at in zip(model.terms, columns, strict=True)}
-    for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns)))):
-        index = np.concatenate([place[name] for name in block.names])
-        result[np.ix_(index, index)] = covariance_root(drawable_passes(block.D, block.C))
-    return result
+    K = model.columns[-1].stop
+    # Seen from the coefficients themselves.
+    blocks = component_blocks(model, np.eye(K), np.zeros((K, len(model.terms))))
+    roots = [x.G @ covariance_root(drawable_passes(x.D, x.C)) @ x.G.T for x in blocks]
+    return np.asarray(np.sum(roots, axis=0))
 
 
 def simulate_readings(

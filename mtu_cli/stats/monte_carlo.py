@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import islice
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -405,24 +407,13 @@ Happens = Callable[[np.random.Generator, int], BoolArray]
 """Random numbers and a count m -> whether each event happens (events, m)."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Events:
-    """A model whose outputs are 1 where an event happens, else 0."""
-
-    names: tuple[str, ...]
-    happens: Happens
-    linear_mean: None = None
-
-    def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        return Draws(values=self.happens(rng, m).astype(np.float64))
-
-
 def probabilities(
     names: tuple[str, ...], happens: Happens, seed: int, trials: int, threads: int | None
 ) -> tuple[FloatArray, FloatArray]:
     """Probabilities (events,) of the events `names` by Monte Carlo, and their standard errors."""
-    events = _Events(names, happens)
-    result = monte_carlo(events, seed=seed, trials=trials, threads=threads)
+    model: Any = SimpleNamespace(names=names, linear_mean=None)
+    model.draw = lambda rng, m: Draws(values=happens(rng, m).astype(np.float64))
+    result = monte_carlo(model, seed=seed, trials=trials, threads=threads)
     n, p = result.trials, result.mean
     # One miss more and one hit more: 200 000 hits of 200 000 are not certainty.
     cautious = (p * n + 1) / (n + 2)
