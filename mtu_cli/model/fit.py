@@ -173,14 +173,13 @@ def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Reading
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentReadings:
-    """The `rows` (n,) of a component among the readings, a function of the axis `of` and an error
-    along `axis`: the pass `group` (n,) of each, `places` (n, 3) mm, nan off the axis `of`, and
-    `columns` (n,) by their names in equations.
+    """The `rows` (n,) of a component among the readings, a function of the axis `of`: the pass
+    `group` (n,) of each, `places` (n, 3) mm, nan off this axis, and `columns` (n,) by their names
+    in equations.
     """
 
     rows: IntArray
     of: str | None
-    axis: str
     group: IntArray
     passes: Passes
     places: FloatArray
@@ -208,7 +207,7 @@ def component_readings(
         if values.dtype == object or not np.isnan(values).all():
             columns.setdefault(key, values)
     return ComponentReadings(
-        rows=rows, of=of, axis=axis, group=group, passes=passes, places=places, columns=columns
+        rows=rows, of=of, group=group, passes=passes, places=places, columns=columns
     )
 
 
