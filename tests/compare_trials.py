@@ -13,8 +13,9 @@ from mtu_cli.files.readings import Points
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
-from mtu_cli.model.prediction import Block, Prediction
+from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.simulate import Columns, PartsPlan, simulate_points, simulate_readings
+from mtu_cli.stats.composed_variance import CoefficientBlock
 from mtu_cli.stats.least_squares import FloatArray
 
 GRID = np.linspace(10.0, 140.0, 14)
@@ -76,7 +77,7 @@ def predicted(
     mean square each.
     """
     m = len(mean)
-    block = Block(
+    block = CoefficientBlock(
         names=("dx",),
         columns=(slice(0, m),),
         G=np.eye(m),

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from mtu_cli.files.readings import Points
 from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.prediction import drawable_passes, predict
+from mtu_cli.model.prediction import predict
 from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.covariance import drawable_passes
 from mtu_cli.stats.least_squares import FloatArray
 
 Cell = tuple[str, str]

@@ -30,12 +30,15 @@ from mtu_cli.model.measured import (
     roundings,
     some,
 )
-from mtu_cli.model.prediction import Prediction, Variance, predict
+from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import aligned, basis, operations_of, visits_of, without
+from mtu_cli.model.visits import aligned, operations_of, visits_of
+from mtu_cli.stats.alignment import motion_basis, partial_out
 from mtu_cli.stats.anova import OneWay, one_way, only, reml
+from mtu_cli.stats.composed_variance import Variance, covariance_of
 from mtu_cli.stats.coverage import FAMILY_RATE, holm
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, group_means, quotient
+from mtu_cli.stats.groups import group_means
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, quotient
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
     f_tails,
@@ -281,8 +284,8 @@ def compare(
             if op == operation
         ]
         A = np.zeros((len(places), len(prediction.mean)))
-        Q = basis(prediction.points, axes, datum)
-        A[:, columns] = without(Q, np.eye(len(Q)))[places]
+        Q = motion_basis(prediction.points, axes, datum)
+        A[:, columns] = partial_out(Q, np.eye(len(Q)))[places]
         of_operation[operation] = prediction, A
     features, lengths = compared(tables, of_operation, k), None
     if (table := length_tables(points, visits_of(points), part)) is not None:
@@ -474,9 +477,8 @@ def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArr
     """
     df, weights, within = t.df_between, t.n0 / expected, t.ms_within / expected
     # Of part means relative to their variance; the CMM is in the variances alone.
-    correlation = (A @ prediction.assembled(coefficients=0.0) @ A.T) * np.sqrt(
-        weights * weights[:, None]
-    )
+    of_part = covariance_of(prediction.blocks, len(prediction.axes), coefficients=0.0)
+    correlation = (A @ of_part @ A.T) * np.sqrt(weights * weights[:, None])
     np.fill_diagonal(correlation, 1.0)
     squares = prediction.variance(A).squares
     times = [1.0 if each is None else each.independent(weights)

@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mtu_cli.findings import Finding, counted, finding
-from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses, Powers
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.covariance import positive_part
+from mtu_cli.stats.kernels import PolynomialShape
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import MAX_POSITIONS, FTest, Shift
 from mtu_cli.units import Unit
@@ -207,7 +208,7 @@ def _line(
     estimate: ComponentEstimate, item: InstrumentFit, centre: float, machine: MachineFit
 ) -> Line:
     fit, b, s_repeat = item.fit, item.fit.plain.coefficients, float(np.sqrt(item.fit.s2))
-    powers = Powers(len(b) - 1)
+    powers = PolynomialShape(len(b) - 1)
     T = powers.at_centre(centre) @ powers.of_line(fit.center, len(fit.D))
     s_pass = float(np.sqrt(max((T @ fit.D @ T.T)[0, 0], 0.0)))
     about_mean = float(((item.error - item.error.mean()) ** 2).sum())

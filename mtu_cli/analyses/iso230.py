@@ -18,9 +18,9 @@ import numpy as np
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.study import InstrumentBudget
 from mtu_cli.findings import Finding, error, finding, listed
-from mtu_cli.model.visits import occurrence
 from mtu_cli.stats.blocks import stream
-from mtu_cli.stats.least_squares import FloatArray, known_mean, quotient
+from mtu_cli.stats.groups import known_mean, occurrence
+from mtu_cli.stats.least_squares import FloatArray, quotient
 from mtu_cli.stats.outliers import medians, outlying
 from mtu_cli.units import LENGTH, SMALL, UM, UNITS, dimension_name
 

@@ -27,8 +27,10 @@ from mtu_cli.model.measurands import (
     length_measure,
     position_conformance,
 )
-from mtu_cli.model.prediction import Prediction, Variance, predict, ratio_of
+from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
+from mtu_cli.stats.composed_variance import Variance, covariance_of
+from mtu_cli.stats.covariance import ratio_of
 from mtu_cli.stats.coverage import t_interval
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult, Validation
@@ -74,10 +76,12 @@ class PointsResult:
     @cached_property
     def own_covariances(self) -> FloatArray:
         """Covariance (features, axes, axes) of the errors of each feature alone, mm^2."""
-        variance = self.variance.reshape(-1, len(self.prediction.axes))
+        a = len(self.prediction.axes)
+        variance = self.variance.reshape(-1, a)
         if self.independent:
-            return np.asarray(variance[:, :, None] * np.eye(variance.shape[1]))
-        return rescaled(self.prediction.assembled(drawable=True, by_point=True), variance)
+            return np.asarray(variance[:, :, None] * np.eye(a))
+        each = covariance_of(self.prediction.blocks, a, drawable=True, by_point=True)
+        return rescaled(each, variance)
 
 
 def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:

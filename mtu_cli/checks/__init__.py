@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 from mtu_cli.files.headers import LISTED_FAULTS
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError
-from mtu_cli.model.visits import Visits, aligned, axes_of, distinct, visits_of
+from mtu_cli.model.visits import Visits, aligned, axes_of, visits_of
+from mtu_cli.stats.groups import distinct
 
 Rows = NDArray[np.int64]
 Floats = NDArray[np.float64]

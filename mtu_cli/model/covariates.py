@@ -22,8 +22,9 @@ from mtu_cli.model.machine_model import (
     without_coordinate,
 )
 from mtu_cli.model.visits import Cells, axes_of
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means
-from mtu_cli.stats.resolution import step_of
+from mtu_cli.stats.groups import group_means
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
+from mtu_cli.stats.resolution import proportional, step_of
 
 Columns = Mapping[str, np.ndarray]
 
@@ -155,12 +156,6 @@ def rows_of(values: Covariates, rows: IntArray) -> dict[str, FloatArray | float]
 
 ROUNDING = 1e-12
 """Means of repeats that differ by less than this share of their size are equal."""
-FEWEST = 8
-"""Points that must agree for a column to repeat what was measured."""
-CLEAR = 3.0
-"""Standard deviation of the errors over what rounding may make of them, from which on agreement at
-every point is no chance: about one in four at each (2/3 of the density of a normal law, 0.4).
-"""
 DRAWN_MM = 0.1
 """The coarsest digit that a nominal place is written to."""
 
@@ -258,7 +253,7 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
         name: what
         for name, column in numeric.items()
         for what, values, last, coarsest in written
-        if _repeats(column.astype(float), values, last, coarsest)
+        if proportional(column.astype(float), values, last, coarsest)
     }
     warnings = []
     if repeated:
@@ -267,16 +262,3 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
         warnings = [finding("not-tested", what="effects", items=items, reason=reason)]
     rest = {name: column for name, column in points.covariates.items() if name not in repeated}
     return (replace(points, covariates=rest) if repeated else points), warnings
-
-
-def _repeats(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:
-    """Whether a column (n,) is proportional to values (n,) to the last digit of both."""
-    both = np.isfinite(column) & np.isfinite(values)
-    y, x = column[both], values[both]
-    if len(y) < FEWEST or not x.any():
-        return False
-    factor = float(y @ x / (x @ x))
-    size = abs(factor)
-    most = 0.51 * (min(step_of(column), size * coarsest) + size * digit)
-    clear = size * float(x.std()) > CLEAR * most
-    return clear and bool((np.abs(y - factor * x) <= most).all())

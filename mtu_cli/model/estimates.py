@@ -1,8 +1,6 @@
-"""Estimates of components and their drifts: what their coefficients multiply along an axis (powers,
-or a table's weights), the coefficients, their covariance, scatter of passes.
+"""Estimates of components and their drifts: coefficients, their covariance, scatter of passes.
 
-A component is linear in its coefficients whatever its shape. A table leaves something open between
-its positions, which adds to the variance of what is predicted there.
+A component is linear in its coefficients, whatever its shape along an axis is (`stats.kernels`).
 """
 
 from __future__ import annotations
@@ -15,78 +13,9 @@ import numpy as np
 
 from mtu_cli.files.machine import Component
 from mtu_cli.files.reports_read import ReportedComponent
-from mtu_cli.stats.kernels import interpolation_covariance, smooth_root, weights
-from mtu_cli.stats.least_squares import FloatArray, polynomial
+from mtu_cli.stats.kernels import PolynomialShape, Shape, TableShape
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import SMALL, UNITS, Unit
-
-
-@dataclass(frozen=True, slots=True)
-class Powers:
-    """1, p, p^2, ... of the position p; of degree 0 the constant alone."""
-
-    degree: int
-
-    def columns(self, position: FloatArray) -> FloatArray:
-        """The columns (n, degree + 1) at n positions, mm."""
-        return polynomial(position, self.degree)
-
-    def of_line(self, center: float, q: int) -> FloatArray:
-        """T (k, q) from (intercept at the centre, slope) to coefficients."""
-        T = np.eye(self.degree + 1, q)
-        T[0, 1:] = -center
-        return T
-
-    def at_centre(self, center: float) -> FloatArray:
-        """T (q, k) from coefficients to level and slope at the centre."""
-        k = np.arange(self.degree + 1)
-        return np.array([center**k, k * center ** np.maximum(k - 1, 0)])[: len(k)]
-
-
-AT_MM = 1e-3
-"""Distance up to which a point is at a position of a table."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TableShape:
-    """Values at the positions `at` (T,), mm, rising, with natural cubic interpolation.
-
-    `roughness` is the variance tau^2 of the integrated Wiener process that the interpolation leaves
-    open, `own` that of a run's own bend, of future readings only, with `own_dof` degrees of
-    freedom; both in mm or rad squared per mm^3. `between` is a variance added off the positions.
-    """
-
-    at: FloatArray
-    roughness: float = 0.0
-    between: float = 0.0
-    own: float = 0.0
-    own_dof: float = np.inf
-
-    def columns(self, position: FloatArray) -> FloatArray:
-        """Weights (n, T) of the values at n positions, mm; beyond the table a straight line."""
-        return weights(self.at, position)
-
-    def of_line(self, center: float, q: int) -> FloatArray:
-        """T (k, q) from (intercept at the centre, slope) to values."""
-        return polynomial(self.at - center, 1)[:, :q]
-
-    def at_centre(self, center: float) -> FloatArray:
-        """T (2, k) from values to level and slope of the least-squares line at the centre."""
-        return np.asarray(np.linalg.pinv(polynomial(self.at - center, 1)), np.float64)
-
-    def interpolation_covariance(self, position: FloatArray) -> FloatArray:
-        """Covariance (n, n) of what the values leave open, the same for all parts."""
-        off = np.abs(position[:, None] - self.at).min(axis=1) > AT_MM
-        return self.roughness * interpolation_covariance(self.at, position) + np.diag(
-            off * self.between
-        )
-
-    def of_runs(self, position: FloatArray) -> FloatArray:
-        """Covariance (n, n) of the bend of one run, its line left out."""
-        W = weights(self.at, position) @ smooth_root(self.at)
-        return self.own * (W @ W.T + interpolation_covariance(self.at, position))
-
-
-Shape = Powers | TableShape
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,7 +101,7 @@ class ComponentEstimate:
     @property
     def shape(self) -> Shape:
         """What the coefficients multiply."""
-        return Powers(len(self.coefficients) - 1) if self.table is None else self.table
+        return PolynomialShape(len(self.coefficients) - 1) if self.table is None else self.table
 
     @property
     def degree(self) -> int | None:
@@ -285,7 +214,7 @@ def known_component(name: str, entry: Component | ReportedComponent) -> Componen
             own=(entry.own_um2_per_mm3 or 0.0) * square,
             own_dof=dof_or(getattr(entry, "own_dof", None)),
         )
-    T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q) * f
+    T = (table or PolynomialShape(k - 1)).of_line(entry.pass_center_mm or 0.0, q) * f
 
     def squared(key: str, by: FloatArray) -> FloatArray | None:
         matrix = getattr(entry, key, None)

@@ -15,17 +15,23 @@ from mtu_cli.findings import error
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
-    Powers,
-    TableShape,
     between_passes,
     covariance_in_run,
 )
 from mtu_cli.model.visits import Passes, PassKey, passes_read
 from mtu_cli.stats.covariance import as_covariance
-from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.kernels import FEWEST_RUNS, FEWEST_TARGETS, SmoothProfile, smooth_profile
-from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
-from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
+from mtu_cli.stats.coverage import welch_satterthwaite, yao_p
+from mtu_cli.stats.kernels import (
+    FEWEST_TARGETS,
+    MOST_AUTO,
+    PolynomialShape,
+    SmoothProfile,
+    TableShape,
+    chosen_degree,
+    smooth_profile,
+)
+from mtu_cli.stats.least_squares import FloatArray, IntArray, polynomial
+from mtu_cli.stats.mixed_model import PassFit, fit_passes, joint_passes
 from mtu_cli.stats.pass_tests import FTest, Shift, lack_of_fit, pass_scatter, pass_trend, reversal
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.units import UNITS, Unit
@@ -37,8 +43,6 @@ TESTS = {
     "reversal": "reversal",
 }
 """Of the readings of one instrument, in words."""
-MOST_AUTO = 5
-"""Highest degree that is chosen: more bends are a table."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +190,7 @@ def _fitted(name: str, series: InstrumentReadings, degree: int | str | None) -> 
     Raises InputError for too few readings for a table.
     """
     if degree == AUTO:
-        degree = chosen_degree(series)
+        degree = chosen_degree(series.position, series.error, series.group, series.runs)
     if degree is not None:
         return InstrumentFit(**vars(series), fit=series.lines(int(degree)))
     group = np.zeros(len(series.error), np.int64) if series.group is None else series.group
@@ -209,43 +213,6 @@ def _fitted(name: str, series: InstrumentReadings, degree: int | str | None) -> 
         "pooled_dof": fit.pooled_dof - (fit.within_dof - profile.dof),
     }
     return InstrumentFit(**vars(series), fit=replace(fit, **fields), profile=profile)
-
-
-def chosen_degree(series: InstrumentReadings) -> int | None:
-    """The degree that held-out runs choose; None for a table. 1 of fewer than three runs.
-
-    Every run is left out once, and every shape, fitted to the rest, predicts its readings but for
-    their level, which drifts. The simplest shape is chosen that is no worse than the best by more
-    than a standard error of the difference, run by run (after the rule of Breiman et al.,
-    Classification and Regression Trees (1984), 3.4.3).
-    """
-    places, group, run = len(np.unique(series.position)), series.group, series.runs
-    if group is None or run is None or len(runs := np.unique(run)) < FEWEST_RUNS:
-        return min(1, places - 1)
-    position, error = series.position, series.error
-    middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
-    shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
-    losses = np.full((len(shapes), len(runs)), np.nan)
-    for fold, test_run in enumerate(runs):
-        train = run != test_run
-        test = [np.flatnonzero(group == g) for g in np.unique(group[~train])]
-        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
-        for i, degree in enumerate(shapes):
-            bend = np.zeros(len(error))
-            if degree is None:
-                profile = smooth_profile(position[train], error[train], group[train], run[train])
-                if profile is None:
-                    continue
-                bend, degree = profile.bend_at(position), 1
-            powers = polynomial((position - middle) / half, degree)[:, 1:]
-            fit = least_squares(np.column_stack([levels, powers[train]]), (error - bend)[train])
-            rest = error - (bend + powers @ fit.coefficients[levels.shape[1] :])
-            losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
-    candidates = np.flatnonzero(np.isfinite(losses).all(axis=1))
-    best = candidates[np.argmin(losses[candidates].mean(axis=1))]
-    worse = losses[candidates] - losses[best]
-    se = worse.std(axis=1, ddof=1) / np.sqrt(len(runs))
-    return shapes[int(candidates[np.flatnonzero(worse.mean(axis=1) <= se)[0]])]
 
 
 def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
@@ -281,7 +248,7 @@ def _estimate(name: str, component: Any, fit: InstrumentFit) -> ComponentEstimat
         )
         b, C = L @ b + profile.bend, L @ C @ L.T + free @ profile.covariance @ free.T
         C_independent = np.diag(s2 / counts)
-    T = (table or Powers(fit.powers - 1)).of_line(lines.center, len(lines.D))
+    T = (table or PolynomialShape(fit.powers - 1)).of_line(lines.center, len(lines.D))
     D = T @ lines.D_moment @ T.T
     halves = None if lines.half_differences is None else T @ lines.half_differences @ T.T
     return ComponentEstimate(
@@ -382,31 +349,16 @@ def _at_both_ways(
 
 
 def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
-    """p value that two instruments read the same line.
-
-    T^2 = d' (C_a + C_b)^-1 d with d = b_a - b_b, referred to F with the effective degrees of
-    freedom of its covariance (Yao, Biometrika 52 (1965) 139, with Welch's weights taken over
-    all coefficients): a chi-square would reject far too often, the covariances being estimated.
-    """
-    from mtu_cli.stats.coverage import hotelling_p
-
-    d, V = a.coefficients - b.coefficients, a.covariance + b.covariance
-    scale = np.sqrt(np.diag(V))
-    size = np.outer(scale, scale)
-    of_correlation = np.linalg.pinv(V / size, rcond=1e-9, hermitian=True)
-    k, inverse = int(np.linalg.matrix_rank(of_correlation)), of_correlation / size
+    """p value that two instruments read the same line, by the mean squares behind either C."""
     sources: list[tuple[FloatArray, float]] = []
     for item in (a, b):
-        # The mean squares that make up C, with their degrees of freedom.
         S, halves = between_passes(item), item.half_differences
         if S is None or item.n_passes is None:
             sources.append((item.covariance, item.pass_dof or item.repeat_dof))
             continue
         of_passes = (S if halves is None else 2 * (S - halves)) / item.n_passes
         sources += [(of_passes, item.pass_dof), (item.covariance - of_passes, item.repeat_dof)]
-    shares = np.array([float(np.trace(part @ inverse)) for part, _ in sources])
-    nu = welch_satterthwaite(shares, np.array([dof for _, dof in sources]))
-    return hotelling_p(float(d @ inverse @ d), k, nu)
+    return yao_p(a.coefficients - b.coefficients, a.covariance + b.covariance, sources)
 
 
 def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
@@ -446,24 +398,16 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     from scipy.linalg import block_diag
 
     fits = [item.instruments[0].fit for item in group]
-    n, pairs = fits[0].n_passes, fits[0].pairs
     shapes = [item.estimate.shape for item in group]
     T = block_diag(*(x.of_line(f.center, len(f.D)) for f, x in zip(fits, shapes, strict=True)))
-    deviations = np.column_stack([fit.deviations for fit in fits])
-    S = deviations.T @ deviations / fits[0].divisor
-    K = 2 * len(pairs) / n * covariance_in_runs(deviations, pairs, S)
-    inside = block_diag(*(np.ones_like(fit.D) for fit in fits)) > 0
-    off, off_runs = np.where(inside, 0.0, S), np.where(inside, 0.0, K)
-    D = T @ (block_diag(*(fit.D_moment for fit in fits)) + off) @ T.T
     C = block_diag(*(item.estimate.covariance for item in group))
-    blocks = [fit.half_differences for fit in fits if fit.half_differences is not None]
-    halves = block_diag(*blocks) + (off - off_runs) / 2 if blocks else None
+    between, D, halves = joint_passes(fits, T)
     return JointPasses(
         components=tuple(item.estimate.name for item in group),
         widths=tuple(len(item.estimate.coefficients) for item in group),
-        covariance=as_covariance(C + (T @ (off + off_runs) @ T.T) / n),
-        pass_covariance=(D + D.T) / 2,
+        covariance=as_covariance(C + between),
+        pass_covariance=D,
         pass_dof=float(fits[0].pass_dof),
-        n_passes=n,
-        half_differences=None if halves is None else as_covariance(T @ halves @ T.T),
+        n_passes=fits[0].n_passes,
+        half_differences=halves,
     )

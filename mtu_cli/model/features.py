@@ -17,7 +17,7 @@ from mtu_cli.model.machine_model import (
     Covariates,
     MachineModel,
     coordinates_of,
-    places,
+    places_of,
     row_times,
     without_coordinate,
 )
@@ -107,7 +107,7 @@ def guess_warnings(model: MachineModel, points: FloatArray, values: Covariates) 
     """Of temperatures, and of effects beyond what they were found on, at `points` (n, 3) in mm
     under covariates `values`, one for all or one a point.
     """
-    whole = {**values, **places(model, points)}
+    whole = {**values, **places_of(model, points)}
     inputs = {name: value for name, value in whole.items() if name not in model.constants}
     outside = range_warnings(model.effects, inputs, model.file)
     return [*temperature_warnings(model, values), *outside]

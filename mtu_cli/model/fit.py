@@ -38,8 +38,8 @@ from mtu_cli.model.machine_model import (
     TIME,
     design,
     effect_alone,
+    places_of,
 )
-from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.visits import Passes, passes_read
 from mtu_cli.stats.coverage import significant
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
@@ -172,14 +172,13 @@ def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Reading
 
 @dataclass(frozen=True, kw_only=True)
 class ComponentReadings:
-    """The `rows` (n,) of a component among the readings, a function of the axis `of` and an error
-    along `axis`: the pass `group` (n,) of each, `places` (n, 3) mm, nan off the axis `of`, and
-    `columns` (n,) by their names in equations.
+    """The `rows` (n,) of a component among the readings, a function of the axis `of`: the pass
+    `group` (n,) of each, `places` (n, 3) mm, nan off this axis, and `columns` (n,) by their names
+    in equations.
     """
 
     rows: IntArray
     of: str | None
-    axis: str
     group: IntArray
     passes: Passes
     places: FloatArray
@@ -207,7 +206,7 @@ def component_readings(
         if values.dtype == object or not np.isnan(values).all():
             columns.setdefault(key, values)
     return ComponentReadings(
-        rows=rows, of=of, axis=axis, group=group, passes=passes, places=places, columns=columns
+        rows=rows, of=of, group=group, passes=passes, places=places, columns=columns
     )
 
 
@@ -245,7 +244,7 @@ def effects_on_readings(
             continue
         warnings += range_warnings([effect], numeric | along, machine.source.shown)
         errors = design(model, points, complete).mean.reshape(len(places), -1)
-        values: dict[str, Any] = {**fixed_places(model, points), **complete}
+        values: dict[str, Any] = {**places_of(model, points), **complete}
         values |= {name: value for name, (value, _) in model.constants.items()}
         total += errors[:, model.axes.index(axis)] / evaluate(levers[axis], values)
     return total, warnings

@@ -302,7 +302,7 @@ class Design(NamedTuple):
     mean: FloatArray
 
 
-def places(model: MachineModel, points: FloatArray) -> dict[str, FloatArray]:
+def places_of(model: MachineModel, points: FloatArray) -> dict[str, FloatArray]:
     """Coordinates (n,) by axis, those that a constant fixes at its value."""
     fixed = model.position_constants()
     return {
@@ -319,7 +319,7 @@ def design(model: MachineModel, points: FloatArray, covariates: Covariates) -> D
 
     Raises InputError where a needed coordinate is unknown or a value is not finite.
     """
-    place, n, a = places(model, points), len(points), len(model.axes)
+    place, n, a = places_of(model, points), len(points), len(model.axes)
     values: dict[str, FloatArray | float] = {name: c for name, (c, _) in model.constants.items()}
     values |= place
     values |= {name: covariates[name] for name in model.covariates()}

@@ -6,32 +6,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.findings import InputError, error, finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.prediction import Prediction, Variance, ratio_of
+from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws, Workspace
-from mtu_cli.stats.covariance import factor_of
+from mtu_cli.stats.composed_variance import Variance
+from mtu_cli.stats.covariance import factor_of, ratio_of
 from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
-from mtu_cli.stats.least_squares import FloatArray, IntArray, quotient
-from mtu_cli.stats.monte_carlo import monte_carlo
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
 from mtu_cli.units import UM
 
 MANY_ERRORS = 1.5
 """Times as many independent errors as combinations of them: as many normals as these are drawn."""
-COUNTED_TRIALS = 200_000
-"""Trials behind a probability that is counted; its standard error is stated."""
-
-Happens = Callable[[np.random.Generator, int], NDArray[np.bool_]]
-"""Random numbers and a count m -> whether each event happens (events, m)."""
 
 Measure = Callable[[FloatArray], FloatArray]
 """Combined errors (combinations, m) in mm -> values (outputs, m) of the measurands."""
@@ -82,7 +75,7 @@ class PointTrials:
                 C = stacked @ prediction.drawable @ stacked.T
             self.dof, self.factor = variance.dof, factor_of(C)
             if lowered:
-                # By a negative D, which the variance is not (`block_variance`): without
+                # By a negative D, which the variance is not (`variance_of`): without
                 # its negative part, all rows of an output scaled alike.
                 drawn = np.sum(self.factor[self.k :] ** 2, axis=1)
                 self.factor *= ratio_of(variance.total, drawn)[self.owner, None]
@@ -145,20 +138,6 @@ def conformance_of(
     return Conformance(tolerance=tolerance, probability=float(below[0] - below[1]))
 
 
-def _counted(
-    names: tuple[str, ...], happens: Happens, settings: Settings
-) -> tuple[FloatArray, FloatArray]:
-    """Probabilities (events,) by Monte Carlo, and their standard errors."""
-    model: Any = SimpleNamespace(names=names, u_exists=(True,) * len(names), linear_mean=None)
-    model.draw = lambda rng, m: Draws(values=happens(rng, m).astype(np.float64))
-    trials = settings.trials or COUNTED_TRIALS
-    result = monte_carlo(model, seed=settings.seed, trials=trials, threads=settings.threads)
-    n, p = result.trials, result.mean
-    # One miss more and one hit more: 200 000 hits of 200 000 are not certainty.
-    cautious = (p * n + 1) / (n + 2)
-    return p, np.sqrt(cautious * (1 - cautious) / n)
-
-
 class JointConformance(NamedTuple):
     """Probability that all `lengths` with a tolerance of one part conform; its standard error."""
 
@@ -179,11 +158,11 @@ def joint_conformance(
     low = np.array([[-np.inf if x is None else x.tolerance.low * UM] for x in items])
     high = np.array([[np.inf if x is None else x.tolerance.high * UM] for x in items])
 
-    def all_within(rng: np.random.Generator, m: int) -> NDArray[np.bool_]:
+    def all_within(rng: np.random.Generator, m: int) -> BoolArray:
         values = model.draw(rng, m).values
         return np.all((low <= values) & (values <= high), axis=0, keepdims=True)
 
-    p, se = _counted(("all_within",), all_within, settings)
+    p, se = settings.count(("all_within",), all_within)
     least = min(float(p[0]), *(x.probability for x in conformances.values()))
     return JointConformance(tuple(conformances), least, float(se[0]))
 
@@ -205,7 +184,7 @@ def position_conformance(
     factor, dof = _plane_factor(prediction, rows, independent=settings.independent)
     mean, limit = prediction.mean[rows].reshape(-1, 1), np.array([*zones.values()]) * UM / 2
 
-    def inside(rng: np.random.Generator, m: int) -> NDArray[np.bool_]:
+    def inside(rng: np.random.Generator, m: int) -> BoolArray:
         z = rng.standard_normal((len(dof), len(axes), m))
         for source in np.flatnonzero(dof < NORMAL_DOF):
             z[source] *= t_scales(float(dof[source]), rng, np.empty(m))
@@ -213,7 +192,7 @@ def position_conformance(
         return np.hypot.reduce(errors, axis=1) <= limit[:, None]
 
     names = tuple(prediction.ids[i] for i in zones)
-    for i, p, se in zip(zones, *_counted(names, inside, settings), strict=True):
+    for i, p, se in zip(zones, *settings.count(names, inside), strict=True):
         zone = Tolerance(low=0.0, high=zones[i])
         result[i] = Conformance(tolerance=zone, probability=float(p), se=float(se))
     return tuple(result)

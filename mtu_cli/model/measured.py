@@ -17,11 +17,11 @@ from mtu_cli.model.visits import (
     Visits,
     axes_of,
     check_repeats,
-    distinct,
     only_features,
     operations_of,
 )
 from mtu_cli.stats.anova import Cells, cells_of
+from mtu_cli.stats.groups import distinct
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import rounding_variance
 

@@ -1,12 +1,8 @@
 """Errors of points with their full covariance: the propagation that every command uses.
 
-For points p, q of one future part and a component with design rows x_p, x_q
-
-    Cov = x_p' (C + D) x_q + [p = q] s_repeat^2,
-
-C the coefficients' covariance, D the pass-to-pass covariance, s_repeat the repeatability of
-one visit. Gilsinn & Ling 2004, eq. (18), is the case in which all of it counts as repeatability.
-Coefficients that were estimated jointly are a block.
+Errors are linear in the coefficients of components, of which those that were estimated jointly are
+a block (`stats.composed_variance`). Gilsinn & Ling 2004, eq. (18), is the case in which all scatter
+counts as repeatability.
 """
 
 from __future__ import annotations
@@ -15,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,12 +22,18 @@ from mtu_cli.model.machine_model import (
     MachineModel,
     design,
     missing_covariates,
-    places,
+    places_of,
     row_times,
     sensors_of,
 )
-from mtu_cli.stats.covariance import covariance_root, positive_part
-from mtu_cli.stats.coverage import effective_dof
+from mtu_cli.stats.composed_variance import (
+    CoefficientBlock,
+    Variance,
+    covariance_of,
+    normal_block,
+    variance_of,
+)
+from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
 
@@ -40,186 +41,9 @@ NEGLIGIBLE = 1e-9
 """A change of lever arms below this share of the arms is rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
-    """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns; `C`, `D`
-    (k, k); `noise` (rows, c) lever arms times s_repeat of its c components `names`, `columns` their
-    coefficients among the k, `repeat_dof` the degrees of freedom of their s_repeat. `between` (k,
-    k) is the mean square S between `n_passes` passes that C and D come from; None, 0 where they do
-    not come from one. `half_differences` (k, k) is S_h, the part of S that is of runs there and
-    back (`stats.mixed_model`); None where passes are independent.
-    """
-
-    names: tuple[str, ...]
-    columns: tuple[slice, ...] = (slice(None),)
-    G: FloatArray
-    C: FloatArray
-    D: FloatArray
-    noise: FloatArray
-    pass_dof: float = 0.0
-    repeat_dof: tuple[float, ...] = (np.inf,)
-    between: FloatArray | None = None
-    n_passes: int = 0
-    half_differences: FloatArray | None = None
-
-
-class PassSquare(NamedTuple):
-    """A mean square of passes as a matrix: `S` (k, k), seen from measurands by `g` (m, k)."""
-
-    g: FloatArray
-    S: FloatArray
-
-    def independent(self, weights: FloatArray) -> float:
-        """How many times the degrees of freedom of one measurand the `weights` (m,) of all have.
-
-        Of a Wishart matrix of nu degrees of freedom the weighted sum of g'S g has those of a
-        chi-squared, nu tr(K S)^2/tr(K S K S), K = sum w g g' (Box, Ann. Math. Statist. 25 (1954)
-        290, theorem 3.1).
-        """
-        KS = (self.g * weights[:, None]).T @ self.g @ self.S
-        square = float((KS * KS.T).sum())
-        return max(float(np.trace(KS)) ** 2 / square, 1.0) if square > 0 else 1.0
-
-
-class MeanSquares(NamedTuple):
-    """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
-    (K, m) is what each adds to the variance of the mean over all future parts, that of the
-    coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
-    infinite where the machine file states it as known; `passes` those of passes.
-    """
-
-    of_mean: FloatArray
-    of_part: FloatArray
-    dof: FloatArray
-    passes: list[PassSquare | None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Variance:
-    """Variance (m,) of m linear measurands with effective degrees of freedom (m,), by block
-    (blocks, m), by its nature (m,) and by the mean `squares` that it was estimated from.
-    """
-
-    total: FloatArray
-    dof: FloatArray
-    by_block: FloatArray
-    coefficients: FloatArray
-    passes: FloatArray
-    repeatability: FloatArray
-    squares: MeanSquares
-
-    def shares(self, i: int) -> dict[str, float] | None:
-        """The shares of the variance of measurand i by its nature, 1 in all; None where it has
-        none. That of passes is below 0 where they differ by less than repeatability makes them.
-        """
-        total, natures = float(self.total[i]), ("coefficients", "passes", "repeatability")
-        return {x: float(getattr(self, x)[i]) / total for x in natures} if total > 0 else None
-
-
-Square = tuple[FloatArray, FloatArray, float, PassSquare | None]
-"""A mean square as an entry of each of `MeanSquares`."""
-
-
-def block_variance(
-    block: Block, A: FloatArray | None, axes: int
-) -> tuple[FloatArray, list[Square]]:
-    """(3, m) variance by nature of the measurands A E, and the mean squares behind it.
-
-    Without A the measurands are the errors themselves, row by row: A = I, which for many rows is
-    not to be multiplied out. With the mean square S of n passes, E S = D + s^2 M, it is
-
-        g'(C + D)g + s^2 w = (1 + 1/n) g'S g + s^2 (w - g'M g) + s^2 q,
-
-    w the visits of the measurand, q the powers that the passes have in common; (1/n) g'S g
-    and s^2 q are of the coefficients. Where w is less than g'M g the second term is negative;
-    its s^2 is then bounded by S, D being no less than 0: g'S g (1/n + w/g'M g) with the degrees
-    of freedom of the passes.
-
-    Of runs there and back S is S_m + S_h, two mean squares of the same degrees of freedom, and the
-    mean over n passes has the variance 2 S_m/n. S of uneven passes is composed of separate
-    estimates: where S_h is more than S, C is all of the passes.
-    """
-    # A zero of G has no sign in a product with I.
-    g = block.G + 0.0 if A is None else A @ block.G
-    # Of visits of one component, which the axes of a point share.
-    visits = [
-        column**2
-        if A is None
-        else ((A * column).reshape(len(A), -1, axes).sum(axis=2) ** 2).sum(axis=1)
-        for column in block.noise.T
-    ]
-    of_C, of_D, noise = _quadratic(g, block.C), _quadratic(g, block.D), np.sum(visits, axis=0)
-    n, halves, dof, of_visits = (
-        block.n_passes, block.half_differences, block.pass_dof, block.repeat_dof
-    )  # fmt: skip
-    if (between := block.between) is None:
-        # A pooled moment estimate of D may be negative where passes hardly differ; the sum of
-        # passes and visits is not.
-        of_D = np.maximum(of_D, -noise)
-        split = np.array([of_C, of_D, noise])
-        if dof == 0:
-            return split, [(of_C, of_D + noise, of_visits[0], None)]
-        squares: list[Square] = [(of_C, of_D, dof, PassSquare(g, block.D))]
-        pairs = zip(visits, of_visits, strict=True)
-        return split, squares + [(np.zeros_like(x), x, each, None) for x, each in pairs]
-    S = _quadratic(g, between)
-    capped = (of_D < 0) & (noise < S - of_D)
-    room = np.divide(S, S - of_D, out=np.ones_like(S), where=capped)
-    split = np.array([of_C, np.where(capped, 0.0, of_D), room * noise])
-    passes = np.where(capped, room * noise, S)
-    of_all, beyond_S = between, np.zeros(S.shape, bool)
-    squares = [(S / n, passes, dof, PassSquare(g, between))]
-    if halves is not None:
-        of_all, of_halves = 2 * (between - halves), _quadratic(g, halves)
-        share = np.divide(of_halves, S, out=np.ones_like(S), where=S > 0).clip(0.0, 1.0)
-        beyond_S = of_halves > S
-        of_mean = np.where(beyond_S, of_C, 2 * (1 - share) * S / n)
-        squares = [(of_mean, (1 - share) * passes, dof, PassSquare(g, between - halves))]
-        squares.append((np.zeros_like(S), share * passes, dof, PassSquare(g, halves)))
-    for columns, visit, each in zip(block.columns, visits, of_visits, strict=True):
-        inside = (columns, columns)
-        common = _quadratic(g[:, columns], block.C[inside] - of_all[inside] / n)
-        beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + visit
-        squares.append((np.where(beyond_S, 0.0, common), np.where(capped, 0.0, beyond), each, None))
-    return split, squares
-
-
-def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:
-    """g'M g of every row of g (m, k)."""
-    return ((g @ matrix) * g).sum(axis=1)
-
-
-def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
-    """D (k, k) without its negative part, measured in the standard uncertainties of C.
-
-    Level and slope differ in unit: without a measure the result would depend on them. One without
-    uncertainty, or with an unknown one (nan), has the measure 1.
-    """
-    variances = np.where(np.diag(C) > 0, np.diag(C), 1.0)
-    scale = np.sqrt(variances)
-    if np.linalg.eigvalsh(D / np.outer(scale, scale))[0] >= 0:
-        return D
-    return positive_part(D, np.diag(variances))
-
-
-def normal_block(name: str, F: FloatArray, *, of_part: bool = False, dof: float = np.inf) -> Block:
-    """Standard normal quantities times F (rows, K), known or, with `dof` degrees of freedom, drawn
-    anew for every part; or one a point, times F (rows,).
-    """
-    each = F.ndim == 1
-    G = np.zeros((len(F), 1)) if each else F
-    identity = np.eye(G.shape[1])
-    return Block(
-        names=(name,),
-        G=G,
-        C=0 * identity if of_part else identity,
-        D=identity if of_part else 0 * identity,
-        noise=F[:, None] if each else np.zeros((len(F), 1)),
-        pass_dof=dof if of_part else 0.0,
-    )
-
-
-def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> list[Block]:
+def component_blocks(
+    model: MachineModel, J: FloatArray, levers: FloatArray
+) -> list[CoefficientBlock]:
     """One block a group of components that share passes, one for every other component.
 
     `J` (rows, K) and `levers` (rows, c) as `design` gives them.
@@ -251,7 +75,7 @@ def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> 
                 between[part, part] = S
         sides = [J[:, columns[t]] for t in terms]
         visits = [levers[:, t] * x.s_repeat for t, x in zip(terms, estimates, strict=True)]
-        block = Block(
+        block = CoefficientBlock(
             names=tuple(names),
             columns=inside,
             G=sides[0] if shared is None else np.column_stack(sides),
@@ -270,7 +94,7 @@ def component_blocks(model: MachineModel, J: FloatArray, levers: FloatArray) -> 
 
 def constant_effects(
     model: MachineModel, points: FloatArray, covariates: Covariates, centre: Design
-) -> tuple[list[Block], FloatArray]:
+) -> tuple[list[CoefficientBlock], FloatArray]:
     """The constants' uncertainties: blocks, and a shift (rows,) of the mean, mm.
 
     First and second order in every uncertain constant c (JCGM 100, 5.1.2, note): dE/dc and
@@ -278,7 +102,7 @@ def constant_effects(
     components that are uncertain themselves: their product adds u(c)^2 (dJ/dc) (C + D) (dJ/dc)'.
     `centre` is the design at the constants' values.
     """
-    blocks: list[Block] = []
+    blocks: list[CoefficientBlock] = []
     shift = np.zeros(len(centre.mean))
     for name, (value, u) in model.constants.items():
         if u == 0:
@@ -315,7 +139,7 @@ class Prediction:
     axes: tuple[str, ...]
     points: FloatArray
     mean: FloatArray
-    blocks: tuple[Block, ...]
+    blocks: tuple[CoefficientBlock, ...]
     independent_variance: FloatArray
     outside: Outside
 
@@ -325,33 +149,12 @@ class Prediction:
 
         It may have a negative part where D has; `drawable` has none.
         """
-        return self.assembled()
+        return covariance_of(self.blocks, len(self.axes))
 
     @cached_property
     def drawable(self) -> FloatArray:
         """The same without the negative part of any D: a covariance, somewhat too large."""
-        return self.assembled(drawable=True)
-
-    def assembled(
-        self, *, drawable: bool = False, coefficients: float = 1.0, by_point: bool = False
-    ) -> FloatArray:
-        """sum G (C + D) G' of the blocks, and visits, which the axes of a point share: (n*a, n*a)
-        or, `by_point`, that (n, a, a) of each point alone.
-        """
-        n, a = len(self.points), len(self.axes)
-        total = np.zeros((n, a, a) if by_point else (n * a, n * a))
-        each = np.arange(n)
-        for block in self.blocks:
-            D = drawable_passes(block.D, block.C) if drawable else block.D
-            M, noise = coefficients * block.C + D, block.noise.reshape(n, a, -1)
-            visits = np.einsum("pic,pjc->pij", noise, noise)
-            if by_point:
-                G = block.G.reshape(n, a, -1)
-                total += G @ M @ G.transpose(0, 2, 1) + visits
-            else:
-                total += block.G @ M @ block.G.T
-                total.reshape(n, a, n, a)[each, :, each, :] += visits
-        return total
+        return covariance_of(self.blocks, len(self.axes), drawable=True)
 
     def first(self, count: int) -> Prediction:
         """The same of the first `count` points alone."""
@@ -370,30 +173,8 @@ class Prediction:
         return self.ids.index(point) * len(self.axes) + self.axes.index(axis)
 
     def variance(self, A: FloatArray | None = None) -> Variance:
-        """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
-        Without A of the errors themselves, (n*a,). Effective degrees of freedom by
-        Welch-Satterthwaite (JCGM 100, G.4.1) over the independent mean squares behind it
-        (`block_variance`), and never fewer than the least of them: where one is subtracted
-        the formula alone would give almost none.
-        """
-        results = [block_variance(block, A, len(self.axes)) for block in self.blocks]
-        parts = np.array([part for part, _ in results])
-        squares = (each for _, of_block in results for each in of_block)
-        of_mean, of_part, dofs, passes = zip(*squares, strict=True)
-        behind = MeanSquares(np.array(of_mean), np.array(of_part), np.array(dofs), [*passes])
-        by_block, split = parts.sum(axis=1), parts.sum(axis=0)
-        total = by_block.sum(axis=0)
-        both = behind.of_mean + behind.of_part
-        least = np.where(both == 0, np.inf, behind.dof[:, None]).min(axis=0)
-        return Variance(
-            total=total,
-            dof=np.maximum(effective_dof(total, both, behind.dof), least),
-            by_block=by_block,
-            coefficients=split[0],
-            passes=split[1],
-            repeatability=split[2],
-            squares=behind,
-        )
+        """Variance of the linear measurands A E, A (m, n*a); without A of the errors, (n*a,)."""
+        return variance_of(self.blocks, A, len(self.axes))
 
 
 def predict(
@@ -443,7 +224,7 @@ def outside_ranges(model: MachineModel, ids: Sequence[str], points: FloatArray) 
     """Which of the `points` (n, 3), mm, are beyond the measured range of which component; of
     several of one name the farthest out.
     """
-    place, result = places(model, points), Outside()
+    place, result = places_of(model, points), Outside()
     for term in model.terms:
         estimate, drift = term.estimate, term.drift
         if estimate.of is None or estimate.position_range is None:
@@ -459,11 +240,13 @@ def outside_ranges(model: MachineModel, ids: Sequence[str], points: FloatArray) 
     return result
 
 
-def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) -> list[Block]:
+def table_blocks(
+    model: MachineModel, points: FloatArray, levers: FloatArray
+) -> list[CoefficientBlock]:
     """The uncertainty of tables between and beyond their positions, common to all parts, and the
-    bends of runs (`estimates.TableShape`); `levers` (rows, terms).
+    bends of runs (`TableShape`); `levers` (rows, terms).
     """
-    blocks, place = [], places(model, points)
+    blocks, place = [], places_of(model, points)
     for t, term in enumerate(model.terms):
         table, axis = term.estimate.table, term.estimate.of
         if table is None or axis is None:
@@ -484,7 +267,7 @@ def noise_by_sensor(
     """u(T) dE/dT (rows,), mm, by sensor and lag in min, over all drifts: u(T) times lever times
     sum_m g[m, s] p^m. `points` (n, 3), `levers` (rows, terms) as `design` gives them.
     """
-    place, n = places(model, points), len(points)
+    place, n = places_of(model, points), len(points)
     result: dict[str, dict[float, FloatArray]] = {}
     for lever, drift in zip(levers.T, (term.drift for term in model.terms), strict=True):
         if drift is None:
@@ -504,7 +287,7 @@ def noise_by_sensor(
 
 def temperature_blocks(
     model: MachineModel, points: FloatArray, covariates: Covariates, levers: FloatArray
-) -> list[Block]:
+) -> list[CoefficientBlock]:
     """The errors at `points` (n, 3) by the noise of the temperature readings.
 
     Rows with the same temperatures share one reading, and its error; other readings are
@@ -515,7 +298,7 @@ def temperature_blocks(
     n, times = len(points), row_times(covariates)
     each = [np.asarray(covariates[sensor], float) for sensor in sensors_of(model)]
     each = [column for column in each if column.ndim]
-    which, result = np.zeros(n, np.int64), list[Block]()
+    which, result = np.zeros(n, np.int64), list[CoefficientBlock]()
     if each:
         which = np.unique(np.column_stack(each), axis=0, return_inverse=True)[1].reshape(-1)
     for sensor, by_lag in noise_by_sensor(model, points, levers).items():
@@ -539,8 +322,3 @@ def temperature_blocks(
                 F += column[:, None] * np.repeat(LR, len(levers) // n, axis=0)
         result.append(normal_block(sensor, F, of_part=True))
     return result
-
-
-def ratio_of(target: FloatArray, drawn: FloatArray) -> FloatArray:
-    """The factor that scales rows of the variances `drawn` to those of `target`; 0 where 0."""
-    return np.sqrt(np.divide(target, drawn, out=np.zeros_like(drawn), where=drawn > 0))

@@ -26,7 +26,7 @@ from mtu_cli.model.covariates import (
     without_repeated,
 )
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
-from mtu_cli.model.estimation import MOST_AUTO, reading_rounding
+from mtu_cli.model.estimation import reading_rounding
 from mtu_cli.model.features import guess_warnings, outside_warnings, temperature_warnings
 from mtu_cli.model.fit import ComponentReadings, component_readings, effects_on_readings
 from mtu_cli.model.machine_model import (
@@ -36,35 +36,31 @@ from mtu_cli.model.machine_model import (
     MachineModel,
     component_alone,
     design,
+    places_of,
     sensors_of,
 )
-from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import judged_axes, roundings
 from mtu_cli.model.prediction import (
     component_blocks,
     constant_effects,
-    drawable_passes,
     noise_by_sensor,
     outside_ranges,
 )
 from mtu_cli.model.visits import (
     Cells,
-    Motions,
     Passes,
     check_repeats,
     datum_errors,
-    distinct,
-    motions_of,
     operations_of,
-    without_motions,
 )
-from mtu_cli.stats.covariance import bounded, factor_of
+from mtu_cli.stats.alignment import Motions, motions_of, without_motions
+from mtu_cli.stats.covariance import bounded, drawable_passes, factor_of, reduced_factor
+from mtu_cli.stats.groups import distinct, filled_table, group_least, known_mean
+from mtu_cli.stats.kernels import MOST_AUTO
 from mtu_cli.stats.least_squares import (
     BoolArray,
     FloatArray,
     IntArray,
-    group_means,
-    known_mean,
     least_squares,
     polynomial,
 )
@@ -159,24 +155,11 @@ def table_of(cells: Cells, errors: FloatArray, **facts: Any) -> ResidualTable:
         features=cells.features,
         operations=cells.operations,
         operation=cells.operation,
-        places=filled(cells.means(cells.nominal), cells.repeats > 0),
+        places=filled_table(cells.means(cells.nominal), cells.repeats > 0),
         errors=cells.means(errors),
         repeats=cells.repeats,
         **facts,
     )
-
-
-def filled(table: FloatArray, there: BoolArray) -> FloatArray:
-    """A table (P, H, ...) whose missing cells hold the mean of their column, or of their part
-    where the column has none. Means of equal values keep their digits.
-    """
-    if there.all():
-        return table
-    mask = there.reshape(*there.shape, *(1,) * (table.ndim - 2))
-    part, column = np.nonzero(there)
-    of_part = group_means(table[there], part, len(there))[:, None]
-    of_column = group_means(table[there], column, there.shape[1])[None]
-    return np.where(mask, table, np.where(np.isnan(of_column), of_part, of_column))
 
 
 # The table of measured points.
@@ -234,8 +217,8 @@ def residual_table(
         table = replace(
             table,
             errors=table.without_datum(table.errors[..., None])[..., 0],
-            common=compressed(table.without_datum(table.common)),
-            of_part=compressed(table.without_datum(table.of_part)),
+            common=reduced_factor(table.without_datum(table.common)),
+            of_part=reduced_factor(table.without_datum(table.of_part)),
         )
     return table, tuple(warnings)
 
@@ -274,9 +257,7 @@ def _cells(model: MachineModel, points: Points) -> Cells:
         pairs = zip(of_column.tolist(), used, strict=True)
         used = [f"{operations[code]} {name}".lstrip() for code, name in pairs]
     parts, first, part = np.unique(points.part, return_index=True, return_inverse=True)
-    earliest = np.full(len(parts), np.iinfo(np.int64).max)
-    np.minimum.at(earliest, part, points.sequence)
-    order = np.lexsort([first, earliest])
+    order = np.lexsort([first, group_least(points.sequence, part, len(parts))])
     row = np.argsort(order)[part]
     return Cells(
         parts=tuple(points.parts[i] for i in parts[order].tolist()),
@@ -285,14 +266,11 @@ def _cells(model: MachineModel, points: Points) -> Cells:
         operation=of_column,
         part=row,
         column=column,
-        nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
+        nominal=np.column_stack(list(places_of(model, points.nominal).values())),
     )
 
 
 # The model at the cells.
-
-NEGLIGIBLE = 1e-13
-"""Share of the largest variance, or value, below which something is rounding."""
 
 
 def cell_model(
@@ -323,22 +301,8 @@ def cell_model(
     size = (len(places), len(model.axes))
     factors = (np.concatenate(columns, axis=1).reshape(*size, -1) for columns in (shared, drawn))
     there = cells.repeats > 0
-    common, of_part = (compressed(filled(cells.means(F), there)) for F in factors)
+    common, of_part = (reduced_factor(filled_table(cells.means(F), there)) for F in factors)
     return mean.reshape(size), common, of_part
-
-
-def compressed(factor: FloatArray) -> FloatArray:
-    """The same covariances F F' with as few columns as they have directions, F (P, H, A, R); P is 1
-    where all parts have the same but for rounding.
-    """
-    if not factor.size:
-        return factor[:1, ..., :0]
-    tolerance = NEGLIGIBLE * np.abs(factor).max()
-    factor = factor[:1] if (np.abs(factor - factor[:1]) <= tolerance).all() else factor
-    flat = factor.reshape(-1, factor.shape[-1])
-    size, vectors = np.linalg.eigh(flat.T @ flat)
-    nonzero = size > NEGLIGIBLE * max(float(size[-1]), 0.0)
-    return (flat @ vectors[:, nonzero]).reshape(*factor.shape[:-1], int(nonzero.sum()))
 
 
 # The tables of readings.

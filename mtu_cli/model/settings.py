@@ -9,13 +9,16 @@ from typing import Literal
 from mtu_cli.findings import Finding, finding
 from mtu_cli.stats.blocks import TrialModel
 from mtu_cli.stats.coverage import PROBABILITY, coverage_factor
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import (
     CONVERGED_TO,
+    Happens,
     MonteCarloResult,
     Progress,
     Validation,
     clause8,
     monte_carlo,
+    probabilities,
 )
 
 Correlation = Literal["shared", "independent"]
@@ -25,6 +28,8 @@ MOST_TRIALS, ENOUGH_TRIALS = 10_000_000, 300_000
 """Where the count adapts: of one output at most so many, of many at least these."""
 MOST_DRAWN = 60_000_000
 """Values of all outputs: some seconds. What clause 8 cannot decide by then is reported."""
+COUNTED_TRIALS = 200_000
+"""Trials behind a probability that is counted; its standard error is stated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +78,11 @@ class Settings:
             keep=keep,
             progress=self.progress,
         )
+
+    def count(self, names: tuple[str, ...], happens: Happens) -> tuple[FloatArray, FloatArray]:
+        """Probabilities (events,) by Monte Carlo, and their standard errors."""
+        trials = self.trials or COUNTED_TRIALS
+        return probabilities(names, happens, self.seed, trials, self.threads)
 
     def validate(
         self, mean: float, u: float, dof: float, result: MonteCarloResult, index: int

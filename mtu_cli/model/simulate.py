@@ -28,9 +28,9 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     theta,
 )
-from mtu_cli.model.prediction import component_blocks, drawable_passes
+from mtu_cli.model.prediction import component_blocks
 from mtu_cli.stats.blocks import stream
-from mtu_cli.stats.covariance import covariance_root
+from mtu_cli.stats.covariance import covariance_root, drawable_passes
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import first_order_lag
 
@@ -45,16 +45,13 @@ Columns = dict[str, np.ndarray]
 
 def pass_root(model: MachineModel) -> FloatArray:
     """F (K, K), F F' the pass-to-pass covariance of all coefficients, in the order of theta,
-    without the negative part that an estimate of D may have (`prediction.drawable_passes`).
+    without the negative part that an estimate of D may have (`drawable_passes`).
     """
-    columns = model.columns
-    K = columns[-1].stop
-    result, every = np.zeros((K, K)), np.arange(K)
-    place = {term.estimate.name: every[at] for term, at in zip(model.terms, columns, strict=True)}
-    for block in component_blocks(model, np.zeros((0, K)), np.zeros((0, len(columns)))):
-        index = np.concatenate([place[name] for name in block.names])
-        result[np.ix_(index, index)] = covariance_root(drawable_passes(block.D, block.C))
-    return result
+    K = model.columns[-1].stop
+    # Seen from the coefficients themselves.
+    blocks = component_blocks(model, np.eye(K), np.zeros((K, len(model.terms))))
+    roots = [x.G @ covariance_root(drawable_passes(x.D, x.C)) @ x.G.T for x in blocks]
+    return np.asarray(np.sum(roots, axis=0))
 
 
 def simulate_readings(

@@ -5,20 +5,20 @@ best-fit alignment of these.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.files.headers import LISTED_FAULTS
 from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError, finding
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means
+from mtu_cli.stats.alignment import aligned_errors
+from mtu_cli.stats.groups import distinct, group_least, group_means, occurrence
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
 PassKey = tuple[int, int, int]
 """(file, pass, direction)."""
@@ -63,7 +63,7 @@ def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[Int
     keys = keys * np.array([1, 1, -1])
     times = readings.time_min[rows]
     # One reading without a time (nan) leaves its pass without.
-    starts, ends = _least(group, times, G), -_least(group, -times, G)
+    starts, ends = group_least(times, group, G), -group_least(-times, group, G)
     timed = bool(np.isfinite(starts).all()) and _one_clock(keys, starts, ends)
     # Without a clock a pass goes forward first: the order of rows has no effect.
     rank: IntArray = np.arange(G)
@@ -80,14 +80,6 @@ def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[Int
         setups=tuple(setups),
         runs=_runs(keys, rank, setups),
     )
-
-
-def _least(code: IntArray, values: FloatArray | IntArray, count: int) -> FloatArray:
-    """The least of the `values` (n,) of each of `count` codes, nan where one of them is."""
-    result = np.full(count, np.inf)
-    with np.errstate(invalid="ignore"):
-        np.minimum.at(result, code, values)
-    return result
 
 
 def _one_clock(keys: IntArray, starts: FloatArray, ends: FloatArray) -> bool:
@@ -107,7 +99,7 @@ def _directions(code: IntArray, sign: IntArray) -> IntArray:
     """The direction (n,) that all of the same code have; 0 where they run both ways, or in none."""
     _, index = np.unique(code, return_inverse=True)
     count = int(index.max(initial=-1)) + 1
-    least, most = _least(index, sign, count), -_least(index, -sign, count)
+    least, most = group_least(sign, index, count), -group_least(-sign, index, count)
     return np.where(least == most, least, 0.0).astype(np.int64)[index]
 
 
@@ -123,7 +115,7 @@ def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     way = np.zeros(len(numbered), np.int64)
     way[code] = _directions(code, keys[:, 2])
     files = np.where(_directions(numbered[:, 0], way) != 0, -1, numbered[:, 0])
-    in_time = np.argsort(_least(code, rank, len(numbered)), kind="stable")
+    in_time = np.argsort(group_least(rank, code, len(numbered)), kind="stable")
     run = np.arange(len(numbered))
     for file in np.unique(files):
         order = in_time[files[in_time] == file]
@@ -133,7 +125,7 @@ def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     labels = np.unique(np.array(setups, dtype=object), return_inverse=True)[1]
     both = np.column_stack([run[code], labels.reshape(-1)])
     group = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
-    start = _least(group, rank, len(keys))[group]
+    start = group_least(rank, group, len(keys))[group]
     return np.unique(start, return_inverse=True)[1].reshape(-1)
 
 
@@ -228,21 +220,6 @@ def visits_of(points: Points) -> Visits:
     )
 
 
-def distinct(codes: NDArray[Any]) -> tuple[NDArray[Any], IntArray]:
-    """The different codes (n,) in order, and which of them each one is; small whole numbers are
-    counted, several times quicker than sorted.
-
-    >>> [array.tolist() for array in distinct(np.array([7, 3, 7]))]
-    [[3, 7], [1, 0, 1]]
-    """
-    whole = len(codes) > 0 and codes.dtype.kind in "iu"
-    if not whole or codes.min() < 0 or codes.max() > 4 * len(codes):
-        values, index = np.unique(codes, return_inverse=True)
-        return values, index.reshape(-1).astype(np.int64)
-    present = np.bincount(codes) > 0
-    return np.flatnonzero(present), (np.cumsum(present) - 1)[codes]
-
-
 def only_features(points: Points, names: Iterable[str]) -> Points:
     """The points of some features; parts and operations keep their codes."""
     index = {name: code for code, name in enumerate(points.features)}
@@ -253,13 +230,6 @@ def only_features(points: Points, names: Iterable[str]) -> Points:
     rows = np.flatnonzero(feature >= 0)
     features = tuple(points.features[i] for i in codes)
     return replace(points.where(rows), features=features, feature=feature[rows])
-
-
-def occurrence(codes: IntArray) -> IntArray:
-    """How often the code of each entry occurs before it: 0, 1, 2, ..."""
-    import pandas as pd
-
-    return np.asarray(pd.Series(codes).groupby(codes).cumcount(), np.int64)
 
 
 def check_repeats(points: Points) -> None:
@@ -288,100 +258,6 @@ def check_repeats(points: Points) -> None:
     )
 
 
-ROUNDING = 1e-9
-"""A direction or a remaining error below this share of the whole is rounding."""
-
-
-def small_motions(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
-    """Columns (n * a, k), k <= 4, of small motions: the errors that each gives, rows (feature, axis
-    of `axes`), features first, at `places` (n, 3) in mm, of which x and y are used. An offset along
-    each axis, mm a mm; where x and y are among the axes with rotation (-y, x) about the mean of the
-    features, mm a radian, or with the diameter of a ring, whose points they are, (x, y)/r about its
-    centre, mm a mm of radius.
-    """
-    n, a = len(places), len(axes)
-    columns = [] if datum == "none" else list(np.tile(np.eye(a), n))
-    if datum in ("offset,rotation", "offset,diameter") and {0, 1} <= {*axes}:
-        x, y = (places[:, :2] - places[:, :2].mean(axis=0)).T
-        along = -y, x
-        if datum == "offset,diameter":
-            # x^2 + y^2 = 2 a x + 2 b y + c on a circle about (a, b).
-            circle = np.column_stack([2 * x, 2 * y, np.ones(n)])
-            centre = np.linalg.lstsq(circle, x**2 + y**2, rcond=None)[0]
-            x, y = x - centre[0], y - centre[1]
-            r = np.maximum(np.hypot(x, y), 1e-300)
-            along = x / r, y / r
-        motion = np.zeros((n, a))
-        motion[:, axes.index(0)], motion[:, axes.index(1)] = along
-        columns.append(motion.ravel())
-    return np.column_stack(columns) if columns else np.zeros((n * a, 0))
-
-
-def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
-    """Orthonormal columns Q (n * a, k) of the motions, fewer where some coincide, without unit."""
-    F = small_motions(places, axes, datum)
-    if not F.size:
-        return F
-    U, size, _ = np.linalg.svd(F / np.maximum(np.linalg.norm(F, axis=0), 1e-300), False)
-    return U[:, size > ROUNDING * size[0]]
-
-
-def without(Q: FloatArray, errors: FloatArray) -> FloatArray:
-    """Errors (n * a, ...) less their least-squares rigid motion, e - Q Q'e; rounding is 0."""
-    rest = np.asarray(errors - Q @ (Q.T @ errors))
-    size = np.abs(errors).max(axis=0, initial=0.0)
-    rest[~(np.abs(rest) > ROUNDING * size)] = 0.0
-    return rest
-
-
-class Motions(NamedTuple):
-    """Motions of `rows` (m,) of a table in their `columns` (h,): `Q` (h * A, k) orthonormal."""
-
-    rows: IntArray
-    columns: IntArray
-    Q: FloatArray
-
-
-def motions_of(
-    datum: Datum, places: FloatArray, operation: IntArray, axes: tuple[int, ...], there: BoolArray
-) -> tuple[Motions, ...]:
-    """The motions that the datum removes from each row, by operation: rows at nominal `places` (N,
-    H, 3) mm have values where they are `there` (N, H); `operation` (H,) codes; `axes` (0, 1, 2)
-    those of the errors.
-    """
-    result: list[Motions] = []
-    for code in np.unique(operation) if datum != "none" else ():
-        features = np.flatnonzero(operation == code)
-        flat = np.nan_to_num(places[:, features]).reshape(len(places), -1)
-        alike = np.column_stack([there[:, features], flat])
-        _, first, kind = np.unique(alike, axis=0, return_index=True, return_inverse=True)
-        for k, row in enumerate(first.tolist()):
-            columns = features[there[row, features]]
-            if len(columns):
-                rows = np.flatnonzero(kind.reshape(-1) == k)
-                Q = basis(np.nan_to_num(places[row, columns]), axes, datum)
-                result.append(Motions(rows, columns, Q))
-    return tuple(result)
-
-
-def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -> FloatArray:
-    """Values (rows or 1, H, A, R) less their least-squares motions; cells without any do not
-    change. The first dimension stays 1 where all rows have the same motions.
-    """
-    if not motions:
-        return values
-    alike = all(len(those) == rows for those, *_ in motions)
-    if len(values) == 1 < rows and not alike:
-        values = np.broadcast_to(values, (rows, *values.shape[1:]))
-    result = values.copy()
-    for those, columns, Q in motions:
-        index = np.ix_(np.arange(1) if len(values) == 1 else those, columns)
-        m, h, a, r = (block := result[index]).shape
-        flat = block.transpose(1, 2, 0, 3).reshape(h * a, m * r)
-        result[index] = without(Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
-    return result
-
-
 def aligned(points: Points, axes: tuple[int, ...], datum: Datum) -> Points:
     """The points with best-fit alignment removed from each visit."""
     if datum == "none" or not axes:
@@ -402,18 +278,8 @@ def datum_errors(
     if datum == "none" or not axes:
         return errors, np.zeros(len(errors), bool)
     visits = visits_of(points)
-    at = visits.of_point, points.feature
-    table = np.full((len(visits.part), len(points.features), len(axes)), np.nan)
-    table[at] = errors
-    there = np.isfinite(table).all(axis=2)
-    places = np.full((*there.shape, 3), np.nan)
-    places[at] = points.nominal
-    one = np.zeros(there.shape[1], np.int64)
-    motions = motions_of(datum, places, one, axes, there)
-    mask = np.zeros(there.shape, bool)
-    for rows, columns, Q in motions:
-        mask[np.ix_(rows, columns)] = Q.shape[0] == Q.shape[1]
-    return without_motions(table[..., None], motions, len(there))[at][..., 0], mask[at]
+    at, shape = (visits.of_point, points.feature), (len(visits.part), len(points.features))
+    return aligned_errors(errors, points.nominal, at, shape, axes, datum)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,8 @@ import numpy as np
 from scipy.special import chdtri, fdtrc, fdtri
 
 from mtu_cli.stats.coverage import TAIL
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, group_means, quotient
+from mtu_cli.stats.groups import group_means
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
 from mtu_cli.stats.resolution import hidden
 
 OfTables = TypeVar("OfTables", bound=Any)
@@ -87,14 +88,12 @@ def cells_of(values: FloatArray, cell: IntArray, tables: int, parts: int) -> Cel
     step = np.divide(left, n, out=np.zeros(size), where=n > 0)
     mean += step
     each = np.bincount(cell, rest * rest, minlength=size) - left * step
-    within = np.asarray(each, np.float64).reshape(tables, parts)
-    squares: FloatArray = within.sum(axis=1)
+    within: FloatArray = np.asarray(each, np.float64).reshape(tables, parts).sum(axis=1)
     # What equal repeats leave of a sum of squares, their mean being rounded.
     share = 4 * np.finfo(np.float64).eps * mean
-    rounded = squares <= (n * share**2).reshape(tables, -1).sum(axis=1)
-    squares[rounded], within[rounded] = 0.0, 0.0
+    within[within <= (n * share**2).reshape(tables, -1).sum(axis=1)] = 0.0
     n, mean = n.reshape(tables, parts), mean.reshape(tables, parts)
-    return Cells(origin=origin, n=n, mean=mean, within=squares)
+    return Cells(origin=origin, n=n, mean=mean, within=within)
 
 
 def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:

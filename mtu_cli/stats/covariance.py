@@ -10,6 +10,8 @@ ROUNDING = 1e-9
 """Difference of two correlations that is 0 but for rounding."""
 LIVE = 1e-12
 """Eigenvalue of a correlation matrix above which there is scatter."""
+NEGLIGIBLE = 1e-13
+"""Share of the largest variance, or value, below which something is rounding."""
 
 
 def correlation_of(C: FloatArray) -> FloatArray:
@@ -34,6 +36,20 @@ def factor_of(C: FloatArray) -> FloatArray:
     size = np.sqrt(np.sum(root**2, axis=1))
     scale = np.divide(s, size, out=np.zeros_like(s), where=size > 0)
     return np.ascontiguousarray(scale[:, None] * root)
+
+
+def reduced_factor(factor: FloatArray) -> FloatArray:
+    """The same covariances F F' with as few columns as they have directions, F (P, ..., R); P is 1
+    where all parts have the same but for rounding.
+    """
+    if not factor.size:
+        return factor[:1, ..., :0]
+    tolerance = NEGLIGIBLE * np.abs(factor).max()
+    factor = factor[:1] if (np.abs(factor - factor[:1]) <= tolerance).all() else factor
+    flat = factor.reshape(-1, factor.shape[-1])
+    size, vectors = np.linalg.eigh(flat.T @ flat)
+    nonzero = size > NEGLIGIBLE * max(float(size[-1]), 0.0)
+    return (flat @ vectors[:, nonzero]).reshape(*factor.shape[:-1], int(nonzero.sum()))
 
 
 def covariance_root(C: FloatArray) -> FloatArray:
@@ -71,6 +87,19 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     return (D + D.T) / 2
 
 
+def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
+    """D (k, k) without its negative part, measured in the standard uncertainties of C.
+
+    Level and slope differ in unit: without a measure the result would depend on them. One without
+    uncertainty, or with an unknown one (nan), has the measure 1.
+    """
+    variances = np.where(np.diag(C) > 0, np.diag(C), 1.0)
+    scale = np.sqrt(variances)
+    if np.linalg.eigvalsh(D / np.outer(scale, scale))[0] >= 0:
+        return D
+    return positive_part(D, np.diag(variances))
+
+
 def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
     """K (q, q) cut to lie between -S and S; 0 in what S does not scatter in."""
     scale = np.sqrt(np.diag(S))
@@ -99,3 +128,8 @@ def as_covariance(C: FloatArray) -> FloatArray:
     F = factor_of(C)
     D = F @ F.T
     return C if np.all(np.abs(D - C) <= ROUNDING * units) else D
+
+
+def ratio_of(target: FloatArray, drawn: FloatArray) -> FloatArray:
+    """The factor that scales rows of the variances `drawn` to those of `target`; 0 where 0."""
+    return np.sqrt(np.divide(target, drawn, out=np.zeros_like(drawn), where=drawn > 0))

@@ -5,7 +5,7 @@ or estimates at once.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -126,3 +126,20 @@ def hotelling_p(square: float, k: int, dof: float) -> float:
     nu = min(dof, ENDLESS)
     df2 = nu - k + 1
     return float(fdtrc(k, df2, square * df2 / (nu * k))) if df2 > 0 else 1.0
+
+
+def yao_p(d: FloatArray, V: FloatArray, sources: Sequence[tuple[FloatArray, float]]) -> float:
+    """p of differences `d` (k,) that are all 0 but for their covariance V (k, k), the sum of the
+    mean squares `sources` (k, k), each with its degrees of freedom.
+
+    T^2 = d' V^-1 d, referred to F with the effective degrees of freedom of V (Yao, Biometrika 52
+    (1965) 139, with Welch's weights taken over all of them): a chi-square would reject far too
+    often, the covariances being estimated.
+    """
+    scale = np.sqrt(np.diag(V))
+    size = np.outer(scale, scale)
+    of_correlation = np.linalg.pinv(V / size, rcond=1e-9, hermitian=True)
+    k, inverse = int(np.linalg.matrix_rank(of_correlation)), of_correlation / size
+    shares = np.array([float(np.trace(part @ inverse)) for part, _ in sources])
+    nu = welch_satterthwaite(shares, np.array([dof for _, dof in sources]))
+    return hotelling_p(float(d @ inverse @ d), k, nu)

@@ -1,5 +1,5 @@
-"""Random functions: the integrated Wiener process, interpolation with it, and a smooth profile seen
-in passes.
+"""Functions of a position: the integrated Wiener process, interpolation with it, shapes that are
+linear in their coefficients, and a smooth profile seen in passes.
 
 f is a straight line, which is left free, plus tau times an integrated Wiener process: what has a
 generalised covariance of tau^2 |h|^3/12. Given its values at T knots, the expected f in between is
@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray, IntArray, polynomial
+from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import lines_by_pass
 
 
@@ -76,6 +76,75 @@ def smooth_root(knots: FloatArray) -> FloatArray:
 def _scale(knots: FloatArray) -> tuple[float, float]:
     """Middle and half of the range: cubes of numbers of order 1 lose no digits."""
     return float(knots[0] + knots[-1]) / 2, float(knots[-1] - knots[0]) / 2
+
+
+@dataclass(frozen=True, slots=True)
+class PolynomialShape:
+    """1, p, p^2, ... of the position p; of degree 0 the constant alone."""
+
+    degree: int
+
+    def columns(self, position: FloatArray) -> FloatArray:
+        """The columns (n, degree + 1) at n positions, mm."""
+        return polynomial(position, self.degree)
+
+    def of_line(self, center: float, q: int) -> FloatArray:
+        """T (k, q) from (intercept at the centre, slope) to coefficients."""
+        T = np.eye(self.degree + 1, q)
+        T[0, 1:] = -center
+        return T
+
+    def at_centre(self, center: float) -> FloatArray:
+        """T (q, k) from coefficients to level and slope at the centre."""
+        k = np.arange(self.degree + 1)
+        return np.array([center**k, k * center ** np.maximum(k - 1, 0)])[: len(k)]
+
+
+AT_MM = 1e-3
+"""Distance up to which a point is at a position of a table."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableShape:
+    """Values at the positions `at` (T,), mm, rising, with natural cubic interpolation.
+
+    `roughness` is the variance tau^2 of the integrated Wiener process that the interpolation leaves
+    open, `own` that of a run's own bend, of future readings only, with `own_dof` degrees of
+    freedom; both in mm or rad squared per mm^3. `between` is a variance added off the positions.
+    """
+
+    at: FloatArray
+    roughness: float = 0.0
+    between: float = 0.0
+    own: float = 0.0
+    own_dof: float = np.inf
+
+    def columns(self, position: FloatArray) -> FloatArray:
+        """Weights (n, T) of the values at n positions, mm; beyond the table a straight line."""
+        return weights(self.at, position)
+
+    def of_line(self, center: float, q: int) -> FloatArray:
+        """T (k, q) from (intercept at the centre, slope) to values."""
+        return polynomial(self.at - center, 1)[:, :q]
+
+    def at_centre(self, center: float) -> FloatArray:
+        """T (2, k) from values to level and slope of the least-squares line at the centre."""
+        return np.asarray(np.linalg.pinv(polynomial(self.at - center, 1)), np.float64)
+
+    def interpolation_covariance(self, position: FloatArray) -> FloatArray:
+        """Covariance (n, n) of what the values leave open, the same for all parts."""
+        off = np.abs(position[:, None] - self.at).min(axis=1) > AT_MM
+        return self.roughness * interpolation_covariance(self.at, position) + np.diag(
+            off * self.between
+        )
+
+    def of_runs(self, position: FloatArray) -> FloatArray:
+        """Covariance (n, n) of the bend of one run, its line left out."""
+        W = weights(self.at, position) @ smooth_root(self.at)
+        return self.own * (W @ W.T + interpolation_covariance(self.at, position))
+
+
+Shape = PolynomialShape | TableShape
 
 
 FEWEST_TARGETS = 4
@@ -221,3 +290,46 @@ def averaged(
     spread = (deviations.T * weight) @ deviations / s2 if s2 > 0 else np.zeros((len(s), len(s)))
     covariance = basis @ (np.diag(weight @ variances) + spread) @ basis.T
     return basis @ mean, covariance, float(weight @ AMPLITUDES**2)
+
+
+MOST_AUTO = 5
+"""Highest degree that is chosen: more bends are a table."""
+
+
+def chosen_degree(
+    position: FloatArray, y: FloatArray, group: IntArray | None, run: IntArray | None
+) -> int | None:
+    """The degree of a polynomial that held-out runs choose for readings as in `smooth_profile`;
+    None for the profile itself, a table. 1 of fewer than three runs.
+
+    Every run is left out once, and every shape, fitted to the rest, predicts its readings but for
+    their level, which drifts. The simplest shape is chosen that is no worse than the best by more
+    than a standard error of the difference, run by run (after the rule of Breiman et al.,
+    Classification and Regression Trees (1984), 3.4.3).
+    """
+    places = len(np.unique(position))
+    if group is None or run is None or len(runs := np.unique(run)) < FEWEST_RUNS:
+        return min(1, places - 1)
+    middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
+    shapes: list[int | None] = [*range(min(MOST_AUTO, places - 1) + 1), None]
+    losses = np.full((len(shapes), len(runs)), np.nan)
+    for fold, test_run in enumerate(runs):
+        train = run != test_run
+        test = [np.flatnonzero(group == g) for g in np.unique(group[~train])]
+        levels = (group[train, None] == np.unique(group[train])).astype(np.float64)
+        for i, degree in enumerate(shapes):
+            bend = np.zeros(len(y))
+            if degree is None:
+                profile = smooth_profile(position[train], y[train], group[train], run[train])
+                if profile is None:
+                    continue
+                bend, degree = profile.bend_at(position), 1
+            powers = polynomial((position - middle) / half, degree)[:, 1:]
+            fit = least_squares(np.column_stack([levels, powers[train]]), (y - bend)[train])
+            rest = y - (bend + powers @ fit.coefficients[levels.shape[1] :])
+            losses[i, fold] = np.mean([np.var(rest[rows]) for rows in test])
+    candidates = np.flatnonzero(np.isfinite(losses).all(axis=1))
+    best = candidates[np.argmin(losses[candidates].mean(axis=1))]
+    worse = losses[candidates] - losses[best]
+    se = worse.std(axis=1, ddof=1) / np.sqrt(len(runs))
+    return shapes[int(candidates[np.flatnonzero(worse.mean(axis=1) <= se)[0]])]

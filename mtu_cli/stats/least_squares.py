@@ -115,27 +115,6 @@ def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
     return np.divide(numerator, denominator, out=unknown, where=denominator > 0)
 
 
-def group_means(values: FloatArray, code: IntArray, count: int) -> FloatArray:
-    """Means (count, ...) of the values (n, ...) of each code (n,), nan of none.
-
-    They are taken about the first value of each, so that equal values keep their digits:
-
-    >>> group_means(np.array([0.1, 7.0, 0.1, 0.1]), np.array([1, 0, 1, 1]), 3).tolist()
-    [7.0, 0.1, nan]
-    """
-    first = np.full((count, *values.shape[1:]), np.nan)
-    first[code[::-1]] = values[::-1]
-    away = np.zeros_like(first)
-    np.add.at(away, code, values - first[code])
-    size = np.maximum(np.bincount(code, minlength=count), 1)
-    return np.asarray(first + away / size.reshape(-1, *(1,) * (values.ndim - 1)))
-
-
-def known_mean(values: FloatArray, axis: int = -1) -> FloatArray:
-    """Mean of the known values along an axis; nan of none."""
-    return quotient(np.nansum(values, axis=axis), np.isfinite(values).sum(axis=axis))
-
-
 def polynomial(position: FloatArray, degree: int) -> FloatArray:
     """Design rows [1, p, ..., p^degree], shape (n, degree + 1)."""
     return np.vander(position, degree + 1, increasing=True)

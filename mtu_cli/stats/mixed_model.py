@@ -21,13 +21,14 @@ Hunter, Statistics for Experimenters, 9.1).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from mtu_cli.stats.covariance import as_covariance, bounded, positive_part
+from mtu_cli.stats.groups import group_least
 from mtu_cli.stats.least_squares import (
     RANK_TOLERANCE,
     BoolArray,
@@ -254,9 +255,7 @@ def _pass_design(
     """
     ids, first, codes = np.unique(group, return_index=True, return_inverse=True)
     G = len(ids)
-    low, high = np.full(G, np.inf), np.full(G, -np.inf)
-    np.minimum.at(low, codes, position)
-    np.maximum.at(high, codes, position)
+    low, high = group_least(position, codes, G), -group_least(-position, codes, G)
     whole = high - low > OWN_SLOPE_SPAN * float(np.ptp(position))
     sloped = degree >= 1 and (whole.all() or (whole.sum() >= 3 and whole.mean() > 0.5))
     if not sloped:
@@ -394,3 +393,25 @@ def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatAr
     product = there.T @ back / (len(pairs) - 1)
     K: FloatArray = (product + product.T) / 2
     return K if 2 * len(pairs) == len(deviations) else bounded(K, between)
+
+
+def joint_passes(
+    fits: Sequence[PassFit], T: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """What the same G passes of several components have in common, by T (K, sum q) from levels and
+    slopes to the coefficients of all: the covariance (K, K) of these between components, D and S_h
+    of all; S_h None where passes are independent.
+    """
+    from scipy.linalg import block_diag
+
+    n, pairs = fits[0].n_passes, fits[0].pairs
+    deviations = np.column_stack([fit.deviations for fit in fits])
+    S = deviations.T @ deviations / fits[0].divisor
+    K = 2 * len(pairs) / n * covariance_in_runs(deviations, pairs, S)
+    inside = block_diag(*(np.ones_like(fit.D) for fit in fits)) > 0
+    off, off_runs = np.where(inside, 0.0, S), np.where(inside, 0.0, K)
+    D = T @ (block_diag(*(fit.D_moment for fit in fits)) + off) @ T.T
+    halves = [fit.half_differences for fit in fits if fit.half_differences is not None]
+    S_h = T @ (block_diag(*halves) + (off - off_runs) / 2) @ T.T if halves else None
+    between = (T @ (off + off_runs) @ T.T) / n
+    return between, (D + D.T) / 2, None if S_h is None else as_covariance(S_h)

@@ -9,6 +9,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import islice
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -399,6 +401,23 @@ def _ratio(estimates: Estimates, probability: float, digits: int, fraction: floa
         if bound > 0.0:
             largest = max(largest, bound / tolerance if tolerance > 0.0 else math.inf)
     return largest
+
+
+Happens = Callable[[np.random.Generator, int], BoolArray]
+"""Random numbers and a count m -> whether each event happens (events, m)."""
+
+
+def probabilities(
+    names: tuple[str, ...], happens: Happens, seed: int, trials: int, threads: int | None
+) -> tuple[FloatArray, FloatArray]:
+    """Probabilities (events,) of the events `names` by Monte Carlo, and their standard errors."""
+    model: Any = SimpleNamespace(names=names, linear_mean=None)
+    model.draw = lambda rng, m: Draws(values=happens(rng, m).astype(np.float64))
+    result = monte_carlo(model, seed=seed, trials=trials, threads=threads)
+    n, p = result.trials, result.mean
+    # One miss more and one hit more: 200 000 hits of 200 000 are not certainty.
+    cautious = (p * n + 1) / (n + 2)
+    return p, np.sqrt(cautious * (1 - cautious) / n)
 
 
 CONVERGED_TO = 0.2

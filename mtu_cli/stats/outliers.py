@@ -11,7 +11,6 @@ large tables quickly.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,6 +19,7 @@ from scipy.special import stdtr, stdtrit
 
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import hidden
+from mtu_cli.stats.threads import available_threads
 
 FEWEST = 3
 """A deviation among fewer values than this says nothing."""
@@ -180,7 +180,6 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
 ROTATIONS = 999
 ENTRIES = 100_000
 """Tables with more entries are tested by bounds, single entries and means alone."""
-MOST_THREADS = 4
 DENSE_ROWS = 64
 """Up to so many rows the rotations are uniform on the whole orthogonal group."""
 
@@ -286,13 +285,11 @@ def _rotations(d: FloatArray, rng: np.random.Generator) -> Callable[[int], Float
 
         core = dct(d, axis=0, norm="ortho")
         signs = np.array([-1, 1], d.dtype)
-        threads = min(MOST_THREADS, os.cpu_count() or 1)
 
         def flip(n: int) -> FloatArray:
-            return idct(
-                core * rng.choice(signs, (n, rows, 1)), axis=1, norm="ortho", overwrite_x=True,
-                workers=threads,
-            )  # fmt: skip
+            turned = core * rng.choice(signs, (n, rows, 1))
+            threads = available_threads()
+            return idct(turned, axis=1, norm="ortho", overwrite_x=True, workers=threads)
 
         return flip
     # Orthonormal columns of what is orthogonal to ones.

@@ -56,3 +56,26 @@ def rounding_variance(values: FloatArray, unit: float = 1.0) -> float:
 def hidden(s2: FloatArray | float, r: FloatArray | float) -> FloatArray:
     """The variance of a mean by rounding that `s2` does not hold: r where s < step/2, else 0."""
     return np.where(np.asarray(s2) < 3 * np.asarray(r), r, 0.0)
+
+
+FEWEST_PAIRS = 8
+"""Values that must agree for a column to repeat another."""
+CLEAR = 3.0
+"""Standard deviation of the values over what rounding may make of them, from which on agreement of
+all is no chance: about one in four at each (2/3 of the density of a normal law, 0.4).
+"""
+
+
+def proportional(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:
+    """Whether a column (n,) is proportional to values (n,) to the last digit of both: `digit` that
+    of the values, in their unit, `coarsest` the coarsest that the column may have in it.
+    """
+    both = np.isfinite(column) & np.isfinite(values)
+    y, x = column[both], values[both]
+    if len(y) < FEWEST_PAIRS or not x.any():
+        return False
+    factor = float(y @ x / (x @ x))
+    size = abs(factor)
+    most = 0.51 * (min(step_of(column), size * coarsest) + size * digit)
+    clear = size * float(x.std()) > CLEAR * most
+    return clear and bool((np.abs(y - factor * x) <= most).all())

@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray, group_means
+from mtu_cli.stats.groups import group_means
+from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray
 
 MEMORY = (0.3, 0.5, 0.7, 0.8, 0.88, 0.93, 0.96, 0.98, 0.99)
 SHARE = (0.2, 0.4, 0.6, 0.8, 1.0)

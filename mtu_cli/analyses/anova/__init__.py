@@ -42,7 +42,8 @@ from mtu_cli.model.measured import (
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import aligned, axes_of, only_features, operations_of, visits_of
 from mtu_cli.stats.coverage import FAMILY_RATE
-from mtu_cli.stats.least_squares import BoolArray, FloatArray, known_mean
+from mtu_cli.stats.groups import known_mean
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 __all__ = ["Analysed", "AnovaResult", "Method", "analyse_variance"]
 

@@ -15,7 +15,8 @@ from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval, reml
 from mtu_cli.stats.coverage import FAMILY_RATE, TAIL, holm
-from mtu_cli.stats.least_squares import FloatArray, known_mean, quotient
+from mtu_cli.stats.groups import known_mean
+from mtu_cli.stats.least_squares import FloatArray, quotient
 from mtu_cli.stats.outliers import outstanding_rows
 from mtu_cli.stats.process import Capability, capability, radial_capability, slopes
 from mtu_cli.stats.resolution import hidden

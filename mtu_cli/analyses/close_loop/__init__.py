@@ -37,9 +37,9 @@ from mtu_cli.files.effects import CHOSEN, EffectLibrary
 from mtu_cli.findings import Finding, counted, error, finding
 from mtu_cli.language import evaluate, parse
 from mtu_cli.model.effect_library import NOTHING_LEFT, candidates_of, choices
-from mtu_cli.model.estimates import TableShape
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.kernels import weights
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.monte_carlo import Progress
 from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
@@ -316,7 +316,7 @@ def _predicted(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArr
             variables[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
         if effect.table is not None:
             along = columns[effect.table.along]
-            values = TableShape(at=effect.table.knots).columns(along.ravel()) @ effect.table.values
+            values = weights(effect.table.knots, along.ravel()) @ effect.table.values
             variables[effect.component] = values.reshape(along.shape)
         for key, text in effect.equations.items():
             total[..., table.axes.index(key[1:])] += evaluate(parse(text), variables)

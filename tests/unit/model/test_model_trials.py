@@ -29,8 +29,9 @@ from mtu_cli.model.measurands import (
     conformance_of,
     position_conformance,
 )
-from mtu_cli.model.prediction import Block, Prediction, predict
+from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
+from mtu_cli.stats.composed_variance import CoefficientBlock
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
@@ -490,8 +491,8 @@ def _prediction(C: FloatArray, dof: float, visits: tuple[float, float], nu: floa
     """
     rows, nothing = np.tile(np.eye(2), (2, 1)), np.zeros((2, 2))
 
-    def block(G: FloatArray, s: FloatArray, own: float) -> Block:
-        return Block(
+    def block(G: FloatArray, s: FloatArray, own: float) -> CoefficientBlock:
+        return CoefficientBlock(
             names=("a",),
             columns=(slice(0, 2),),
             G=G,

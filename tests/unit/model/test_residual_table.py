@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -36,7 +35,6 @@ from mtu_cli.model.covariates import without_repeated
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residuals import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import basis, small_motions, without
 from mtu_cli.stats.least_squares import FloatArray
 
 ROTATION: Datum = "offset,rotation"
@@ -247,20 +245,6 @@ def test_a_ring_may_be_freed_of_centre_and_diameter(tmp_path: Path) -> None:
     moved[:, :2] += larger + np.array([0.2, -0.1])
     after, _ = residual_table(model, replace(ring, measured=moved), {}, "offset,diameter")
     np.testing.assert_allclose(after.errors, before.errors, atol=1e-13)
-
-
-# A part's coordinate system projected out: rigid motions in, nothing out.
-
-
-@pytest.mark.parametrize("datum", get_args(Datum))
-@pytest.mark.parametrize("axes", [(0,), (1, 2), (0, 1), (0, 1, 2)])
-def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[int, ...]) -> None:
-    rng = np.random.default_rng(1)
-    places = rng.uniform(0, 200, (7, 3))
-    F = small_motions(places, axes, datum)
-    wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
-    Q = basis(places, axes, datum)
-    assert without(Q, np.eye(len(Q))) == pytest.approx(wanted, abs=1e-12)
 
 
 # Covariates of residual tables: shapes, gaps, texts, errors again; lags and noise of sensors.
