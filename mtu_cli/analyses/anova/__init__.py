@@ -11,7 +11,7 @@ import numpy as np
 from mtu_cli.analyses.anova.tables import (
     FEWEST_PARTS,
     Analysed,
-    ItemCapability,
+    Capability,
     Kind,
     Method,
     Trend,
@@ -83,7 +83,7 @@ class AnovaResult:
     unusual: tuple[UnusualPart, ...] | None
     sequence: Mapping[str, FloatArray]
     trends: tuple[Trend, ...]
-    capabilities: tuple[ItemCapability, ...]
+    capabilities: tuple[Capability, ...]
     totals: tuple[Total, ...]
     warnings: tuple[Finding, ...]
 

@@ -6,10 +6,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from math import nan
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from scipy.special import chdtri, stdtr, stdtrit
+from scipy.special import chdtri, nctdtrinc, ndtr, stdtr, stdtrit
 
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.model.measured import Label, MeasuredTables
@@ -18,7 +19,6 @@ from mtu_cli.stats.coverage import FAMILY_RATE, TAIL, holm
 from mtu_cli.stats.groups import known_mean
 from mtu_cli.stats.least_squares import FloatArray, quotient
 from mtu_cli.stats.outliers import outstanding_rows
-from mtu_cli.stats.process import Capability, capability, radial_capability, slopes
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.units import ARCSEC, UM
 
@@ -153,6 +153,14 @@ PARTS, TRENDS = 0.6, 0.2
 p of each kind are over its share. Not all of it is spent."""
 FEWEST_PARTS = 4
 """Among fewer parts none can be called an outlier."""
+MOVING_RANGE = 1.128
+"""d2: mean difference of two normal values in standard deviations (Tippett, 1925)."""
+T_FAR = 1000.0
+"""Of Student's t: above it the series of the noncentral distribution hardly ends."""
+WITHIN = 0.9973
+"""Share of parts within the natural limits: what six standard deviations hold."""
+Interval = tuple[float, float]
+OPEN: Interval = (nan, nan)
 
 
 class UnusualPart(NamedTuple):
@@ -228,15 +236,26 @@ class Trend(NamedTuple):
 
 
 def trends(kinds: Sequence[Analysed], sequence: Mapping[str, FloatArray]) -> tuple[Trend, ...]:
-    """The slope of every table's part means over the sequence, p adjusted for all tables (Holm), at
-    the share of trends of the family-wise rate.
+    """The slope of every table's part means over the sequence by least squares, with Student's t;
+    p adjusted for all tables (Holm), at the share of trends of the family-wise rate.
     """
     places = np.array([sequence[label[0]] for kind in kinds for label in kind.labels])
     means = np.concatenate([kind.tables.cells.mean for kind in kinds])
     present = np.concatenate([kind.tables.cells.present for kind in kinds]) & np.isfinite(places)
     rounding = np.concatenate([kind.rounding for kind in kinds])
-    slope, u, p = slopes(places, means, present, rounding)
-    p = np.minimum(holm(p) / TRENDS, 1.0)
+    n = present.sum(axis=1)
+    arrays = (np.ma.array(values, mask=~present) for values in (places, means))
+    x, y = (np.asarray((each - each.mean(axis=1)[:, None]).filled(0.0)) for each in arrays)
+    spread = (x**2).sum(axis=1)
+    valid = (n >= FEWEST_PARTS) & (spread > 0)
+    spread, dof = np.where(valid, spread, np.nan), np.where(valid, n - 2.0, np.nan)
+    slope = (x * y).sum(axis=1) / spread
+    s2 = ((y - slope[:, None] * x) ** 2).sum(axis=1) / dof
+    u = np.sqrt((s2 + rounding) / spread)
+    # Values that are all equal have no trend, those on a line have one beyond doubt.
+    t = np.where(valid & (slope != 0), np.inf, np.nan)
+    np.divide(np.abs(slope), u, out=t, where=u > 0)
+    p = np.minimum(holm(2 * stdtr(dof, -t)) / TRENDS, 1.0)
     labels = [label for kind in kinds for label in kind.labels]
     rows = zip(labels, slope.tolist(), u.tolist(), p.tolist(), strict=True)
     return tuple(Trend(*each) for each in rows if np.isfinite(each[-1]))
@@ -245,22 +264,42 @@ def trends(kinds: Sequence[Analysed], sequence: Mapping[str, FloatArray]) -> tup
 Of = Literal["position", "length", "angle"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class ItemCapability(Capability):
-    """Capability of one toleranced quantity in one operation; mm or rad. Of a position the radial
-    error counts, up to half the diameter of its zone. `values` (parts,) are the means of the
-    repeats in the order of `sequence` (parts,).
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capability:
+    """Capability of one toleranced quantity in one operation; mm or rad, nan where undefined.
+
+    The quantity must lie from `low` to `high`; of a position the radial error must, from 0 to half
+    the diameter of its zone. `values` (parts,) are the means of the repeats in the order of
+    `sequence` (parts,), `s` their overall standard deviation, `s_moving` = mean moving range/1.128
+    that of neighbours. With 95 % intervals for normal values (nan: undefined)
+
+        pp = (high - low)/(6 s),    ppk = min(high - mean, mean - low)/(3 s),
+
+    chi-squared and noncentral t of the nearer limit; `cp` and `cpk` have `s_moving` for s. Of a
+    position ppk = high/q, q the 99.73 % quantile of the radial error of a bivariate normal law.
     """
 
     kind: Of
     operation: str
     id: str
+    low: float
+    high: float
     sequence: FloatArray
+    values: FloatArray
+    mean: float
+    s: float = nan
+    s_moving: float = nan
+    pp: float = nan
+    pp_interval: Interval = OPEN
+    ppk: float
+    ppk_interval: Interval = OPEN
+    cp: float = nan
+    cpk: float = nan
 
 
 def capabilities(
     kinds: Sequence[Analysed], part: LoadedPart | None, sequence: Mapping[str, FloatArray]
-) -> tuple[ItemCapability, ...]:
+) -> tuple[Capability, ...]:
     """Of everything in the part file that has a tolerance, and was measured on two parts."""
     if part is None:
         return ()
@@ -287,17 +326,93 @@ def capabilities(
             order = order[np.isfinite(values[order]).all(axis=1)]
             if len(order) < 2:
                 continue
-            (low, high), r = limits[of, name], float(kind.rounding[i])
-            if of == "position":
-                found = radial_capability(values[order], high, r)
-            else:
-                found = capability(values[order, 0], low, high, r)
-            item = ItemCapability(
-                **vars(found),
+            indices, (low, high) = _of_position if of == "position" else _of_one, limits[of, name]
+            item = Capability(
                 kind=of,
                 operation=operation,
                 id=name,
+                low=low,
+                high=high,
                 sequence=sequence[operation][order],
+                **indices(values[order], low, high, float(kind.rounding[i])),
             )
             result.append(item)
     return tuple(result)
+
+
+def _of_one(values: FloatArray, low: float, high: float, r: float) -> dict[str, Any]:
+    """Of a length or angle (parts, 1); `r` is the variance of a value that its last digit hides."""
+    values, n = values[:, 0], len(values)
+    mean, s = float(values.mean()), float(np.sqrt(values.var(ddof=1) + r))
+    moving = np.abs(np.diff(values)).mean() / MOVING_RANGE
+    s_moving, nearer = float(np.sqrt(moving**2 + r)), min(high - mean, mean - low)
+    pp, ppk = _ratio(high - low, 6 * s), _ratio(nearer, 3 * s)
+    scale, tails = 3 * np.sqrt(n), (1 - TAIL, TAIL)
+    return {
+        "values": values,
+        "mean": mean,
+        "s": s,
+        "s_moving": s_moving,
+        "pp": pp,
+        "pp_interval": tuple(pp * float(np.sqrt(chdtri(n - 1, p) / (n - 1))) for p in tails),
+        "ppk": ppk,
+        "ppk_interval": tuple(noncentrality(n - 1, p, scale * ppk) / scale for p in tails),
+        "cp": _ratio(high - low, 6 * s_moving),
+        "cpk": _ratio(nearer, 3 * s_moving),
+    }
+
+
+def noncentrality(dof: float, probability: float, t: float) -> float:
+    """The delta of which Student's noncentral t is at most `t` with this probability.
+
+    Where |t| > T_FAR it is t sqrt(chi^2/dof) to four digits, as t W - Z with W^2 = chi^2/dof and Z
+    normal is.
+
+    >>> round(noncentrality(9, 0.975, 40.0), 3), round(noncentrality(9, 0.975, -4e6))
+    (21.79, -5815346)
+    """
+    if abs(t) <= T_FAR or np.isnan(t):
+        return float(nctdtrinc(dof, probability, t))
+    upper = probability if t > 0 else 1 - probability
+    return t * float(np.sqrt(chdtri(dof, upper) / dof))
+
+
+def _of_position(errors: FloatArray, _: float, high: float, r: float) -> dict[str, Any]:
+    """Of the position of a feature, from its errors (parts, 2)."""
+    C, radial = np.cov(errors.T) + r * np.eye(2), np.hypot(*errors.T)
+    ppk = _ratio(high, radial_quantile(errors.mean(axis=0), C, WITHIN)) if C.any() else nan
+    return {"values": radial, "mean": float(radial.mean()), "ppk": ppk}
+
+
+def _ratio(part: float, whole: float) -> float:
+    """Of a process that does not scatter there is none: nan."""
+    return part / whole if whole > 0 else nan
+
+
+def radial_quantile(mean: FloatArray, C: FloatArray, probability: float) -> float:
+    """The quantile of the length of a normal vector with `mean` (2,) and covariance `C` (2, 2).
+
+    P(length <= R) is integrated along the principal axis of the larger variance, with the normal
+    law of the other one in closed form.
+
+    >>> round(radial_quantile(np.zeros(2), np.eye(2), 0.9973), 3)  # sqrt(-2 ln 0.0027)
+    3.439
+    """
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+
+    variances, axes = np.linalg.eigh(C)
+    unit = float(np.sqrt(variances[1]))
+    ratio = np.sqrt(max(float(variances[0]) / unit**2, 1e-12))
+    (across, along), root = axes.T @ mean / unit, np.sqrt(2 * np.pi)
+
+    def beyond(R: float) -> float:
+        def density(x: float) -> float:
+            half = np.sqrt(max(R**2 - x**2, 0.0))
+            share = ndtr((half - across) / ratio) - ndtr((-half - across) / ratio)
+            return float(np.exp(-((x - along) ** 2) / 2) * share / root)
+
+        low, high = max(-R, along - 9), min(R, along + 9)
+        return float(quad(density, low, high)[0] if low < high else 0.0) - probability
+
+    return unit * float(brentq(beyond, 0.0, np.hypot(across, along) + 9))

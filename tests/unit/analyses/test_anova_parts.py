@@ -7,9 +7,11 @@ import measured_examples
 import numpy as np
 import pytest
 from measured_examples import points, study, with_measured
+from scipy.stats import ncx2
 from support import codes
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
+from mtu_cli.analyses.anova.tables import noncentrality, radial_quantile
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points
 from mtu_cli.model.settings import Settings
@@ -259,6 +261,13 @@ def test_capability_of_a_length(tmp_path: Path) -> None:
 
 
 def test_capability_far_off_its_limits_is_calculated(tmp_path: Path) -> None:
+    """Where t is large its noncentrality goes on as sqrt(chi^2/dof): the series of the distribution
+    would hardly end.
+    """
+    for dof in (2, 9, 299):
+        near, far = (noncentrality(dof, 0.975, t) / t for t in (-999.9, -1000.1))
+        assert near == pytest.approx(far, rel=5e-4)
+        assert noncentrality(dof, 0.025, -4e6) > noncentrality(dof, 0.975, -4e6)
     (item,) = lengths_of(tmp_path, [150e3 + i for i in range(8)]).capabilities
     low, high = item.ppk_interval
     assert low < item.ppk < high < 0
@@ -280,3 +289,15 @@ def test_capability_of_a_position_and_an_angle(tmp_path: Path) -> None:
     arcsec = np.pi / 648000
     assert (angle.low, angle.high) == pytest.approx((-60 * arcsec, 30 * arcsec))
     assert angle.ppk == pytest.approx((angle.high - angle.mean) / (3 * angle.s))
+
+
+@pytest.mark.parametrize("size", [0.0, 2.0])
+def test_the_quantile_of_a_radial_error(size: float) -> None:
+    """Equal variances: sqrt of a noncentral chi-squared; unequal ones against samples."""
+    centre = np.array([size, 0.0])
+    expected = np.sqrt(ncx2.ppf(0.9973, 2, max(size**2, 1e-12)))
+    assert radial_quantile(centre, np.eye(2), 0.9973) == pytest.approx(expected, rel=1e-6)
+    C = np.array([[1.0, 0.6], [0.6, 0.5]])
+    drawn = np.random.default_rng(1).multivariate_normal(centre, C, 400_000)
+    within = np.mean(np.hypot(*drawn.T) <= radial_quantile(centre, C, 0.9973))
+    assert within == pytest.approx(0.9973, abs=4 * np.sqrt(0.0027 / 400_000))
