@@ -14,7 +14,6 @@ from mtu_cli import __version__
 from mtu_cli.analyses import close_loop as loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.cli.analyse import drift_estimates, fitted, modelled
-from mtu_cli.cli.emit import written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.source import report_bytes
@@ -100,7 +99,7 @@ def _written_files(
     """The files of --write-machine and --write-components, none without these options, and
     what to warn of. Raises InputError for effects that no machine file can hold.
     """
-    paths = written_files(inputs.options)
+    paths = inputs.options.written
     if not {"write_machine", "write_components"} & paths.keys():
         return {}, []
     pairs = [(effect, item) for item in result.tables for effect in item.effects]

@@ -121,17 +121,12 @@ def asked_gates(options: Options) -> dict[str, float]:
     return result
 
 
-def written_files(options: Options) -> dict[str, Path]:
-    """The files that a call writes: path by name of the option."""
-    return {x: path for x in WRITTEN if isinstance(path := options.values.get(x), Path)}
-
-
 def check_outputs(inputs: Inputs) -> None:
     """Raises InputError for files that cannot be made, or would overwrite measured data or inputs
     that the call, its study or that of this folder names, except those that the command is to
     make. All at once, before anything is calculated.
     """
-    options, outputs = inputs.options, written_files(inputs.options)
+    options, outputs = inputs.options, inputs.options.written
     sources = [(role, path) for role, path in inputs.input_files() if os.path.exists(path)]
     problems, files = list[Finding](), list[Path]()
     for name, path in outputs.items():

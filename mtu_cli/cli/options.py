@@ -25,6 +25,11 @@ class Options:
     def __getattr__(self, name: str) -> Any:
         return self.values.get(name)
 
+    @property
+    def written(self) -> dict[str, Path]:
+        """The files that the call writes: path by name of the option."""
+        return {x: path for x in WRITTEN if isinstance(path := self.values.get(x), Path)}
+
 
 @dataclass(frozen=True, slots=True)
 class Option:

@@ -11,7 +11,6 @@ import numpy as np
 
 from mtu_cli import __version__
 from mtu_cli.cli.analyse import modelled
-from mtu_cli.cli.emit import written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import CLIMATE, DRIFT, OPTIONS, POINTS, READINGS, option_name
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, number_of, within
@@ -40,7 +39,7 @@ DEFAULT_POSITIONS = 8
 def simulate(inputs: Inputs) -> Result:
     """The files of the --write options, each from a random stream of its own."""
     options = inputs.options
-    paths = written_files(options)
+    paths = options.written
     if not paths:
         expected = "--write-lbb, --write-laser, --write-cmm or --write-drift FILE"
         raise error("usage", reason="simulate has no output", expected=expected)
