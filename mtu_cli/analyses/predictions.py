@@ -13,7 +13,13 @@ import numpy as np
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.part import Orthogonality as RightAngle
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.features import NO_U, dof_warnings, feature_points, prediction_warnings
+from mtu_cli.model.features import (
+    NO_U,
+    dof_warnings,
+    feature_points,
+    one_direction,
+    prediction_warnings,
+)
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measurands import (
     AngleTrials,
@@ -275,6 +281,8 @@ def predict_lengths(
         joint_conformance=joint_conformance(trials, conformance, settings),
         run=run,
         warnings=(
+            *part.warnings,
+            *one_direction(model, covariates or {}),
             *notes,
             *missing,
             *prediction_warnings(model, prediction, covariates),
@@ -367,7 +375,7 @@ def predict_orthogonality(
         raise error("not-applicable", reason=reason, file=part.source.shown, expected=expected)
     check_square(part, range(len(entries)))
     angles: list[Orthogonality] = []
-    warnings: list[Finding] = []
+    warnings = one_direction(model, covariates or {})
     for entry in entries:
         ids, points, notes = feature_points(part, model, [*entry.row, *entry.column])
         prediction = predict(model, ids, points, covariates)

@@ -16,7 +16,7 @@ from mtu_cli.cli.load import Inputs
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import report_from
 from mtu_cli.files.source import read_source, report_bytes
-from mtu_cli.findings import Finding, error, finding, listed
+from mtu_cli.findings import Finding, error, listed
 from mtu_cli.model import fit as fitting
 from mtu_cli.model.covariates import given_covariates
 from mtu_cli.model.estimates import Estimates, ThermalEstimate
@@ -118,12 +118,6 @@ def _digests(inputs: Inputs, *roles: str) -> dict[Path, str]:
     return {path: read_source(path, role)[0].sha256 for path, role in paths}
 
 
-def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:
-    """The warning of one approach direction for all features: between them a reversal cancels."""
-    names = [name for name in inputs.at if name.startswith("dir_") and name in model.covariates()]
-    return [finding("one-direction", names=names)] if names else []
-
-
 def fit_components(inputs: Inputs) -> Result:
     machine = inputs.machine
     if inputs.readings is None:
@@ -165,7 +159,6 @@ def lengths(inputs: Inputs) -> Result:
 
     model, warnings = modelled(inputs)
     result = predict_lengths(model, inputs.part, inputs.settings, inputs.at)
-    warnings = [*warnings, *inputs.part.warnings, *one_direction(inputs, model)]
     gates = _conformance_gate(result.conformances, "tolerance_um at a length")
     return Result.reported(inputs, result, warnings, gates=gates)
 
@@ -175,7 +168,6 @@ def orthogonality(inputs: Inputs) -> Result:
 
     model, warnings = modelled(inputs)
     result = predict_orthogonality(model, inputs.part, inputs.settings, inputs.at)
-    warnings = [*warnings, *one_direction(inputs, model)]
     gates = _conformance_gate(result.conformances, "tolerance_arcsec at an angle")
     return Result.reported(inputs, result, warnings, gates=gates)
 

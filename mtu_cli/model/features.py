@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import product
 
 import numpy as np
@@ -119,6 +119,12 @@ def prediction_warnings(
     """Of places, temperatures and effects beyond what is known of them."""
     guessed = guess_warnings(model, prediction.points, covariates or {})
     return [*outside_warnings(prediction.outside), *guessed]
+
+
+def one_direction(model: MachineModel, at: Collection[str]) -> list[Finding]:
+    """The warning of one approach direction for all features: between them a reversal cancels."""
+    names = [name for name in at if name.startswith("dir_") and name in model.covariates()]
+    return [finding("one-direction", names=names)] if names else []
 
 
 def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Finding]:
