@@ -8,7 +8,7 @@ delta = ex cos t + ey sin t.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -155,7 +155,7 @@ def waves(trace: Trace, radius: float, axis: int, pitch: float) -> FloatArray:
     return np.hstack([wave * forward, wave * ~forward])
 
 
-def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit:
+def joint_fit(traces: Traces, pitches: Sequence[float] = ()) -> Fit:
     """One least-squares fit of all traces: TERMS in common, a circle for each trace, and waves
     of `pitches`. Waves of fewer than FEWEST_CYCLES over the diameter, or of fewer than four
     samples, are 0.
@@ -168,13 +168,13 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
     feeds = np.array([trace.feed for trace in traces.traces])
     speeds = feeds / feeds.mean() if np.isfinite(feeds).all() else np.ones(count)
     step = max(float(np.median(np.abs(np.diff(trace.angle)))) for trace in traces.traces)
-    limit = MOST_SAMPLES * (1 if pitches is None else 3)
+    limit = MOST_SAMPLES * (3 if pitches else 1)
     reversals = [at for ends in REVERSALS.values() for at in ends]
     for k, (trace, speed) in enumerate(zip(traces.traces, speeds.tolist(), strict=True)):
         t, circle = trace.angle, np.zeros((len(trace.angle), 3 * count))
         circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
         columns = [terms(t, trace.sign, speed), circle]
-        for axis, pitch in enumerate(pitches or ()):
+        for axis, pitch in enumerate(pitches):
             valid = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
             columns.append(valid * waves(trace, traces.radius, axis, pitch))
         design = np.hstack(columns)
@@ -208,11 +208,17 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
     return Fit(beta, covariance, u, residuals, designs, np.array(acov))
 
 
-def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> CircularResult:
+def diagnose(traces: Traces, pitches: Sequence[float] = ()) -> CircularResult:
     """The figures of ISO 230-4 and the causes of the deviations; with the `pitches` (mm) of the
-    axes' ball screws or scales their cyclic errors, too.
+    axes' ball screws or scales, one of both or one of each, their cyclic errors, too.
+
+    Raises InputError for more than two pitches.
     """
-    fit, R = joint_fit(traces, pitches), traces.radius
+    if len(pitches) > 2:
+        count = f"{len(pitches)} values"
+        raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
+    fit = joint_fit(traces, (pitches[0], pitches[-1]) if pitches else ())
+    R = traces.radius
     speed = float(np.mean([trace.feed for trace in traces.traces])) / 60.0
     timed = math.isfinite(speed) and speed > 0
     units = {

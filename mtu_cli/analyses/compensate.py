@@ -167,6 +167,14 @@ class CompensateResult:
         return None if self.errors is None or self.errors.angle else self.errors.backlash
 
 
+def as_read(name: str, control: Controller, table: ErrorTable) -> CompensateResult:
+    """A table that was only read, from the file of this name."""
+    direction = "both" if table.both else "mean"
+    return CompensateResult(
+        component=name, controller=control, direction=direction, asked=table, held=table
+    )
+
+
 def compensate(
     errors: AxisErrors, control: Controller, parameters: Parameters, request: TableRequest, *,
     component: str = "", seed: int = 1, trials: int | None = None,

@@ -104,9 +104,6 @@ def circular(inputs: Inputs) -> Result:
         [number_of(f"--{name}", text, positive=True) for text in words(name)]
         for name in ("feed", "pitch")
     )
-    if len(pitches) > 2:
-        count = f"{len(pitches)} values"
-        raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
     paths = options.file
     xml = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in paths]
     if any(xml):
@@ -121,7 +118,7 @@ def circular(inputs: Inputs) -> Result:
     if target is not None and not traces.plane:
         expected = "--plane XY, YZ or ZX, or a column 'plane'"
         raise error("missing-input", what="the plane", expected=expected)
-    result = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None)
+    result = diagnose(traces, pitches)
 
     files = {}
     if target is not None:
@@ -163,11 +160,7 @@ def compensate(inputs: Inputs) -> Result:
         table = _read(
             inputs, options.read, partial(control.read_back, parameters={**defaults, **given})
         )
-        result = analysis.CompensateResult(
-            component=options.read.name, controller=control, asked=table, held=table,
-            direction="both" if table.both else "mean",
-        )  # fmt: skip
-        return Result.reported(inputs, result)
+        return Result.reported(inputs, analysis.as_read(options.read.name, control, table))
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
     grid = (options.from_, options.to, options.step)
