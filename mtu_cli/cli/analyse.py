@@ -68,9 +68,7 @@ def modelled(inputs: Inputs, extra: Collection[str] = ()) -> tuple[MachineModel,
 
 def fitted(inputs: Inputs, machine: LoadedMachine) -> FitResult:
     """The components of a machine, by the readings of the call where it has any."""
-    fit, k = fitting.MachineFit(components={}, joint=()), inputs.settings.coverage_factor
-    if inputs.readings is not None:
-        fit = fitting.fit_machine(machine, inputs.readings)
+    fit, k = fitting.fit_machine(machine, inputs.readings), inputs.settings.coverage_factor
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     estimates = fitting.estimates_from_fit(machine, fit)
     return fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)

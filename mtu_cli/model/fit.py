@@ -73,13 +73,15 @@ class MachineFit:
         }
 
 
-def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
+def fit_machine(machine: LoadedMachine, readings: Readings | None) -> MachineFit:
     """Fits every component that was read, to the readings less the machine's effects that were
-    found in readings of it. A component that has neither readings nor coefficients is not fitted,
+    found in readings of it; none without readings. A component that has neither readings nor coefficients is not fitted,
     with a warning.
 
     Raises InputError for what looks like drift readings.
     """
+    if readings is None:
+        return MachineFit(components={}, joint=())
     components = machine.machine.components
     read, files = set(readings.components), ", ".join(each.shown for each in readings.sources)
     missing = [
