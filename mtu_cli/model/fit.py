@@ -75,8 +75,8 @@ class MachineFit:
 
 def fit_machine(machine: LoadedMachine, readings: Readings | None) -> MachineFit:
     """Fits every component that was read, to the readings less the machine's effects that were
-    found in readings of it; none without readings. A component that has neither readings nor coefficients is not fitted,
-    with a warning.
+    found in readings of it; none without readings. A component that has neither readings nor
+    coefficients is not fitted, with a warning.
 
     Raises InputError for what looks like drift readings.
     """
