@@ -488,16 +488,13 @@ def simulate_drift(
             errors.append((error / item.unit.to_internal)[at])
     table = np.stack(errors, axis=1)
     components, units, positions = (np.array(each) for each in zip(*rows, strict=True))
-
-    def spread(values: np.ndarray) -> np.ndarray:
-        return np.broadcast_to(values, table.shape).ravel()
-
-    return {
-        "component": spread(components[:, None]),
-        "position_mm": spread(positions[:, None]),
-        "cycle": spread(np.arange(plan.cycles)[:, None, None] + 1),
-        "time_min": spread(times[at][:, None]),
-        "error": table.ravel(),
-        "unit": spread(units[:, None]),
-        **{name: spread(values[at][:, None]) for name, values in read.items()},
+    result = {
+        "component": components[:, None],
+        "position_mm": positions[:, None],
+        "cycle": np.arange(plan.cycles)[:, None, None] + 1,
+        "time_min": times[at][:, None],
+        "error": table,
+        "unit": units[:, None],
+        **{name: values[at][:, None] for name, values in read.items()},
     }
+    return {name: np.broadcast_to(values, table.shape).ravel() for name, values in result.items()}
