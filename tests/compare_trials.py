@@ -42,16 +42,14 @@ def made(
     seed: int,
     *,
     parts: int = 21,
-    extra: float = 0.0,
     offset: float = 0.0,
 ) -> Points:
-    """Parts that a machine makes, with an offset in x and a random one of each part, mm."""
+    """Parts that a machine makes, measured twice, with an offset in x, mm."""
     ids, places, _ = feature_points(part, model)
     plan = PartsPlan(parts=parts, repeats=2, cmm_u_um=1.0, reverse_every=0, minutes=0.5)
     points = as_points(simulate_points(model, ids, places, plan, seed), ids, places)
-    shift = extra * np.random.default_rng(seed).standard_normal((parts, 3)) + [offset, 0.0, 0.0]
-    # The parts follow each other, as do the repeats of one.
-    return replace(points, measured=points.measured + np.repeat(shift, 2 * len(ids), axis=0))
+    shift = np.array([offset, 0.0, 0.0])
+    return replace(points, measured=points.measured + shift)
 
 
 @lru_cache(128)

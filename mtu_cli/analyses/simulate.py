@@ -11,14 +11,16 @@ from pathlib import Path
 
 import numpy as np
 
-from mtu_cli.files.machine import LoadedMachine, Machine
+from mtu_cli.files.contract import is_identifier
+from mtu_cli.files.headers import POINTS
+from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding, error, listed
+from mtu_cli.findings import Finding, InputError, error, listed
 from mtu_cli.formats.base import Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.formats.renishaw import run_file
+from mtu_cli.language import Node, parse
 from mtu_cli.model import simulate as virtual
-from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.stats.least_squares import FloatArray
@@ -78,7 +80,7 @@ def simulate(
         columns["laser"] = _readings(model, request, seed, request.component)
         run = _laser_run(columns["laser"], files["laser"].suffix.lower()[1:])
     if request.test is not None:
-        test = _drift_test(request.test, model, machine.machine)
+        test = _drift_test(request.test, model, machine)
         climate = test, virtual.sensors_for(model.drifts(), test, seed)
     if "cmm" in files:
         columns["cmm"] = _points(model, request, climate if request.rooms else None, seed)
@@ -96,14 +98,18 @@ def axes_read(model: MachineModel, files: Collection[str], component: str | None
     return {x.of for components in read for x in components if x.of is not None}
 
 
-def drifting(model: MachineModel, machine: LoadedMachine) -> dict[str, ThermalEstimate]:
-    """The thermal models by component; raises InputError where there are none."""
-    drifts = {drift.component: drift for drift in model.drifts()}
-    if not drifts:
-        reason = "no component of the equations has a thermal model"
-        expected = "a `thermal` key in a component of the equations"
-        raise error("not-applicable", file=machine.source.shown, reason=reason, expected=expected)
-    return drifts
+def equation(option: str, name: str, text: str) -> Node:
+    """An equation of an option, of an error or of a covariate; raises InputError for a faulty one,
+    and for a covariate that is called as a column that points have anyway.
+    """
+    if option == "--covariate" and (name in (*POINTS.columns, *AXES) or not is_identifier(name)):
+        place = {"value": name, "expected": "another name, such as T_spindle_degC"}
+        raise error("wrong-type", path=option, kind="the name of a further column", **place)
+    try:
+        return parse(text)
+    except InputError as fault:
+        place = {"path": f"{option} {name}", "value": text}
+        raise InputError(each.at(**place) for each in fault.findings) from None
 
 
 def _readings(
@@ -145,12 +151,16 @@ def _laser_run(readings: virtual.Columns, run: str) -> str:
 
 
 def _drift_test(
-    stated: virtual.DriftPlan, model: MachineModel, machine: Machine
+    stated: virtual.DriftPlan, model: MachineModel, loaded: LoadedMachine
 ) -> virtual.DriftPlan:
     """The test at the positions, mm, that are stated, else at those of the gradients, else in the
     middle of the axis; with settled drifts in mm and rad.
     """
-    positions, settled = dict(stated.positions), {}
+    if not model.drifts():
+        reason = "no component of the equations has a thermal model"
+        expected = "a `thermal` key in a component of the equations"
+        raise error("not-applicable", file=loaded.source.shown, reason=reason, expected=expected)
+    machine, positions, settled = loaded.machine, dict(stated.positions), {}
     for drift in model.drifts():
         name, component = drift.component, machine.components[drift.component]
         if name in positions:

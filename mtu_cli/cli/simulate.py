@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Collection, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.source import SYNTHETIC
 from mtu_cli.findings import error, finding
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.simulate import DriftPlan, PartsPlan
+from mtu_cli.model.simulate import DriftPlan, Equations, PartsPlan
 from mtu_cli.reports.simulate import file_of
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -89,7 +90,7 @@ def _request(inputs: Inputs, model: MachineModel, files: Mapping[str, Path]) -> 
         passes=options.passes,
         positions=positions,
         component=component,
-        part=inputs.part if "cmm" in files else inputs.part_if_any if unstated else None,
+        part=inputs.part_if_any if unstated else inputs.part if "cmm" in files else None,
         parts=_parts(options, model) if "cmm" in files else None,
         rooms=rooms or (),
         test=_drift_test(inputs, model) if "drift" in files or rooms else None,
@@ -104,19 +105,18 @@ def _positions(text: str | None) -> dict[str, FloatArray]:
         low, high, count = ends(option, span, SPAN, example, ordered=True)
         return np.linspace(low, high, int(count))
 
-    if text is None:
-        return {}
-    if "=" not in text:
+    if text is not None and "=" not in text:
         return dict.fromkeys(AXES, grid("", text))
-    return assignments(option, text.split(","), form, example, grid, AXES, "axis")
+    return assignments(option, text and text.split(","), form, example, grid, AXES, "axis")
 
 
 def _parts(options: Options, model: MachineModel) -> PartsPlan:
     """How the parts are made and measured."""
 
-    def equations(name: str, names: Collection[str] | None = None) -> dict[str, str]:
-        form, example, texts = "NAME: EQUATION", "'Ex: 0.004*dir_x'", options.values[name]
-        return assignments(f"--{name}", texts, form, example, lambda _, x: x, names, "equation")
+    def equations(option: str, texts: Any, names: Collection[str] | None = None) -> Equations:
+        form, example = "NAME: EQUATION", "'Ex: 0.004*dir_x'"
+        read = partial(analysis.equation, option)
+        return assignments(option, texts, form, example, read, names, "equation")
 
     option, text, first = "--first-repeats", options.first_repeats, (0, 0)
     if text is not None:
@@ -128,16 +128,16 @@ def _parts(options: Options, model: MachineModel) -> PartsPlan:
     return PartsPlan(
         **{name: options.values[name] for name in same},
         first_repeats=first,
-        scatter=equations("scatter", of_errors),
-        effects=equations("effect", of_errors),
-        covariates=equations("covariate"),
+        scatter=equations("--scatter", options.scatter, of_errors),
+        effects=equations("--effect", options.effect, of_errors),
+        covariates=equations("--covariate", options.covariate),
     )
 
 
 def _drift_test(inputs: Inputs, model: MachineModel) -> DriftPlan:
-    """The drift test, with what is stated of its positions and settled drifts."""
+    """The drift test, with what is stated of its positions and settled drifts, if any can be."""
     options, machine = inputs.options, inputs.machine.machine
-    drifts = analysis.drifting(model, inputs.machine)
+    drifts = {drift.component: drift for drift in model.drifts()}
     sensors = sorted({sensor for drift in drifts.values() for sensor in drift.sensors})
 
     def numbers(option: str, texts: Iterable[str] | None) -> dict[str, FloatArray]:
@@ -146,7 +146,7 @@ def _drift_test(inputs: Inputs, model: MachineModel) -> DriftPlan:
             return np.array([number_of(f"{option} {name}", item) for item in items])
 
         form, what = "NAME: NUMBERS", "component with a thermal model"
-        return assignments(option, texts, form, "'pos_y: 0 75 200'", value, drifts, what)
+        return assignments(option, drifts and texts, form, "'pos_y: 0 75 200'", value, drifts, what)
 
     def sensor_of(name: str, sensor: str) -> str:
         known_name("--twin", "sensor", sensor, sensors)
@@ -166,5 +166,5 @@ def _drift_test(inputs: Inputs, model: MachineModel) -> DriftPlan:
         reference=machine.reference_temperature_degC,
         positions=positions,
         settled=numbers("--settled-drift", options.settled_drift),
-        twins=assignments("--twin", options.twin, form, example, sensor_of),
+        twins=assignments("--twin", drifts and options.twin, form, example, sensor_of),
     )

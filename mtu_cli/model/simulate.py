@@ -13,11 +13,10 @@ from itertools import accumulate
 
 import numpy as np
 
-from mtu_cli.files.contract import is_identifier
-from mtu_cli.files.headers import LARGEST_READING, POINTS
+from mtu_cli.files.headers import LARGEST_READING
 from mtu_cli.files.part import Circle
-from mtu_cli.findings import InputError, error, finding, suggestion
-from mtu_cli.language import check_known, evaluate, parse
+from mtu_cli.findings import InputError, error, suggestion
+from mtu_cli.language import Node, check_known, evaluate
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ComponentEstimate, ThermalEstimate
@@ -34,7 +33,7 @@ READINGS_STREAM, PARTS_STREAM, CMM_STREAM, SCATTER_STREAM = 0, 1, 2, 3
 CLIMATE_STREAM, DRIFT_STREAM, OTHER_AXES_STREAM = 4, 6, 8
 LARGEST_MM = 1e6
 """No machine is a kilometre long."""
-Equations = Mapping[str, str]
+Equations = Mapping[str, Node]
 Columns = dict[str, np.ndarray]
 """Of a CSV of the contract, by their names there; directions are 1, -1 or 0 (not stated)."""
 
@@ -135,18 +134,16 @@ class PartsPlan:
 
 
 def _evaluated(
-    option: str, equation: str, values: Columns, ids: Sequence[str], least: float, most: float
+    option: str, node: Node, values: Columns, ids: Sequence[str], least: float, most: float
 ) -> FloatArray:
     """An error or a standard deviation in mm, or a covariate (parts, features), by its equation.
 
     Raises InputError for an unknown name, and for a value that no points file could hold.
     """
     try:
-        node = parse(equation)
         check_known(node, values)
     except InputError as fault:
-        place = {"path": option, "value": equation}
-        raise InputError(each.at(**place) for each in fault.findings) from None
+        raise InputError(each.at(path=option) for each in fault.findings) from None
     result = np.broadcast_to(np.asarray(evaluate(node, values), float), values["x"].shape)
     faulty = ~((least <= result) & (result <= most))
     if not faulty.any():
@@ -179,10 +176,10 @@ def _places_and_covariates(ids: Sequence[str], points: FloatArray, plan: PartsPl
             last = np.maximum.accumulate(np.where(moves != 0, step, 0), axis=1)
             values[f"dir_{axis}"] = moves[part, last][part, order]
     values |= {name: np.broadcast_to(x[:, None], step.shape) for name, x in plan.given.items()}
-    for name, text in plan.covariates.items():
+    for name, node in plan.covariates.items():
         # One may use those before it.
         option, most = f"--covariate {name}", LARGEST_READING
-        values[name] = _evaluated(option, text, values, ids, -most, most)
+        values[name] = _evaluated(option, node, values, ids, -most, most)
     return values
 
 
@@ -193,8 +190,8 @@ def _machined(
 
     def summed(option: str, equations: Equations, least: float) -> FloatArray:
         total = np.zeros((plan.parts, len(ids), len(model.axes)))
-        for name, equation in equations.items():
-            each = _evaluated(f"{option} {name}", equation, values, ids, least, LARGEST_MM)
+        for name, node in equations.items():
+            each = _evaluated(f"{option} {name}", node, values, ids, least, LARGEST_MM)
             total[:, :, model.axes.index(name[1:])] += each
         return total
 
@@ -233,12 +230,6 @@ def simulate_points(
     at a feature; for a covariate of the machine without a value; for a place that the part does not
     state.
     """
-    # No covariate may be called as a column that points have anyway.
-    taken = [x for x in plan.covariates if x in (*POINTS.columns, *AXES) or not is_identifier(x)]
-    if taken:
-        place = {"path": "--covariate", "expected": "another name, such as T_spindle_degC"}
-        kind = "the name of a further column"
-        raise InputError(finding("wrong-type", kind=kind, value=x, **place) for x in taken)
     values = _places_and_covariates(ids, points, plan)
     ask, rooms = "--covariate '{}: EQUATION'", ", or --cmm-room DEGC"
     if missing := missing_covariates(model, values, ask=ask, of_sensor=rooms):

@@ -12,6 +12,7 @@ from mtu_cli.analyses.simulate import DEFAULT_POSITIONS, Request, SimulateResult
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import InputError
+from mtu_cli.language import parse
 from mtu_cli.model.fit import estimates_from_fit, thermal_from_machine_file
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.simulate import DriftPlan, PartsPlan
@@ -123,7 +124,7 @@ def test_parts_take_the_rooms_in_turn(machine: LoadedMachine, part: LoadedPart) 
     assert np.abs(warm - [20, 26, 20, 26]).max() < 1
     Ex = found["x_mm"] - np.tile([10.0, 150, 80], 4)
     without = made(machine, "cmm", part=part, parts=replace(PLAN, covariates={
-        "T_b_degC": "20", "T_c_degC": "20"})).columns["cmm"]  # fmt: skip
+        "T_b_degC": parse("20"), "T_c_degC": parse("20")})).columns["cmm"]  # fmt: skip
     drift = 2e-3 + 100 * np.radians(0.5 / 3600)
     assert Ex - (without["x_mm"] - np.tile([10.0, 150, 80], 4)) == pytest.approx(
         drift * (found["T_b_degC"] - 20), abs=1e-12
