@@ -16,9 +16,7 @@ from mtu_cli.files.headers import POINTS
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, InputError, error, listed
-from mtu_cli.formats.base import Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
-from mtu_cli.formats.renishaw import run_file
 from mtu_cli.language import Node, parse
 from mtu_cli.model import simulate as virtual
 from mtu_cli.model.features import feature_points
@@ -53,10 +51,9 @@ class Request:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulateResult:
-    """Columns by kind of file, the text of a laser's file, a drift test and its sensors."""
+    """Columns by kind of file, a laser's in its file's unit; a drift test and its sensors."""
 
     columns: Mapping[str, virtual.Columns]
-    run: str
     climate: Climate | None
     warnings: Sequence[Finding]
 
@@ -70,15 +67,15 @@ def simulate(
     another unit; settled drifts that do not go with the positions or with the sensors; and what
     `simulate_points` raises.
     """
-    files, columns, run, climate = request.files, dict[str, virtual.Columns](), "", None
+    files, columns, climate = request.files, dict[str, virtual.Columns](), None
     if "lbb" in files:
         columns["lbb"] = _readings(model, request, seed)
     if "laser" in files:
         if request.component is None:
             what, expected = "what the laser reads", "--laser-component NAME"
             raise error("missing-input", what=what, expected=expected)
-        columns["laser"] = _readings(model, request, seed, request.component)
-        run = _laser_run(columns["laser"], files["laser"].suffix.lower()[1:])
+        readings = _readings(model, request, seed, request.component)
+        columns["laser"] = _laser_run(readings, files["laser"].suffix.lower()[1:])
     if request.test is not None:
         test = _drift_test(request.test, model, machine)
         climate = test, virtual.sensors_for(model.drifts(), test, seed)
@@ -88,7 +85,7 @@ def simulate(
         columns["drift"] = virtual.simulate_drift(model.drifts(), *climate, seed)
     # Components that are in no equation are not simulated.
     unused = [x for x in machine.warnings if x.code == "unused" and x.facts["what"] == "component"]
-    return SimulateResult(columns=columns, run=run, climate=climate, warnings=unused)
+    return SimulateResult(columns=columns, climate=climate, warnings=unused)
 
 
 def axes_read(model: MachineModel, files: Collection[str], component: str | None) -> set[str]:
@@ -133,21 +130,16 @@ def _readings(
     return virtual.simulate_readings(model, seed, request.passes, positions, only)
 
 
-def _laser_run(readings: virtual.Columns, run: str) -> str:
-    """The readings of one component as a run file, in the unit of its format."""
-    unit, file_unit = UNITS[readings["unit"][0]], UNITS[RUN_UNITS[run]]
+def _laser_run(readings: virtual.Columns, file_format: str) -> virtual.Columns:
+    """The readings of one component in the unit of the instrument's file."""
+    unit, file_unit = UNITS[readings["unit"][0]], UNITS[RUN_UNITS[file_format]]
     if unit.dimension != file_unit.dimension:
-        name = readings["component"][0]
-        reason = f"{name} is read in {unit.name}, and a .{run} file holds {file_unit.name}"
+        name, held = readings["component"][0], file_unit.name
+        reason = f"{name} is read in {unit.name}, and a .{file_format} file holds {held}"
         expected = "a file .rtl of lengths, .rta of angles"
         raise error("not-applicable", reason=reason, expected=expected)
-    columns = {
-        **readings,
-        "direction": np.where(readings["direction"] > 0, "forward", "reverse"),
-        "error": readings["error"] * (unit.to_internal / file_unit.to_internal),
-    }
-    cells = {name: values.tolist() for name, values in columns.items()}
-    return run_file(Imported(format=run, columns=cells)).decode("cp1252")
+    errors = readings["error"] * (unit.to_internal / file_unit.to_internal)
+    return readings | {"error": errors, "unit": np.full(len(errors), file_unit.name)}
 
 
 def _drift_test(

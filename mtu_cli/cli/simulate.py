@@ -135,7 +135,7 @@ def _parts(options: Options, model: MachineModel) -> PartsPlan:
 
 
 def _drift_test(inputs: Inputs, model: MachineModel) -> DriftPlan:
-    """The drift test as far as it is stated; of a machine without drifts, a fault, nothing is read."""
+    """The drift test as far as it is stated; without drifts, which is a fault, nothing is read."""
     options, machine = inputs.options, inputs.machine.machine
     drifts = {drift.component: drift for drift in model.drifts()}
     sensors = sorted({sensor for drift in drifts.values() for sensor in drift.sensors})

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.simulate import SimulateResult
+from mtu_cli.formats.base import Imported
+from mtu_cli.formats.renishaw import UNITS, run_file
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.simulate import Columns, Sensors
 from mtu_cli.reports.fields import csv_text
@@ -25,7 +27,7 @@ def file_of(kind: str, result: SimulateResult) -> tuple[str, dict[str, list[Any]
     cells = _cells(kind, result.columns[kind])
     text = csv_text(list(cells), zip(*cells.values(), strict=True))
     if kind == "laser":
-        text = result.run
+        text = _run(result.columns[kind])
     elif kind == "drift" and result.climate is not None:
         text = _comment(result.climate[1]) + text
     return text, {name: _values(column) for name, column in cells.items()}
@@ -66,6 +68,14 @@ def _values(cells: list[str]) -> list[Any]:
         with suppress(ValueError):
             return [kind(cell) if cell else None for cell in cells]
     return [*cells]
+
+
+def _run(readings: Columns) -> str:
+    """Readings of one component as a run of the format that has their unit."""
+    file_format = next(name for name, unit in UNITS.items() if unit == readings["unit"][0])
+    ways = np.where(readings["direction"] > 0, "forward", "reverse")
+    columns = {name: values.tolist() for name, values in (readings | {"direction": ways}).items()}
+    return run_file(Imported(format=file_format, columns=columns)).decode("cp1252")
 
 
 def _comment(sensors: Sensors) -> str:

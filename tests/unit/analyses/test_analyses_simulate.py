@@ -74,7 +74,7 @@ def test_readings_extend_over_the_part_where_no_positions_are_stated(
 def test_a_laser_is_read_where_its_component_alone_is(machine: LoadedMachine) -> None:
     result = made(machine, "laser", positions={"x": np.array([0.0, 400.0])}, component="a")
     assert set(result.columns["laser"]["component"]) == {"a"}
-    assert "File type  : rtl" in result.run
+    assert set(result.columns["laser"]["unit"]) == {"um"}
 
 
 @pytest.mark.parametrize(
