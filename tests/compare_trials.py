@@ -43,14 +43,11 @@ def made(
     seed: int,
     *,
     parts: int = 21,
-    extra: float = 0.0,
     offset: float = 0.0,
 ) -> Points:
-    """Parts that a machine makes, with an offset in x and a random one of each part, mm."""
+    """Parts that a machine makes, measured twice, with an offset in x, mm."""
     ids, places, _ = feature_points(part, model)
-    plan = PartsPlan(
-        parts=parts, repeats=2, cmm_u=1e-3, part_offset=extra, reverse_every=0, minutes=0.5
-    )
+    plan = PartsPlan(parts=parts, repeats=2, cmm_u_um=1.0, reverse_every=0, minutes=0.5)
     points = as_points(simulate_points(model, ids, places, plan, seed), ids, places)
     shift = np.array([offset, 0.0, 0.0])
     return replace(points, measured=points.measured + shift)
@@ -61,7 +58,7 @@ def fitted(passes: int, seed: int) -> MachineModel:
     """The machine as `passes` each way of simulated readings know it."""
     machine, truth, _ = study()
     places = {"x": GRID, "y": GRID}
-    made = simulate_readings(truth, seed, passes=passes, directions=(1, -1), positions=places)
+    made = simulate_readings(truth, seed, passes=passes, positions=places)
     readings = as_readings(made, truth)
     return build_model(machine, estimates_from_fit(machine, fit_machine(machine, readings)))
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
+from mtu_cli.analyses.simulate import SimulateResult
+from mtu_cli.formats.base import Imported
+from mtu_cli.formats.renishaw import UNITS, run_file
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.simulate import Columns, Sensors
 from mtu_cli.reports.fields import csv_text
@@ -15,44 +19,41 @@ SENSORS = (
     "# even ones cool down. Sensors, share of the room's rise and lag in min; the shares are\n"
     "# moved from the drawn ones as little as the drifts of the settled room ask for:\n"
 )
+Cells = dict[str, list[str]]
 
 
-@dataclass(frozen=True, slots=True)
-class Synthetic:
-    """A file: the cells of its columns, comment lines on what they hold, and its `body` where it
-    is no CSV.
+def file_of(kind: str, result: SimulateResult) -> tuple[str, dict[str, list[Any]]]:
+    """The text of a file below its heading, and the values that are read from it by column."""
+    cells = _cells(kind, result.columns[kind])
+    text = csv_text(list(cells), zip(*cells.values(), strict=True))
+    if kind == "laser":
+        text = _run(result.columns[kind])
+    elif kind == "drift" and result.climate is not None:
+        text = _comment(result.climate[1]) + text
+    return text, {name: _values(column) for name, column in cells.items()}
+
+
+def _cells(kind: str, columns: Columns) -> Cells:
+    """Readings: errors to seven digits. Points: coordinates to 1 nm, covariates to nine digits.
+    Drift: temperatures to 1 mK, errors to 1 nm or a thousandth of the unit.
     """
-
-    columns: dict[str, list[str]]
-    comment: str = ""
-    body: str | None = None
-
-    @property
-    def count(self) -> int:
-        """Its rows."""
-        return len(next(iter(self.columns.values())))
-
-    def text(self, heading: str) -> str:
-        """The whole file below a `heading`."""
-        rows = zip(*self.columns.values(), strict=True)
-        body = csv_text(list(self.columns), rows) if self.body is None else self.body
-        return heading + self.comment + body
-
-    def values(self) -> dict[str, list[str | float | None]]:
-        """Its columns as read from the file: numbers, where all cells are such."""
-        return {name: _values(cells) for name, cells in self.columns.items()}
+    if kind == "cmm":
+        return _formatted(columns, ".9g", **{f"{axis}_mm": ".6f" for axis in AXES})
+    if kind == "drift":
+        cells = _formatted(columns, ".3f", position_mm=".6g", time_min=".9g", error=".7g")
+        # Of larger units a thousandth is not fine enough.
+        fine = np.isin(columns["unit"], ("um", "nm", "arcsec", "urad", "um/m"))
+        errors = np.where(fine, _formatted(columns, ".3f")["error"], cells["error"])
+        return cells | {"error": errors.tolist()}
+    cells = _formatted(columns, ".7g", position_mm=".6g")
+    if columns["direction"].any():
+        ways = np.where(columns["direction"] < 0, "reverse", "forward")
+        return cells | {"direction": ways.tolist()}
+    del cells["direction"]
+    return cells
 
 
-def _values(cells: list[str]) -> list[str | float | None]:
-    for kind in (int, float):
-        try:
-            return [kind(cell) if cell else None for cell in cells]
-        except ValueError:
-            pass
-    return [*cells]
-
-
-def _cells(columns: Columns, default: str, **forms: str) -> dict[str, list[str]]:
+def _formatted(columns: Columns, default: str, **forms: str) -> Cells:
     """Numbers by the form of their column, an empty cell where there is none."""
     result = {}
     for name, values in columns.items():
@@ -61,28 +62,24 @@ def _cells(columns: Columns, default: str, **forms: str) -> dict[str, list[str]]
     return result
 
 
-def readings_file(readings: Columns) -> Synthetic:
-    """A readings file; errors to seven digits."""
-    cells = _cells(readings, ".7g", position_mm=".6g")
-    if readings["direction"].any():
-        ways = np.where(readings["direction"] < 0, "reverse", "forward")
-        return Synthetic(cells | {"direction": ways.tolist()})
-    del cells["direction"]
-    return Synthetic(cells)
+def _values(cells: list[str]) -> list[Any]:
+    """A column as read from a file: numbers, where all cells are such."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return [kind(cell) if cell else None for cell in cells]
+    return [*cells]
 
 
-def points_file(points: Columns) -> Synthetic:
-    """A points file; coordinates to 1 nm, covariates to nine digits."""
-    return Synthetic(_cells(points, ".9g", **{f"{axis}_mm": ".6f" for axis in AXES}))
+def _run(readings: Columns) -> str:
+    """Readings of one component as a run of the format that has their unit."""
+    file_format = next(name for name, unit in UNITS.items() if unit == readings["unit"][0])
+    ways = np.where(readings["direction"] > 0, "forward", "reverse")
+    columns = {name: values.tolist() for name, values in (readings | {"direction": ways}).items()}
+    return run_file(Imported(format=file_format, columns=columns)).decode("cp1252")
 
 
-def drift_file(drift: Columns, sensors: Sensors) -> Synthetic:
-    """A drift file; temperatures to 1 mK, errors to 1 nm or a thousandth of the unit."""
-    cells = _cells(drift, ".3f", position_mm=".6g", time_min=".9g", error=".7g")
-    # Of larger units a thousandth is not fine enough.
-    fine = np.isin(drift["unit"], ("um", "nm", "arcsec", "urad", "um/m"))
-    cells["error"] = np.where(fine, _cells(drift, ".3f")["error"], cells["error"]).tolist()
+def _comment(sensors: Sensors) -> str:
     of_sensors = zip(sensors.names, sensors.shares, sensors.lags, strict=True)
     each = [f"{name} {share:.3f} {lag:.1f}" for name, share, lag in of_sensors]
     lines = [", ".join(each[i : i + 4]) for i in range(0, len(each), 4)]
-    return Synthetic(cells, SENSORS + "".join(f"#   {line}\n" for line in lines))
+    return SENSORS + "".join(f"#   {line}\n" for line in lines)

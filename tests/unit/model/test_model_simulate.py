@@ -32,11 +32,9 @@ from mtu_cli.stats.serial import first_order_lag
 IDS = ["a", "b", "c", "d"]
 POINTS = np.array([[0.0, 0, 0], [100, 0, 0], [100, 80, 0], [0, 80, 0]])
 D = np.array([[4e-6, -1e-8], [-1e-8, 9e-10]])
-PLAN = PartsPlan(
-    parts=3, repeats=2, cmm_u=1e-3, part_offset=2e-3, reverse_every=0, minutes=0.5
-)  # fmt: skip
+PLAN = PartsPlan(parts=3, repeats=2, cmm_u_um=1.0, reverse_every=0, minutes=0.5)
 AT = {"x": np.linspace(0, 100, 5)}
-READ: dict[str, Any] = {"passes": 3, "directions": (1, -1), "positions": AT}
+READ: dict[str, Any] = {"passes": 3, "positions": AT}
 
 
 def machine(s: float = 2e-3) -> MachineModel:
@@ -68,8 +66,8 @@ def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> 
 
 def test_moments_of_readings() -> None:
     """The passes' lines have covariance D + s^2 (X'X)^-1, what is left s^2."""
-    found = simulate_readings(machine(), 3, passes=4000, directions=(1,), positions=AT)
-    rows = found["component"] == "a"
+    found = simulate_readings(machine(), 3, passes=4000, positions=AT)
+    rows = (found["component"] == "a") & (found["direction"] > 0)
     errors = found["error"][rows].reshape(4000, 5)
     p = found["position_mm"][rows][:5]
     X = np.column_stack([np.ones(5), p])
@@ -81,7 +79,7 @@ def test_moments_of_readings() -> None:
     assert (np.abs(lines.mean(axis=0) - [1e-3, 2e-5]) < 4.5 * deviation).all()
     rest = np.sum((errors - lines @ X.T) ** 2) / (4000 * 3)
     assert rest == pytest.approx(4e-6, rel=4.5 * np.sqrt(2 / 12000))
-    angle = found["error"][~rows]
+    angle = found["error"][found["component"] == "t"]
     assert len(angle) == 4000
     assert angle.var(ddof=1) == pytest.approx(4e-10, rel=4.5 * np.sqrt(2 / 4000))
 
@@ -98,7 +96,7 @@ def test_readings_run_back_and_forth() -> None:
 
 
 def test_moments_of_parts() -> None:
-    """Part state, visits, offset and CMM noise: covariance over 4000 parts by hand."""
+    """Part state, visits and CMM noise: covariance over 4000 parts by hand."""
     plan = replace(PLAN, parts=4000, repeats=2)
     errors = shaped(simulate(plan, seed=4), plan)
     x, y = POINTS[:, 0], POINTS[:, 1]
@@ -110,7 +108,6 @@ def test_moments_of_parts() -> None:
     state[:2, :2], state[2, 2] = D, 4e-10
     lever = np.array([1, 0.5])
     wanted = J @ state @ J.T + np.kron(np.eye(4), 4e-6 * np.outer(lever, lever))
-    wanted += np.kron(np.ones((4, 4)), 4e-6 * np.eye(2))  # the part's offset
     wanted += 1e-6 / 2 * np.eye(8)  # mean of two measurements
     means = errors.mean(axis=1).reshape(4000, 8)
     se = np.sqrt((np.outer(np.diag(wanted), np.diag(wanted)) + wanted**2) / 4000)
@@ -121,7 +118,7 @@ def test_moments_of_parts() -> None:
     assert within.var() == pytest.approx(2e-6, rel=4.5 * np.sqrt(2 / len(within)))
 
 
-QUIET = PartsPlan(parts=4, repeats=1, cmm_u=0.0, part_offset=0.0, reverse_every=2, minutes=0.5)
+QUIET = PartsPlan(parts=4, repeats=1, cmm_u_um=0.0, reverse_every=2, minutes=0.5)
 
 
 def quiet() -> MachineModel:
@@ -146,8 +143,8 @@ def test_directions_sequence_and_time() -> None:
 def test_effects_and_covariates_are_evaluated() -> None:
     plan = replace(
         QUIET,
-        effects=(("x", parse("0.004*dir_x + 1e-4*(T_spindle_degC - 20)")), ("y", parse("x*1e-5"))),
-        covariates=(("T_spindle_degC", parse("20 + time_min/2")),),
+        effects={"Ex": parse("0.004*dir_x + 1e-4*(T_spindle_degC - 20)"), "Ey": parse("x*1e-5")},
+        covariates={"T_spindle_degC": parse("20 + time_min/2")},
     )
     c = simulate(plan, model=quiet())
     errors = shaped(c, plan).reshape(-1, 2)
@@ -171,12 +168,12 @@ VALUE = "the equation has no finite value at"
         ("effects", "1e200*x", f"--effect Ex in part 1 at feature 'b': {LARGE}"),
         ("scatter", "-0.01",
          "--scatter Ex in part 1 at feature 'a': out of range: '-0.01'; expected"),
-        ("covariates", "1/y", f"--covariate x: {VALUE} y = 0 in part 1 at feature 'a'"),
+        ("covariates", "1/y", f"--covariate Ex: {VALUE} y = 0 in part 1 at feature 'a'"),
     ],
 )  # fmt: skip
 def test_equations_without_a_value(what: str, equation: str, words: str) -> None:
     """The option, the part and the feature are told, and what the equation was given there."""
-    given = (("x", parse(equation)),)
+    given = {"Ex": parse(equation)}
     plan = {
         "effects": replace(QUIET, effects=given),
         "scatter": replace(QUIET, scatter=given),
@@ -203,7 +200,7 @@ def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="a value of T_spindle_degC for the machine 'm'") as error:
         simulate(QUIET, model=model)
     assert "--covariate 'T_spindle_degC: EQUATION'" in str(error.value)
-    plan = replace(QUIET, covariates=(("T_spindle_degC", parse("30")),))
+    plan = replace(QUIET, covariates={"T_spindle_degC": parse("30")})
     found = simulate(plan, model=model)
     Ex = found["x_mm"] - np.tile(POINTS[:, 0], 4)
     a = (1 + 0.1 * np.tile(POINTS[:, 0], 4)) * 1e-3
@@ -264,10 +261,11 @@ def test_points_move_away_from_the_centre_as_the_diameter_grows(tmp_path: Path) 
 
 STILL = DriftPlan(
     reference=20.0, low=20.0, high=26.0, room_lag=30.0, room_wobble=0.0, sensor_lag=(5.0, 25.0),
-    sensor_spread=0.05, sensor_wobble=0.0, sensor_noise=0.0, cycles=3, minutes=30.0, interval=2.0,
-    soak=10.0, positions={"p": np.array([0.0, 200.0])}, noise={1: 0.0, 0: 0.0}, settled={},
+    sensor_spread=0.05, sensor_wobble=0.0, sensor_noise_degc=0.0, cycles=3, minutes=30.0,
+    interval_min=2.0, soak=10.0, positions={"p": np.array([0.0, 200.0])}, reading_noise_um=0.0,
+    reading_noise_arcsec=0.0, settled={},
 )  # fmt: skip
-NOISY = replace(STILL, room_wobble=0.5, sensor_wobble=0.8, sensor_noise=0.015)
+NOISY = replace(STILL, room_wobble=0.5, sensor_wobble=0.8, sensor_noise_degc=0.015)
 A, B = "T_a_degC", "T_b_degC"
 
 
@@ -285,7 +283,7 @@ def drift_test(drifts: list[ThermalEstimate], plan: DriftPlan, seed: int) -> Col
 @pytest.mark.parametrize("tau", [0.0, 40.0])
 def test_noise_free_readings_are_the_drift_of_the_temperatures_in_the_file(tau: float) -> None:
     """Of a sensor with a time constant, of the lagged temperature."""
-    found = drift_test([drift(tau=tau)], replace(NOISY, sensor_noise=0.0, cycles=1), 1)
+    found = drift_test([drift(tau=tau)], replace(NOISY, sensor_noise_degc=0.0, cycles=1), 1)
     for position in (0.0, 200.0):
         rows = found["position_mm"] == position
         a, b = (found[name][rows] - 20 for name in (A, B))
@@ -309,10 +307,10 @@ def test_cycles_are_apart_by_soaking_and_warm_and_cool_in_turn() -> None:
 
 def test_moments_of_noise_and_leftover_and_twins() -> None:
     """Twins see the same, read apart, and change nothing else."""
-    many = replace(NOISY, sensor_noise=0.02, cycles=400, minutes=8.0, noise={1: 1e-3, 0: 0},
-                twins=(("T_c_degC", A),))  # fmt: skip
-    exact = replace(many, sensor_noise=0.0, twins=())
-    clean = drift_test([drift()], replace(exact, noise={1: 0.0, 0: 0.0}), 3)
+    many = replace(NOISY, sensor_noise_degc=0.02, cycles=400, minutes=8.0, reading_noise_um=1.0,
+                twins={"T_c_degC": A})  # fmt: skip
+    exact = replace(many, sensor_noise_degc=0.0, twins={})
+    clean = drift_test([drift()], replace(exact, reading_noise_um=0.0), 3)
     found = drift_test([drift(leftover=4e-3)], many, 3)
     assert list(found)[-3:] == [A, B, "T_c_degC"]
     n, first = len(found["error"]) // 2, found["position_mm"] == 0
@@ -328,7 +326,7 @@ def test_moments_of_noise_and_leftover_and_twins() -> None:
 
 
 def test_draughts_have_the_declared_spread_and_memory() -> None:
-    climate = replace(STILL, sensor_wobble=0.8, high=20.0, interval=5.0)
+    climate = replace(STILL, sensor_wobble=0.8, high=20.0, interval_min=5.0)
     sensors = Sensors(names=(A,), lags=np.zeros(1), shares=np.ones(1))
     air = followed(climate, sensors, np.full(60_001, 20.0), 4)[1000:, 0] - 20
     q = np.exp(-5 / WOBBLE_MEMORY_MIN)

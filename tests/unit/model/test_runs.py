@@ -314,9 +314,7 @@ def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
     C = np.array([[3.79e-8, 9.38e-12], [9.38e-12, 2.64e-13]])
     one = estimate("a", "x", [0.0, 0.0], C=C, D=moment)
     drawn, X = covariance_drawn(one), np.column_stack([np.ones(3), AT[:, 0]])
-    plan = PartsPlan(
-        parts=MANY, repeats=1, cmm_u=0.0, part_offset=0.0, reverse_every=0, minutes=1.0
-    )
+    plan = PartsPlan(parts=MANY, repeats=1, cmm_u_um=0.0, reverse_every=0, minutes=1.0)
     model = model_of([(one, {"x": "1"})], axes=("x",))
     made = simulate_points(model, ["a", "b", "c"], AT, plan, 1)["x_mm"].reshape(MANY, 3)
     # To 4.5 standard errors.
