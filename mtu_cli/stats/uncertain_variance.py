@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtr, chdtrc, gammaincinv, ndtr
 
-from mtu_cli.stats.coverage import effective_dof
+from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
 AT_ONCE = 8
@@ -116,9 +116,8 @@ def _convolution(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray
     values, weights = np.zeros((c.shape[1], NODES)), np.tile(WEIGHT, (c.shape[1], 1))
     if many.any():
         # As one (JCGM 100, G.4.1).
-        total = c[many].sum(axis=0)
-        nu = effective_dof(total, c[many], dof[many])
-        values = total[:, None] * _inverse_chi_squared(nu)
+        nu = welch_satterthwaite(c[many], dof[many])
+        values = c[many].sum(axis=0)[:, None] * _inverse_chi_squared(nu)
     for row, nu in zip(c[~many], dof[~many], strict=True):
         positive = np.flatnonzero(row > 0)
         if not len(positive):
