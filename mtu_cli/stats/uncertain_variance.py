@@ -149,16 +149,11 @@ def mean_square_tails(
     sizes), as Kuonen (Biometrika 86 (1999) 929) has it, with r* for Lugannani and Rice's formula:
     to some percent of the smaller tail.
     """
-    values, weights = variance.values[0], variance.weights[0]
-    positive = values > 0
-    x = np.divide(mean_square, values, out=np.zeros_like(values), where=positive)
     sizes = sizes[sizes > 0] / (dof * sizes.sum())
     largest = float(sizes.max())
-    # Beyond that the tail is 0, and cannot be calculated with.
-    x = np.minimum(x, FAR)
     share = sizes / largest
-    above = x > 0
-    target = np.where(above, x, 1.0) / (dof * largest)
+    # Beyond that a tail is 0, and cannot be calculated with.
+    target = np.clip(mean_square / variance.values[0], FAR**-2, FAR) / (dof * largest)
     # u with sum share/(1 + (u - 1) share) = target, which falls as u grows.
     low, high = np.full(len(target), -BRACKET), np.full(len(target), BRACKET)
     for _ in range(STEPS):
@@ -177,10 +172,7 @@ def mean_square_tails(
     ratio = np.where(near, 1.0, z * np.sqrt(second)) / safe
     skewness = 8.0 * dof * (sizes**3).sum() / (2.0 * dof * (sizes**2).sum()) ** 1.5
     r = w + np.where(near, skewness / 6.0, np.log(np.where(near, 1.0, ratio)) / safe)
-    # Where no scatter is expected any is more.
-    high = np.where(positive, np.where(above, ndtr(-r), 1.0), 0.0)
-    low = np.where(positive, np.where(above, ndtr(r), 0.0), 1.0)
-    return float(high @ weights), float(low @ weights)
+    return float(ndtr(-r) @ variance.weights[0]), float(ndtr(r) @ variance.weights[0])
 
 
 def pooled_p(
