@@ -18,7 +18,7 @@ from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 
 class Workspace(threading.local):
-    """Named scratch arrays, allocated once a thread and shape, then used again.
+    """Named scratch arrays, whose memory is allocated once a thread, then used again.
 
     A fresh large array costs more in page faults than the arithmetic done on it. A model
     holds one `Workspace`, asks for its arrays by name in every call of `draw`, fills them
@@ -27,23 +27,17 @@ class Workspace(threading.local):
     """
 
     def __init__(self) -> None:
-        self._arrays: dict[str, FloatArray] = {}
         self._memory: dict[str, FloatArray] = {}
 
     def array(self, name: str, shape: tuple[int, ...]) -> FloatArray:
-        """An uninitialised C-ordered array of `shape`; the same one for the same name and shape.
-
-        A different shape under a known name takes the same memory where that is enough, so that
-        blocks of two lengths do not keep two sets nor make new ones in turn.
+        """An uninitialised C-ordered array of `shape`, in the memory of its name where that is
+        enough, so that blocks of two lengths do not keep two sets nor make new ones in turn.
         """
-        result = self._arrays.get(name)
-        if result is None or result.shape != shape:
-            size = math.prod(shape)
-            memory = self._memory.get(name)
-            if memory is None or len(memory) < size:
-                memory = self._memory[name] = np.empty(size)
-            result = self._arrays[name] = memory[:size].reshape(shape)
-        return result
+        size = math.prod(shape)
+        memory = self._memory.get(name)
+        if memory is None or len(memory) < size:
+            memory = self._memory[name] = np.empty(size)
+        return memory[:size].reshape(shape)
 
 
 Quantiles = Callable[[FloatArray], FloatArray]

@@ -222,7 +222,7 @@ DEPENDENT = 1e-12
 """Share of the largest singular value below which only rounding is left."""
 
 
-def normality_p(values: FloatArray, effective: float | None = None) -> float | None:
+def normality_p(values: FloatArray, effective: float) -> float | None:
     """p of D'Agostino & Pearson's K^2 test of normality (1973, Biometrika 60, 613-622).
 
     `effective`: how many of the values, which follow each other, count as independent; about
@@ -231,8 +231,7 @@ def normality_p(values: FloatArray, effective: float | None = None) -> float | N
     """
     from scipy.stats import normaltest
 
-    step = 1 if effective is None else max(1, round(len(values) / effective))
-    values = values[::step]
+    values = values[:: max(1, round(len(values) / effective))]
     if len(values) < FEWEST_FOR_NORMALITY or np.ptp(values) == 0:
         return None
     return float(normaltest(values).pvalue)
