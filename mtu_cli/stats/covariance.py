@@ -78,7 +78,7 @@ def relative(S: FloatArray, metric: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float = 0.0) -> FloatArray:
-    """D = S - less * metric, its negative part set to zero; all (q, q) and symmetric.
+    """D = S - less * metric, a negative part of it set to zero; all (q, q) and symmetric.
 
     Measured in units of `metric`, which is positive definite (None: the identity), S has the
     eigenvalues l; D keeps max(l - less, 0) on the same eigenvectors. With a metric that scales
@@ -86,7 +86,10 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     between-pass mean square and `less` * `metric` what repeatability alone gives of it (Amemiya,
     Am. Stat. 39 (1985) 112).
     """
-    values, basis = relative(S, np.eye(len(S)) if metric is None else metric)
+    metric = np.eye(len(S)) if metric is None else metric
+    values, basis = relative(S, metric)
+    if values.min(initial=less) >= less:
+        return S - less * metric
     D: FloatArray = (basis * np.clip(values - less, 0.0, None)) @ basis.T
     return (D + D.T) / 2
 
@@ -97,11 +100,7 @@ def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
     Level and slope differ in unit: without a measure the result would depend on them. One without
     uncertainty, or with an unknown one (nan), has the measure 1.
     """
-    variances = np.where(np.diag(C) > 0, np.diag(C), 1.0)
-    scale = np.sqrt(variances)
-    if np.linalg.eigvalsh(D / np.outer(scale, scale))[0] >= 0:
-        return D
-    return positive_part(D, np.diag(variances))
+    return positive_part(D, np.diag(np.where(np.diag(C) > 0, np.diag(C), 1.0)))
 
 
 def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
