@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
-from scipy.special import fdtrc, ndtri, stdtrit
+from scipy.special import fdtrc, stdtrit
 
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -39,14 +39,7 @@ def coverage_factor(probability: float, dof: float = math.inf) -> float:
 
     The normal quantile where `dof` is infinite. Non-integer `dof` is used as it is.
     """
-    upper = 0.5 * (1.0 + probability)
-    return float(t_quantile(np.array([upper]), dof)[0])
-
-
-def t_quantile(probability: FloatArray, dof: float) -> FloatArray:
-    """Quantiles (n,) of Student's t at `probability` (n,); of the normal for infinite `dof`."""
-    result = ndtri(probability) if math.isinf(dof) else stdtrit(dof, probability)
-    return np.asarray(result, dtype=np.float64)
+    return float(stdtrit(dof, 0.5 * (1.0 + probability)))
 
 
 def t_interval(value: float, u: float, dof: float) -> tuple[float, float]:
