@@ -225,14 +225,12 @@ def weights_of(plan: BlockPlan, m: int) -> Weights:
 class BatchSummary:
     """All that is kept of h blocks of `size` trials: `statistics` (h, 2 + 2 n, outputs) mean,
     variance, and the quantiles at the plan's n shares from below and from above; `controls` the
-    same of the first-order form minus their exact values, 0 where unknown; `squares` (outputs,
-    outputs) sums of products about the blocks' means.
+    same of the first-order form minus their exact values, 0 where unknown.
     """
 
     size: int
     statistics: FloatArray
     controls: FloatArray
-    squares: FloatArray
 
 
 class BlockSummariser:
@@ -274,5 +272,4 @@ class BlockSummariser:
             ends[:] = weights(ordered).transpose(1, 2, 0)
         statistics, of_form = summary[:, :, :outputs], summary[:, :, outputs:]
         controls = (of_form - self._exact) * self._finite if len(arrays) > 1 else 0.0 * statistics
-        whole = centred[:outputs].reshape(outputs, count)
-        return BatchSummary(m, statistics, controls, whole @ whole.T)
+        return BatchSummary(m, statistics, controls)

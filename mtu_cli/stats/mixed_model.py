@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.stats.covariance import as_covariance, bounded, positive_part
-from mtu_cli.stats.groups import group_least, group_means
+from mtu_cli.stats.groups import group_least
 from mtu_cli.stats.least_squares import (
     RANK_TOLERANCE,
     BoolArray,
@@ -349,16 +349,23 @@ def lines_by_pass(
     the pass's own mean z and slope are apart: both come in closed form, for all passes at once. A
     pass of one z has slope 0.
     """
-    level = group_means(columns, codes, G)
+    order = np.argsort(codes, kind="stable")
+    starts = np.searchsorted(codes[order], np.arange(G))
+
+    def sums(values: FloatArray) -> FloatArray:
+        return np.add.reduceat(values[order], starts, axis=0)
+
+    counts = np.bincount(codes, minlength=G)[:, None]
+    level = sums(columns) / counts
     rest = columns - level[codes]
     if Z.shape[1] == 1:
         return level[:, None], rest
     z = Z[:, 1:]
-    middle = group_means(z, codes, G)
+    middle = sums(z) / counts
     t = z - middle[codes]
-    square, product = group_means(t * t, codes, G), group_means(t * rest, codes, G)
-    varies = square > RANK_TOLERANCE**2 * group_means(z * z, codes, G)
-    slope = product * np.divide(1.0, square, out=np.zeros_like(square), where=varies)
+    square = sums(t * t)
+    varies = square > RANK_TOLERANCE**2 * sums(z * z)
+    slope = sums(t * rest) * np.divide(1.0, square, out=np.zeros_like(square), where=varies)
     rest -= t * slope[codes]
     return np.stack([level - middle * slope, slope], axis=1), rest
 
