@@ -246,7 +246,7 @@ def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
         if item.bounded:
             return lambda p: c * bounded_quantile(item, p)
         dof = item.dof if item.dof < NORMAL_DOF else math.inf
-        return lambda p: c * item.u * stdtrit(dof, p)
+        return lambda p: c * item.u * np.asarray(stdtrit(dof, p), np.float64)
     if any(not item.bounded and item.dof < LEAST_DOF for _, item in terms):
         return None
     sigma = math.sqrt(math.fsum(c * c * item.drawn_variance for c, item in terms))
