@@ -42,9 +42,7 @@ from mtu_cli.stats.least_squares import BoolArray, FloatArray, quotient
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (
     f_tails,
-    mean_squares,
     pooled_p,
-    t_tail,
     uncertain_variance,
 )
 
@@ -447,21 +445,22 @@ def _item_tests(
     cmm = repeat / t.N
     expected_mean = D * t.share + cmm
     by_parts = (t.parts >= FEWEST_PARTS) & (of_mean >= expected_mean)
-    variance = mean_squares(
+    known = np.full(len(bias), inf)
+    variance = uncertain_variance(
         squares.of_mean + np.where(by_parts, 0.0, t.share) * squares.of_part,
         squares.dof,
+        (rounding, known),
         (np.where(by_parts, of_mean, 0.0), t.df_between),
         (np.where(by_parts, 0.0, cmm), t.df_within),
-        rounding=rounding,
     )
     u2 = np.maximum(V.coefficients, 0.0) + np.where(by_parts, of_mean, expected_mean)
     nothing = (u2 <= NOTHING * rounding) & (bias**2 < 3 * rounding)
-    p_bias = np.where(nothing, np.nan, t_tail(bias, variance))
+    p_bias = np.where(nothing, np.nan, f_tails(bias**2, np.ones_like(bias), variance)[0])
     repeated = t.df_within > 0
     within, n0 = np.where(repeated, t.ms_within, 0.0), np.where(t.df_between > 0, t.n0, 0.0)
     hidden_ms = n0 * hidden(np.where(repeated, within, D), r)
-    variance = mean_squares(
-        n0 * squares.of_part, squares.dof, (within, t.df_within), rounding=hidden_ms
+    variance = uncertain_variance(
+        n0 * squares.of_part, squares.dof, (hidden_ms, known), (within, t.df_within)
     )
     expected = within + n0 * D + hidden_ms
     high, _ = f_tails(ms, t.df_between, variance)

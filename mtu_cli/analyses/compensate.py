@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtr, stdtr
+from scipy.special import stdtr
 
 from mtu_cli.analyses.axis_errors import AxisErrors, Stated
 from mtu_cli.analyses.iso230 import TRIALS, WAYS, figures_of
@@ -374,7 +374,7 @@ def verify(
     inside = [name for slope, name in VERDICTS.items() if abs(k - slope) <= half]
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
     t_nearest = -min(abs(k - slope) for slope in VERDICTS) / u
-    p = float(2 * (ndtr(t_nearest) if np.isinf(dof) else stdtr(dof, t_nearest)))
+    p = float(2 * stdtr(dof, t_nearest))
     misfit = f_test(ratio, 1.0, n - 2, int(dof)) if errors.blocks else None
     warnings = result.warnings
     if misfit is not None and misfit.p < UNLIKE_P:

@@ -166,7 +166,7 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
         centre, T = float(single.center), np.eye(min(2, len(T[0])), len(single.D))
         moment, halves = single.D_moment, single.half_differences
     moment, halves = T @ moment @ T.T, None if halves is None else T @ halves @ T.T
-    D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
+    D = positive_part(moment)
     if len(items) == 1:
         D = T @ items[0].fit.D @ T.T
     lines = tuple(_line(estimate, item, centre, machine) for item in items)

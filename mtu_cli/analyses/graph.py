@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import ndtri
 
 from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS, Graph
 from mtu_cli.findings import Finding, counted, error, finding, listed
@@ -28,7 +29,6 @@ from mtu_cli.stats.coverage import (
     coverage_factor,
     few_blocks_factor,
     numerical_tolerance,
-    t_quantile,
 )
 from mtu_cli.stats.distributions import Distribution, Kind, shape_moments
 from mtu_cli.stats.least_squares import FloatArray, least_squares
@@ -123,7 +123,7 @@ class GraphTrials:
         self.linear_mean, self.linear_variance = self.nominal, self.u**2
         self.linear_quantiles: Quantiles | None = None
         if not self._shapes:
-            self.linear_quantiles = lambda p: u * t_quantile(p, np.inf)
+            self.linear_quantiles = lambda p: u * ndtri(p)
         self._work = Workspace()
         # glibc returns memory to the system beyond twice the largest block freed so far
         # (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is allocated

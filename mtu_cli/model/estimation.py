@@ -310,7 +310,7 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
     # Welch-Satterthwaite over the mean squares behind C, by its trace; 0 where no instrument
     # separates passes: then one mean square stands behind all.
     by_trace = np.array([np.sum(np.diag(C) / np.diag(covariance)) for C in each("covariance")])
-    dof = welch_satterthwaite(W**2 * by_trace, np.where(passes != 0, passes, repeats))
+    dof = float(welch_satterthwaite(W**2 * by_trace, np.where(passes != 0, passes, repeats)))
     plain = n - len(first.coefficients)
     return ComponentEstimate(
         name=first.name,

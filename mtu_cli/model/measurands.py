@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import stdtr, stdtrit
 
 from mtu_cli.files.part import LoadedPart, Tolerance
 from mtu_cli.findings import InputError, error, finding
@@ -18,7 +19,6 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws, Workspace
 from mtu_cli.stats.composed_variance import Variance
 from mtu_cli.stats.covariance import factor_of, ratio_of
-from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
 from mtu_cli.units import UM
@@ -105,7 +105,7 @@ class PointTrials:
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
         """Those (outputs, n) of the first-order values less their mean."""
-        return self.linear_u * [t_quantile(probability, dof) for dof in self.linear_dof.tolist()]
+        return self.linear_u * stdtrit(self.linear_dof[:, None], probability)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,15 +126,13 @@ def conformance_of(
 
     `size` is the tolerance's unit in that of `error` and `u`.
     """
-    from scipy.special import ndtr, stdtr
-
     if tolerance is None:
         return None
     low, high = tolerance.low * size, tolerance.high * size
     if u == 0:
         return Conformance(tolerance=tolerance, probability=float(low <= error <= high))
     ends = np.array([high - error, low - error]) / u
-    below = ndtr(ends) if np.isinf(dof) else stdtr(dof, ends)
+    below = stdtr(dof, ends)
     return Conformance(tolerance=tolerance, probability=float(below[0] - below[1]))
 
 

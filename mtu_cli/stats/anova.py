@@ -82,13 +82,8 @@ def cells_of(values: FloatArray, cell: IntArray, tables: int, parts: int) -> Cel
     rest = values - origin[table]
     n = np.bincount(cell, minlength=size).astype(np.float64)
     mean = np.nan_to_num(group_means(rest, cell, size))
-    rest -= mean[cell]
-    # A second pass takes up the rounding of the means.
-    left = np.bincount(cell, rest, minlength=size)
-    step = np.divide(left, n, out=np.zeros(size), where=n > 0)
-    mean += step
-    each = np.bincount(cell, rest * rest, minlength=size) - left * step
-    within: FloatArray = np.asarray(each, np.float64).reshape(tables, parts).sum(axis=1)
+    squares = np.bincount(cell, (rest - mean[cell]) ** 2, minlength=size)
+    within: FloatArray = squares.reshape(tables, parts).sum(axis=1).astype(np.float64)
     # What equal repeats leave of a sum of squares, their mean being rounded.
     share = 4 * np.finfo(np.float64).eps * mean
     within[within <= (n * share**2).reshape(tables, -1).sum(axis=1)] = 0.0

@@ -18,7 +18,7 @@ from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 
 class Workspace(threading.local):
-    """Named scratch arrays, allocated once a thread and shape, then used again.
+    """Named scratch arrays, whose memory is allocated once a thread, then used again.
 
     A fresh large array costs more in page faults than the arithmetic done on it. A model
     holds one `Workspace`, asks for its arrays by name in every call of `draw`, fills them
@@ -27,23 +27,17 @@ class Workspace(threading.local):
     """
 
     def __init__(self) -> None:
-        self._arrays: dict[str, FloatArray] = {}
         self._memory: dict[str, FloatArray] = {}
 
     def array(self, name: str, shape: tuple[int, ...]) -> FloatArray:
-        """An uninitialised C-ordered array of `shape`; the same one for the same name and shape.
-
-        A different shape under a known name takes the same memory where that is enough, so that
-        blocks of two lengths do not keep two sets nor make new ones in turn.
+        """An uninitialised C-ordered array of `shape`, in the memory of its name where that is
+        enough, so that blocks of two lengths do not keep two sets nor make new ones in turn.
         """
-        result = self._arrays.get(name)
-        if result is None or result.shape != shape:
-            size = math.prod(shape)
-            memory = self._memory.get(name)
-            if memory is None or len(memory) < size:
-                memory = self._memory[name] = np.empty(size)
-            result = self._arrays[name] = memory[:size].reshape(shape)
-        return result
+        size = math.prod(shape)
+        memory = self._memory.get(name)
+        if memory is None or len(memory) < size:
+            memory = self._memory[name] = np.empty(size)
+        return memory[:size].reshape(shape)
 
 
 Quantiles = Callable[[FloatArray], FloatArray]
@@ -231,14 +225,12 @@ def weights_of(plan: BlockPlan, m: int) -> Weights:
 class BatchSummary:
     """All that is kept of h blocks of `size` trials: `statistics` (h, 2 + 2 n, outputs) mean,
     variance, and the quantiles at the plan's n shares from below and from above; `controls` the
-    same of the first-order form minus their exact values, 0 where unknown; `squares` (outputs,
-    outputs) sums of products about the blocks' means.
+    same of the first-order form minus their exact values, 0 where unknown.
     """
 
     size: int
     statistics: FloatArray
     controls: FloatArray
-    squares: FloatArray
 
 
 class BlockSummariser:
@@ -274,20 +266,10 @@ class BlockSummariser:
         summary[:, 1] = np.einsum("ijk,ijk->ji", centred, centred) / (m - 1)
         weights = weights_of(self.plan, m)
         tail = weights.tail
-        lower, upper = values[:, :, :tail], values[:, :, m - tail :]
-        if 2 * tail < m:
-            # numpy is several times quicker to part at one place than at two.
-            values.partition(tail - 1, axis=2)
-            values[:, :, tail:].partition(m - 2 * tail, axis=2)
-            lower.sort(axis=2)
-            upper.sort(axis=2)
-        else:
-            values.sort(axis=2)
-        for ends, ordered in zip(
-            np.split(summary[:, 2:], 2, axis=1), (lower, upper[:, :, ::-1]), strict=True
-        ):
+        values.sort(axis=2)
+        both_ways = values[:, :, :tail], values[:, :, ::-1][:, :, :tail]
+        for ends, ordered in zip(np.split(summary[:, 2:], 2, axis=1), both_ways, strict=True):
             ends[:] = weights(ordered).transpose(1, 2, 0)
         statistics, of_form = summary[:, :, :outputs], summary[:, :, outputs:]
         controls = (of_form - self._exact) * self._finite if len(arrays) > 1 else 0.0 * statistics
-        whole = centred[:outputs].reshape(outputs, count)
-        return BatchSummary(m, statistics, controls, whole @ whole.T)
+        return BatchSummary(m, statistics, controls)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.stats.covariance import drawable_passes
-from mtu_cli.stats.coverage import effective_dof
+from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -142,7 +142,7 @@ def variance_of(blocks: Sequence[CoefficientBlock], A: FloatArray | None, axes: 
     least = np.where(both == 0, np.inf, behind.dof[:, None]).min(axis=0)
     return Variance(
         total=total,
-        dof=np.maximum(effective_dof(total, both, behind.dof), least),
+        dof=np.maximum(welch_satterthwaite(both, behind.dof), least),
         by_block=by_block,
         coefficients=split[0],
         passes=split[1],

@@ -62,8 +62,23 @@ def covariance_root(C: FloatArray) -> FloatArray:
     return vectors * np.sqrt(np.clip(values, 0.0, None))
 
 
+def relative(S: FloatArray, metric: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues l (r,) of S (q, q) in units of a `metric` (q, q), and B (q, r) with S = B diag(l)
+    B', metric = B B'; nothing of what the metric does not scatter in.
+    """
+    scale = np.sqrt(np.diag(metric))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(metric / np.outer(scale, scale))
+    live = values > LIVE
+    root = scale[:, None] * vectors[:, live] * np.sqrt(values[live])
+    inverse = (vectors[:, live] / np.sqrt(values[live])).T / scale
+    white = inverse @ S @ inverse.T
+    values, vectors = np.linalg.eigh((white + white.T) / 2)
+    return values, root @ vectors
+
+
 def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float = 0.0) -> FloatArray:
-    """D = S - less * metric, its negative part set to zero; all (q, q) and symmetric.
+    """D = S - less * metric, a negative part of it set to zero; all (q, q) and symmetric.
 
     Measured in units of `metric`, which is positive definite (None: the identity), S has the
     eigenvalues l; D keeps max(l - less, 0) on the same eigenvectors. With a metric that scales
@@ -72,18 +87,10 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     Am. Stat. 39 (1985) 112).
     """
     metric = np.eye(len(S)) if metric is None else metric
-    try:
-        L = np.linalg.cholesky(metric)
-    except np.linalg.LinAlgError:
-        # Rounding may have made a metric of many powers singular.
-        s = np.sqrt(np.diag(metric))
-        values, vectors = np.linalg.eigh(metric / np.outer(s, s))
-        least = len(s) * np.finfo(np.float64).eps * values[-1]
-        L = s[:, None] * vectors * np.sqrt(np.maximum(values, least))
-    white = np.linalg.solve(L, np.linalg.solve(L, S).T)
-    values, vectors = np.linalg.eigh((white + white.T) / 2)
-    root = L @ vectors
-    D = (root * np.clip(values - less, 0.0, None)) @ root.T
+    values, basis = relative(S, metric)
+    if values.min(initial=less) >= less:
+        return S - less * metric
+    D: FloatArray = (basis * np.clip(values - less, 0.0, None)) @ basis.T
     return (D + D.T) / 2
 
 
@@ -93,23 +100,12 @@ def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
     Level and slope differ in unit: without a measure the result would depend on them. One without
     uncertainty, or with an unknown one (nan), has the measure 1.
     """
-    variances = np.where(np.diag(C) > 0, np.diag(C), 1.0)
-    scale = np.sqrt(variances)
-    if np.linalg.eigvalsh(D / np.outer(scale, scale))[0] >= 0:
-        return D
-    return positive_part(D, np.diag(variances))
+    return positive_part(D, np.diag(np.where(np.diag(C) > 0, np.diag(C), 1.0)))
 
 
 def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
     """K (q, q) cut to lie between -S and S; 0 in what S does not scatter in."""
-    scale = np.sqrt(np.diag(S))
-    scale[scale == 0] = 1.0
-    values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
-    live = values > LIVE
-    root = scale[:, None] * vectors[:, live] * np.sqrt(values[live])
-    inverse = (vectors[:, live] / np.sqrt(values[live])).T / scale
-    values, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
-    basis = root @ vectors
+    values, basis = relative(K, S)
     result: FloatArray = (basis * values.clip(-1.0, 1.0)) @ basis.T
     return (result + result.T) / 2
 

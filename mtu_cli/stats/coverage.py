@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
-from scipy.special import fdtrc, ndtri, stdtrit
+from scipy.special import fdtrc, stdtrit
 
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -19,30 +19,19 @@ TAIL = (1 - PROBABILITY) / 2
 """Beyond either end of it."""
 
 
-def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> float:
-    """Effective degrees of freedom of a sum of independent variances.
+def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> FloatArray:
+    """Effective degrees of freedom (...) of sums of independent variances.
 
     nu_eff = (sum v_i)^2 / sum(v_i^2 / nu_i), GUM (JCGM 100:2008) eq. (G.2b), of the variances
-    v_i = (c_i u(x_i))^2 `contributions` (n,), below 0 of a mean square that is subtracted, with
+    v_i = (c_i u(x_i))^2 `contributions` (n, ...), below 0 of a mean square that is subtracted, with
     `dof` (n,) nu_i > 0, which may be infinite. It is not truncated, and infinite where no
-    contribution with finite degrees of freedom is above zero.
+    contribution with finite degrees of freedom is there.
     """
+    total = contributions.sum(axis=0)
     # Shares keep the squares of very small variances from underflowing.
-    shares = np.asarray(contributions) / (float(np.sum(contributions)) or 1.0)
-    spread = float(np.sum(shares**2 / dof))
-    return 1.0 / spread if spread > 0.0 else math.inf
-
-
-def effective_dof(total: FloatArray, squares: FloatArray, dof: FloatArray) -> FloatArray:
-    """The same for m variances at once: `total` (m,), the sums of the `squares` (K, m).
-
-    `dof` (K,) is that of each mean square, which may be subtracted. Infinite (m,) where no
-    square with finite degrees of freedom is there.
-    """
-    spread = (squares**2 / dof[:, None]).sum(axis=0)
-    result: FloatArray = np.full_like(total, np.inf)
-    np.divide(total**2, spread, out=result, where=spread > 0)
-    return result
+    shares = contributions / np.where(total == 0.0, 1.0, total)
+    spread = np.tensordot(1.0 / dof, shares**2, axes=1)
+    return np.divide(1.0, spread, out=np.full(spread.shape, np.inf), where=spread > 0.0)
 
 
 def coverage_factor(probability: float, dof: float = math.inf) -> float:
@@ -50,14 +39,7 @@ def coverage_factor(probability: float, dof: float = math.inf) -> float:
 
     The normal quantile where `dof` is infinite. Non-integer `dof` is used as it is.
     """
-    upper = 0.5 * (1.0 + probability)
-    return float(t_quantile(np.array([upper]), dof)[0])
-
-
-def t_quantile(probability: FloatArray, dof: float) -> FloatArray:
-    """Quantiles (n,) of Student's t at `probability` (n,); of the normal for infinite `dof`."""
-    result = ndtri(probability) if math.isinf(dof) else stdtrit(dof, probability)
-    return np.asarray(result, dtype=np.float64)
+    return float(stdtrit(dof, 0.5 * (1.0 + probability)))
 
 
 def t_interval(value: float, u: float, dof: float) -> tuple[float, float]:
@@ -118,28 +100,20 @@ ENDLESS = 1e9
 """Degrees of freedom beyond which F is chi^2 / k."""
 
 
-def hotelling_p(square: float, k: int, dof: float) -> float:
-    """p of T^2 of k estimates that are all 0 whose covariance is estimated entry by entry, with
-    `dof` nu degrees of freedom: (nu - k + 1) T^2 / (nu k) is F(k, nu - k + 1); 1 where that is 0
-    (Hotelling, Ann. Math. Stat. 2 (1931) 360).
-    """
-    nu = min(dof, ENDLESS)
-    df2 = nu - k + 1
-    return float(fdtrc(k, df2, square * df2 / (nu * k))) if df2 > 0 else 1.0
-
-
 def yao_p(d: FloatArray, V: FloatArray, sources: Sequence[tuple[FloatArray, float]]) -> float:
     """p of differences `d` (k,) that are all 0 but for their covariance V (k, k), the sum of the
     mean squares `sources` (k, k), each with its degrees of freedom.
 
-    T^2 = d' V^-1 d, referred to F with the effective degrees of freedom of V (Yao, Biometrika 52
-    (1965) 139, with Welch's weights taken over all of them): a chi-square would reject far too
-    often, the covariances being estimated.
+    T^2 = d' V^-1 d of V with nu degrees of freedom: (nu - k + 1) T^2 / (nu k) is F(k, nu - k + 1),
+    1 where that is 0 (Hotelling, Ann. Math. Stat. 2 (1931) 360), nu the effective ones (Yao,
+    Biometrika 52 (1965) 139, with Welch's weights taken over all of them): a chi-square would
+    reject far too often, the covariances being estimated.
     """
     scale = np.sqrt(np.diag(V))
     size = np.outer(scale, scale)
     of_correlation = np.linalg.pinv(V / size, rcond=1e-9, hermitian=True)
     k, inverse = int(np.linalg.matrix_rank(of_correlation)), of_correlation / size
     shares = np.array([float(np.trace(part @ inverse)) for part, _ in sources])
-    nu = welch_satterthwaite(shares, np.array([dof for _, dof in sources]))
-    return hotelling_p(float(d @ inverse @ d), k, nu)
+    nu = min(float(welch_satterthwaite(shares, np.array([dof for _, dof in sources]))), ENDLESS)
+    df2 = nu - k + 1
+    return float(fdtrc(k, df2, d @ inverse @ d * df2 / (nu * k))) if df2 > 0 else 1.0

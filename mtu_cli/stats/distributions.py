@@ -22,10 +22,9 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from scipy.special import j0, ndtr
+from scipy.special import j0, ndtr, stdtrit
 
 from mtu_cli.stats.blocks import Workspace
-from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.least_squares import FloatArray
 
 Kind = Literal[
@@ -247,7 +246,7 @@ def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
         if item.bounded:
             return lambda p: c * bounded_quantile(item, p)
         dof = item.dof if item.dof < NORMAL_DOF else math.inf
-        return lambda p: c * item.u * t_quantile(p, dof)
+        return lambda p: c * item.u * np.asarray(stdtrit(dof, p), np.float64)
     if any(not item.bounded and item.dof < LEAST_DOF for _, item in terms):
         return None
     sigma = math.sqrt(math.fsum(c * c * item.drawn_variance for c, item in terms))

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,21 +225,15 @@ def effective_number(n: int, autocorrelation: float) -> float:
     return max(n * (1 - r) / (1 + r), 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class RidgePath:
-    """b (l, k) along a path of l penalties: `directions` (k, rank) times `gains` (l, rank) times
-    the target's coordinates; `effective` (l,) is the trace of the hat matrix.
+class RidgePath(NamedTuple):
+    """b (l, k) along a path of l penalties; `effective` (l,) is the trace of the hat matrix,
+    `unit_covariance` (k, k) = (X'X + P)^-1 X'X (X'X + P)^-1 that of the first b for errors of
+    variance 1, given P.
     """
 
     coefficients: FloatArray
     effective: FloatArray
-    directions: FloatArray
-    gains: FloatArray
-
-    def unit_covariance(self, index: int) -> FloatArray:
-        """(X'X + P)^-1 X'X (X'X + P)^-1 (k, k): of b for errors of variance 1, given P."""
-        root = self.directions * self.gains[index]
-        return root @ root.T
+    unit_covariance: FloatArray
 
 
 def ridge(X: FloatArray, y: FloatArray, n: int, penalties: FloatArray) -> RidgePath:
@@ -256,7 +251,8 @@ def ridge(X: FloatArray, y: FloatArray, n: int, penalties: FloatArray) -> RidgeP
     singular, directions = singular[nonzero], Vt[nonzero].T / divisor[:, None]
     gains = singular / (singular**2 + n * np.asarray(penalties, float)[:, None])
     b = (gains * (U[:, nonzero].T @ y)) @ directions.T
-    return RidgePath(b, (gains * singular).sum(axis=1), directions, gains)
+    root = directions * gains[0]
+    return RidgePath(b, (gains * singular).sum(axis=1), root @ root.T)
 
 
 def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> tuple[int, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from itertools import islice
 from types import SimpleNamespace
 from typing import Any
@@ -48,7 +48,7 @@ and is itself so unsure that two standard errors hold 92 % of the errors."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """Pooled estimates: each (outputs,), `covariance` (outputs, outputs)."""
+    """Pooled estimates, each (outputs,)."""
 
     mean: FloatArray
     u: FloatArray
@@ -60,7 +60,6 @@ class Estimates:
     se_high: FloatArray
     shortest_low: FloatArray
     shortest_high: FloatArray
-    covariance: FloatArray
 
 
 MIDDLE = QUANTILES // 2
@@ -77,7 +76,7 @@ class Pool:
         outputs = len(u_exists)
         self.u_exists, self.blocks, self.trials = u_exists, 0, 0
         self._origin = np.zeros((2 + 2 * QUANTILES, outputs))
-        self._shift, self._squares = np.zeros(outputs), np.zeros((outputs, outputs))
+        self._shift, self._squares = np.zeros(outputs), np.zeros(outputs)
         self._sums = np.zeros((5, *self._origin.shape))
         self._groups = np.zeros((GROUPS, 5, len(ENDS), outputs))
 
@@ -86,9 +85,10 @@ class Pool:
         if self.blocks == 0:
             self._origin = batch.statistics[0]
         deviations, c = batch.statistics - self._origin, batch.controls
-        means = deviations[:, 0]
+        means, variances = deviations[:, 0], batch.statistics[:, 1]
         self._shift += batch.size * means.sum(axis=0)
-        self._squares += batch.squares + batch.size * (means.T @ means)
+        within = (batch.size - 1) * variances.sum(axis=0)
+        self._squares += within + batch.size * (means**2).sum(axis=0)
         products = np.stack([deviations, deviations * deviations, c, c * c, deviations * c], axis=1)
         self._sums += products.sum(axis=0)
         groups = np.arange(self.blocks, self.blocks + len(c)) % GROUPS
@@ -98,23 +98,18 @@ class Pool:
 
     def estimates(self) -> Estimates:
         """Estimates and their standard errors from all blocks so far (at least two): mean and
-        covariance with divisor n - 1 over all trials where no control is used (JCGM 101:2008, 7.6,
+        variance with divisor n - 1 over all trials where no control is used (JCGM 101:2008, 7.6,
         eq. (16) and (17)); interval ends as averages over blocks (7.9.4); standard errors
         s/sqrt(h).
         """
         value, of_value, slope = self._controlled()
         shift = self._shift / self.trials
-        squares = self._squares - self.trials * np.multiply.outer(shift, shift)
-        plain_covariance = squares / (self.trials - 1)
-        variances = np.diagonal(plain_covariance)
+        variances = (self._squares - self.trials * shift**2) / (self.trials - 1)
         plain = np.array([self._origin[0] + shift, variances, value[2], value[3]])
         mean, variance, low, high = np.where(slope == 0.0, plain, value)
         u = np.where(self.u_exists, np.sqrt(np.maximum(variance, 0.0)), np.nan)
         se = np.sqrt(of_value)
         shortest_low, shortest_high = self._shortest()
-        # The correlations are the sample's, the standard uncertainties u.
-        sample = np.sqrt(variances)
-        ratio = np.divide(u, sample, out=np.where(np.isnan(u), np.nan, 1.0), where=sample > 0.0)
         return Estimates(
             mean=mean,
             u=u,
@@ -127,7 +122,6 @@ class Pool:
             se_high=se[3],
             shortest_low=shortest_low,
             shortest_high=shortest_high,
-            covariance=plain_covariance * np.outer(ratio, ratio),
         )
 
     def _controlled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -207,8 +201,8 @@ def single_block_estimates(
     outputs, trials = values.shape
     mean = values.mean(axis=1)
     centred = values - mean[:, np.newaxis]
-    covariance = centred @ centred.T / (trials - 1)
-    variance = np.where(u_exists, np.diagonal(covariance), np.nan)
+    squares = np.einsum("ij,ij->i", centred, centred)
+    variance = np.where(u_exists, squares / (trials - 1), np.nan)
     u = np.sqrt(variance)
     ordered = np.sort(values, axis=1)
     # 0.95 * 1e6 is 949999.9999999999: an integer but for rounding is an integer.
@@ -217,7 +211,6 @@ def single_block_estimates(
     widths = ordered[:, q:] - ordered[:, : trials - q]
     best = np.argmin(widths, axis=1)
     rows = np.arange(outputs)
-    undefined = np.where(u_exists, 1.0, np.nan)
     fourth = np.mean(centred**4, axis=1) - variance**2 * (trials - 3) / (trials - 1)
     of_variance = np.sqrt(np.maximum(fourth, 0.0) / trials)
     return Estimates(
@@ -231,7 +224,6 @@ def single_block_estimates(
         se_high=_end_error(ordered, r + q, probability),
         shortest_low=ordered[rows, best],
         shortest_high=ordered[rows, best + q],
-        covariance=covariance * np.outer(undefined, undefined),
     )
 
 
@@ -259,14 +251,13 @@ QUEUED = 256
 class MonteCarloResult(Estimates):
     """Result of a Monte Carlo, each array (outputs,) in the unit of the output unless said.
 
-    `mean`, `u`: estimate and standard uncertainty (JCGM 101:2008, 7.6); u and `covariance`
-    (outputs, outputs) are nan where the model says that no standard deviation exists; `mean`
-    is then the plain sample mean and `se_mean` is nan. `low`, `high`: the probabilistically
-    symmetric coverage interval for `probability`; `shortest_low`, `shortest_high`: the shortest
-    (7.7). `se_*`: the Monte Carlo's own standard uncertainty of mean, u, low, high.
-    `converged`: 2 se is within the tolerance asked for, for every output and statistic.
-    `blocks`: how many blocks the standard errors come from; 1 where they are asymptotic. `samples`
-    (outputs, n): the first trials.
+    `mean`, `u`: estimate and standard uncertainty (JCGM 101:2008, 7.6); u is nan where the model
+    says that no standard deviation exists; `mean` is then the plain sample mean and `se_mean` is
+    nan. `low`, `high`: the probabilistically symmetric coverage interval for `probability`;
+    `shortest_low`, `shortest_high`: the shortest (7.7). `se_*`: the Monte Carlo's own standard
+    uncertainty of mean, u, low, high. `converged`: 2 se is within the tolerance asked for, for
+    every output and statistic. `blocks`: how many blocks the standard errors come from; 1 where
+    they are asymptotic. `samples` (outputs, n): the first trials.
     """
 
     names: tuple[str, ...]
@@ -378,13 +369,9 @@ def _refuse(names: Sequence[str], not_finite: IntArray, trials: int) -> None:
 
 def _not_finite(draws: Draws) -> IntArray:
     """Trials (outputs,) whose value or first-order form is infinite or not a number."""
-    values, linear = draws.values, draws.linear
-    # A sum that is finite has finite terms; to look at each takes three times as long.
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = float(values.sum()) + (0.0 if linear is None else float(linear.sum()))
-    if np.isfinite(total):
-        return np.zeros(len(values), np.int64)
-    finite = np.isfinite(values) & (True if linear is None else np.isfinite(linear))
+    finite = np.isfinite(draws.values)
+    if draws.linear is not None:
+        finite &= np.isfinite(draws.linear)
     return np.count_nonzero(~finite, axis=1)
 
 
@@ -427,16 +414,17 @@ CONVERGED_TO = 0.2
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation:
     """Outcome of clause 8 for one output, in its unit. `passed`: whether both differences of
-    interval ends are at most `tolerance`; None where the Monte Carlo cannot tell: its own two
-    standard errors exceed a fifth of the tolerance at an end (8.2), and a difference is within
-    those two of the tolerance. `settled`: whether more trials would be of no use.
+    interval ends are at most `tolerance`; None where there is no first order, or the Monte Carlo
+    cannot tell: its own two standard errors exceed a fifth of the tolerance at an end (8.2), and a
+    difference is within those two of the tolerance. `settled`: whether more trials would be of no
+    use.
     """
 
     passed: bool | None
     d_low: float
     d_high: float
     tolerance: float
-    settled: bool = True
+    settled: bool
 
 
 def clause8(
@@ -444,8 +432,9 @@ def clause8(
 ) -> Validation:
     """d_low = |y - k u - y_low|, d_high = |y + k u - y_high|, JCGM 101:2008, 8.1, eq. (30)-(31).
 
-    `mean`, `u`: first-order estimate y and u(y) of output `index`. `k`: the coverage factor for
-    `result.probability` at the Welch-Satterthwaite degrees of freedom, not a rounded 2.
+    `mean`, `u`: first-order estimate y and u(y) of output `index`, u nan without one. `k`: the
+    coverage factor for `result.probability` at the Welch-Satterthwaite degrees of freedom, not a
+    rounded 2.
     `digits`: the significant digits of u(y) that matter; they set the tolerance delta (7.9.2).
     """
     tolerance = numerical_tolerance(u, digits)
@@ -458,7 +447,10 @@ def clause8(
     clearly_failed = d_low - twice_low > allowed or d_high - twice_high > allowed
     clearly_passed = d_low + twice_low <= allowed and d_high + twice_high <= allowed
     short = max(twice_low, twice_high) > CONVERGED_TO * tolerance
-    if short and not (clearly_failed or clearly_passed):
+    if u == 0.0 and result.u[index] > 0.0:
+        # The ends of a step's interval may agree: no u is still wrong where there is one.
+        passed = False
+    elif math.isnan(u) or (short and not (clearly_failed or clearly_passed)):
         passed = None
     return Validation(
         passed=passed,
@@ -483,7 +475,7 @@ def validated(
     where there is no first order, which leaves its outcome open.
     """
     run = run_to(1.0)
-    verdicts = [_judge(*item, run, digits, i) for i, item in enumerate(first)]
+    verdicts = [clause8(*item, run, digits, i) for i, item in enumerate(first)]
     unsettled = any(not v.settled and u > 0.0 for v, (_, u, _) in zip(verdicts, first, strict=True))
     if adaptive and run.converged and unsettled:
         # The engine takes its tolerance from its own u, which may need a digit more: 0.105 beside
@@ -491,16 +483,5 @@ def validated(
         both = [(u, float(v)) for (_, u, _), v in zip(first, run.u, strict=True) if u > 0 and v > 0]
         ratios = [numerical_tolerance(u, digits) / numerical_tolerance(v, digits) for u, v in both]
         run = run_to(CONVERGED_TO * min([1.0, *filter(math.isfinite, ratios)]))
-        verdicts = [_judge(*item, run, digits, i) for i, item in enumerate(first)]
+        verdicts = [clause8(*item, run, digits, i) for i, item in enumerate(first)]
     return run, verdicts
-
-
-def _judge(
-    mean: float, u: float, k: float, run: MonteCarloResult, digits: int, index: int
-) -> Validation:
-    """Clause 8 of an output; undecided where there is no first order."""
-    if math.isnan(u):
-        return Validation(passed=None, d_low=math.nan, d_high=math.nan, tolerance=math.nan)
-    verdict = clause8(mean, u, k, run, digits, index)
-    # The ends of a step's interval may agree: no u is still wrong where there is one.
-    return replace(verdict, passed=False) if u == 0.0 and run.u[index] > 0.0 else verdict

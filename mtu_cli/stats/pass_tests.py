@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import fdtrc, stdtr
 
+from mtu_cli.stats.groups import group_means
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.stats.mixed_model import ARITHMETIC, PassFit, lines_by_pass
 from mtu_cli.stats.resolution import hidden
@@ -85,8 +86,7 @@ def pass_trend(fit: PassFit, order: IntArray | FloatArray, r: float = 0.0) -> Sh
         unit[fit.pairs[:, 1]] = fit.pairs[:, 0]
     unit = np.unique(unit, return_inverse=True)[1].astype(np.int64)
     columns = np.column_stack([fit.deviations[:, 0], fit.group_direction, _ranks(order)])
-    means = lines_by_pass(columns, np.ones((len(unit), 1)), unit, int(unit.max()) + 1)[0][:, 0]
-    level, sign, rank = means.T
+    level, sign, rank = group_means(columns, unit, int(unit.max()) + 1).T
     count = _ranks(rank)
     fixed = [np.ones(len(level)), *([sign] if np.ptp(sign) > 0 else [])]
     line = least_squares(np.column_stack([*fixed, count - count.mean()]), level)

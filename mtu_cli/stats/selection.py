@@ -149,7 +149,7 @@ class Fitted:
             )
             b = np.where(np.abs(b) * np.linalg.norm(X, axis=0) > size, b, 0.0)
             b = b[0] if penalties is None else b
-            self.unit_covariance = path.unit_covariance(0)
+            self.unit_covariance = path.unit_covariance
         self.parameters = count + levels
         self.coefficients = b.reshape(*b.shape[:-1], spec.degree + 1, panel.regressors)
         G, places = _sums(powers, self.coefficients), [*rows]

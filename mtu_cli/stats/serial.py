@@ -4,7 +4,6 @@ follow each other, with blocks in clusters, and what residuals and regressors te
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
@@ -222,7 +221,7 @@ DEPENDENT = 1e-12
 """Share of the largest singular value below which only rounding is left."""
 
 
-def normality_p(values: FloatArray, effective: float | None = None) -> float | None:
+def normality_p(values: FloatArray, effective: float) -> float | None:
     """p of D'Agostino & Pearson's K^2 test of normality (1973, Biometrika 60, 613-622).
 
     `effective`: how many of the values, which follow each other, count as independent; about
@@ -231,43 +230,27 @@ def normality_p(values: FloatArray, effective: float | None = None) -> float | N
     """
     from scipy.stats import normaltest
 
-    step = 1 if effective is None else max(1, round(len(values) / effective))
-    values = values[::step]
+    values = values[:: max(1, round(len(values) / effective))]
     if len(values) < FEWEST_FOR_NORMALITY or np.ptp(values) == 0:
         return None
     return float(normaltest(values).pvalue)
 
 
-def condition_number(columns: FloatArray) -> float:
-    """Largest over smallest singular value of columns (r, k) scaled to unit length.
+def collinearity(columns: FloatArray) -> tuple[float, FloatArray]:
+    """The condition number of centred columns (r, k), and the variance inflation (k,) of each.
 
-    Belsley, Kuh & Welsch, Regression Diagnostics, 1980, ch. 3; infinite where columns depend,
-    as more columns than rows do.
+    The largest over the smallest singular value of the columns scaled to unit length (Belsley, Kuh
+    & Welsch, Regression Diagnostics, 1980, ch. 3), and VIF_j = 1/(1 - R_j^2) of each against all
+    others, the diagonal of the inverse correlation matrix (Marquardt 1970, Technometrics 12,
+    591-612). Infinite where columns depend, as more columns than rows do; 1 without columns.
     """
-    singular, _ = _of_unit_columns(columns)
-    if singular[-1] <= DEPENDENT * singular[0]:
-        return math.inf
-    return float(singular[0] / singular[-1])
-
-
-def variance_inflation(columns: FloatArray) -> FloatArray:
-    """VIF_j = 1/(1 - R_j^2) of centred columns (r, k), each against all others.
-
-    The diagonal of the inverse correlation matrix (Marquardt 1970, Technometrics 12, 591-612),
-    by singular values; infinite where a column depends on the others.
-    """
-    singular, Vt = _of_unit_columns(columns)
-    tiny = singular <= DEPENDENT * singular[0]
-    result = ((Vt[~tiny].T / singular[~tiny]) ** 2).sum(axis=1)
-    dependent = (Vt[tiny] ** 2).sum(axis=0) > DEPENDENT
-    return np.where(dependent, np.inf, result)
-
-
-def _of_unit_columns(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """All k singular values and right vectors of the columns scaled to unit length."""
     length = np.linalg.norm(columns, axis=0)
     # Rows of zeros change nothing, and give the columns a singular value each.
     rows = np.zeros((max(columns.shape), columns.shape[1]))
     rows[: len(columns)] = columns / np.where(length > 0, length, 1.0)
     _, singular, Vt = np.linalg.svd(rows, full_matrices=False)
-    return singular, Vt
+    tiny = singular <= DEPENDENT * singular.max(initial=0.0)
+    condition = np.inf if tiny.any() else singular.max(initial=1.0) / singular.min(initial=1.0)
+    inflation = ((Vt[~tiny].T / singular[~tiny]) ** 2).sum(axis=1)
+    dependent = (Vt[tiny] ** 2).sum(axis=0) > DEPENDENT
+    return float(condition), np.where(dependent, np.inf, inflation)

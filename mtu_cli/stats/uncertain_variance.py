@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtr, chdtrc, gammaincinv, ndtr
 
-from mtu_cli.stats.coverage import effective_dof
+from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 
 AT_ONCE = 8
@@ -45,12 +45,19 @@ class UncertainVariance(NamedTuple):
     weights: FloatArray
 
 
-def uncertain_variance(squares: FloatArray, dof: FloatArray) -> UncertainVariance:
-    """The distribution of sums of mean squares `squares` (K, m) of `dof` (K,), inf if known.
+def uncertain_variance(
+    squares: FloatArray, dof: FloatArray, *terms: tuple[FloatArray, FloatArray]
+) -> UncertainVariance:
+    """The distribution of sums of mean squares `squares` (K, m) of `dof` (K,), inf if known, and of
+    `terms`, with degrees of freedom by item, each (m,).
 
     Negative entries (differences of mean squares) are taken off the others in proportion; a
     sum below 0 is 0.
     """
+    for values, df in terms:
+        numbers = np.unique(df[(values > 0) & (df > 0)])
+        squares = np.vstack([squares, np.where(df == numbers[:, None], values, 0.0)])
+        dof = np.append(dof, numbers)
     total, positive = squares.sum(axis=0), np.maximum(squares, 0.0)
     whole = positive.sum(axis=0)
     share = np.divide(np.maximum(total, 0.0), whole, out=np.zeros_like(whole), where=whole > 0)
@@ -61,53 +68,20 @@ def uncertain_variance(squares: FloatArray, dof: FloatArray) -> UncertainVarianc
     return UncertainVariance(*map(np.concatenate, zip(*nodes, strict=True)))
 
 
-def mean_squares(
-    squares: FloatArray,
-    dof: FloatArray,
-    *terms: tuple[FloatArray, FloatArray],
-    rounding: FloatArray,
-) -> UncertainVariance:
-    """The distribution of sums of mean squares (K, m) of `dof` (K,); of `terms`, with degrees of
-    freedom by item, each (m,); and of `rounding` (m,), of infinite ones.
-    """
-    rows, dofs = [squares, rounding[None]], [dof, np.array([np.inf])]
-    for values, df in terms:
-        numbers = np.unique(df[(values > 0) & (df > 0)])
-        rows.append(np.where(df == numbers[:, None], values, 0.0))
-        dofs.append(numbers)
-    return uncertain_variance(np.concatenate(rows), np.concatenate(dofs))
-
-
-def t_tail(deviation: FloatArray, variance: UncertainVariance) -> FloatArray:
-    """Two-sided p (m,) that a normal `deviation` (m,) of such variance is as large.
-
-    Where the variance is known to be 0: 0, or nan for no deviation.
-    """
-    exact = ~(variance.values > 0).any(axis=1)
-    scale = np.sqrt(np.where(variance.values > 0, variance.values, 1.0))
-    tails = 2 * ndtr(-np.abs(deviation[:, None]) / scale)
-    p: FloatArray = (tails * variance.weights).sum(axis=1)
-    return np.where(exact, np.where(deviation == 0, np.nan, deviation * 0.0), p)
-
-
 def f_tails(
     mean_square: FloatArray, dof: FloatArray, variance: UncertainVariance
 ) -> tuple[FloatArray, FloatArray]:
-    """P (m,) that a mean square (m,) of `dof` (m,) and such expectation is larger, and smaller.
+    """P (m,) that a mean square (m,) of `dof` (m,) and such expectation is larger, and smaller: of
+    the square of a normal deviation, with one degree of freedom, that it is larger either way.
 
     nan where there is no mean square, or 0 against 0; a scatter where none is expected has
     (0, 1).
     """
-    valid = np.isfinite(mean_square) & (dof > 0)
-    d = np.where(valid, dof, 1.0)[:, None]
-    ms = np.where(valid, mean_square, 1.0)[:, None]
-    exact = ~(variance.values > 0).any(axis=1)
-    x = d * ms / np.where(variance.values > 0, variance.values, 1.0)
-    high = (chdtrc(d, x) * variance.weights).sum(axis=1)
-    low = (chdtr(d, x) * variance.weights).sum(axis=1)
-    high = np.where(exact, np.where(mean_square > 0, 0.0, np.nan), high)
-    low = np.where(exact, np.where(mean_square > 0, 1.0, np.nan), low)
-    return np.where(valid, high, np.nan), np.where(valid, low, np.nan)
+    d = np.where(dof > 0, dof, np.nan)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = d * mean_square[:, None] / variance.values
+    high, low = (np.einsum("mn,mn->m", tail(d, x), variance.weights) for tail in (chdtrc, chdtr))
+    return high, low
 
 
 def _convolution(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -116,9 +90,8 @@ def _convolution(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray
     values, weights = np.zeros((c.shape[1], NODES)), np.tile(WEIGHT, (c.shape[1], 1))
     if many.any():
         # As one (JCGM 100, G.4.1).
-        total = c[many].sum(axis=0)
-        nu = effective_dof(total, c[many], dof[many])
-        values = total[:, None] * _inverse_chi_squared(nu)
+        nu = welch_satterthwaite(c[many], dof[many])
+        values = c[many].sum(axis=0)[:, None] * _inverse_chi_squared(nu)
     for row, nu in zip(c[~many], dof[~many], strict=True):
         positive = np.flatnonzero(row > 0)
         if not len(positive):
@@ -176,16 +149,11 @@ def mean_square_tails(
     sizes), as Kuonen (Biometrika 86 (1999) 929) has it, with r* for Lugannani and Rice's formula:
     to some percent of the smaller tail.
     """
-    values, weights = variance.values[0], variance.weights[0]
-    positive = values > 0
-    x = np.divide(mean_square, values, out=np.zeros_like(values), where=positive)
     sizes = sizes[sizes > 0] / (dof * sizes.sum())
     largest = float(sizes.max())
-    # Beyond that the tail is 0, and cannot be calculated with.
-    x = np.minimum(x, FAR)
     share = sizes / largest
-    above = x > 0
-    target = np.where(above, x, 1.0) / (dof * largest)
+    # Beyond that a tail is 0, and cannot be calculated with.
+    target = np.clip(mean_square / variance.values[0], FAR**-2, FAR) / (dof * largest)
     # u with sum share/(1 + (u - 1) share) = target, which falls as u grows.
     low, high = np.full(len(target), -BRACKET), np.full(len(target), BRACKET)
     for _ in range(STEPS):
@@ -204,10 +172,7 @@ def mean_square_tails(
     ratio = np.where(near, 1.0, z * np.sqrt(second)) / safe
     skewness = 8.0 * dof * (sizes**3).sum() / (2.0 * dof * (sizes**2).sum()) ** 1.5
     r = w + np.where(near, skewness / 6.0, np.log(np.where(near, 1.0, ratio)) / safe)
-    # Where no scatter is expected any is more.
-    high = np.where(positive, np.where(above, ndtr(-r), 1.0), 0.0)
-    low = np.where(positive, np.where(above, ndtr(r), 0.0), 1.0)
-    return float(high @ weights), float(low @ weights)
+    return float(ndtr(-r) @ variance.weights[0]), float(ndtr(r) @ variance.weights[0])
 
 
 def pooled_p(

@@ -90,7 +90,7 @@ def first_order(loaded: LoadedBudget, inputs: Inputs) -> tuple[FirstOrder, ...]:
             variance, dof = math.fsum(variances), math.nan
             if math.isfinite(variance):
                 dofs = [source.dof(g) for source in inputs.sources]
-                dof = welch_satterthwaite(np.array(variances), np.array(dofs))
+                dof = float(welch_satterthwaite(np.array(variances), np.array(dofs)))
             shift, increase = _second_order(tree, slopes, inputs, rows)
             contribution, joint = np.abs(g) * inputs.u, g * (inputs.covariance @ g)
             share = joint / variance if variance > 0.0 else np.full(len(g), math.nan)

@@ -230,7 +230,7 @@ def _quantity(name: str, item: Input) -> InputQuantity:
     shapes = [part.distribution for part in parts]
     squares = np.array([each.u**2 for each in shapes])
     u = math.sqrt(math.fsum(squares))
-    dof = welch_satterthwaite(squares, np.array([each.dof for each in shapes]))
+    dof = float(welch_satterthwaite(squares, np.array([each.dof for each in shapes])))
     return InputQuantity(
         name=name,
         value=math.nan if value is None else value,

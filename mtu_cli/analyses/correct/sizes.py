@@ -458,7 +458,7 @@ def mean_sizes(
         u_error = hypot(u, u_calibration)
         # Effective degrees of freedom: JCGM 100, eq. (G.2b).
         variances = np.array([u**2, u_calibration**2])
-        dof_error = welch_satterthwaite(variances, np.array([dof, inf]))
+        dof_error = float(welch_satterthwaite(variances, np.array([dof, inf])))
         size = Size(
             kind=item.kind,
             id=item.id,
@@ -630,7 +630,8 @@ def form_tests(
         total = float(np.trace(V))
         df1 = total**2 / float((V**2).sum())
         parts = np.maximum([total - k * noise, k * noise], 0.0)
-        df2 = welch_satterthwaite(parts, np.array([min(ring.K_dof for ring in visits), dof]))
+        dofs = np.array([min(ring.K_dof for ring in visits), dof])
+        df2 = float(welch_satterthwaite(parts, dofs))
         F = float(mean @ mean) / total
         p = float(fdtrc(df1, min(max(df2, 1.0), ENDLESS), F))
         sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))

@@ -23,7 +23,7 @@ from mtu_cli.findings import Finding, counted, error, finding
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, effective_number
 from mtu_cli.stats.selection import FEWEST_NESTED, Fitted, HeldOut, held_out
-from mtu_cli.stats.serial import condition_number, normality_p, variance_inflation
+from mtu_cli.stats.serial import collinearity, normality_p
 from mtu_cli.units import SMALL, UNITS, Unit
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
@@ -184,7 +184,7 @@ def _component(
     columns = [fit.columns[1 + j] for j in fit.used.tolist()]
     items = panel.rows(panel.cycles).values()
     inner = np.vstack([item.inner(columns) for item in items])
-    factors = variance_inflation(inner).tolist() if len(columns) else []
+    condition, factors = collinearity(inner)
     squares = fit.shares(panel.cycles)
     single, several = gradients(design, fit, sensor_u * share)
     result = ComponentDrift(
@@ -200,10 +200,10 @@ def _component(
         rms_before=float(np.sqrt(before)),
         rms_after=float(np.sqrt(after)),
         held_out=held_out(panel, lambda blocks: choose(design, blocks, method)),
-        condition=condition_number(inner) if len(columns) else 1.0,
+        condition=condition,
         vif={
             sensor: factor if np.isfinite(factor) else None
-            for factor, j in zip(factors, fit.used, strict=True)
+            for factor, j in zip(factors.tolist(), fit.used, strict=True)
             for sensor in design.groups[j]
         },
         normality_p=normality_p(residual, effective_number(len(y), lag1)),

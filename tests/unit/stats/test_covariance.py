@@ -30,10 +30,10 @@ from mtu_cli.stats.kernels import (
 )
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.uncertain_variance import (
+    UncertainVariance,
     f_tails,
     mean_square_tails,
     pooled_p,
-    t_tail,
     uncertain_variance,
 )
 
@@ -239,6 +239,11 @@ SUKHATME = {
     8: (2.447, 2.430, 2.398, 2.364, 2.331, 2.310, 2.306),
     12: (2.447, 2.423, 2.367, 2.301, 2.239, 2.193, 2.179),
 }
+
+
+def t_tail(deviation: FloatArray, variance: UncertainVariance) -> FloatArray:
+    """Two-sided p of a normal deviation of such variance."""
+    return f_tails(deviation**2, np.ones_like(deviation), variance)[0]
 
 
 @pytest.mark.parametrize("dof", T_TABLE)

@@ -11,9 +11,9 @@ from scipy.special import betainc, fdtrc, ndtr, stdtr, stdtrit
 from mtu_cli.stats.blocks import Workspace
 from mtu_cli.stats.coverage import (
     coverage_factor,
-    hotelling_p,
     numerical_tolerance,
     welch_satterthwaite,
+    yao_p,
 )
 from mtu_cli.stats.distributions import (
     Distribution,
@@ -136,6 +136,8 @@ def test_infinite_degrees_of_freedom() -> None:
     assert welch_satterthwaite(v, np.array([math.inf, math.inf])) == math.inf
     assert welch_satterthwaite(v, np.array([5.0, math.inf])) == pytest.approx(5.0 * 16.0)
     assert welch_satterthwaite(np.zeros(2), np.array([5.0, 5.0])) == math.inf
+    several = welch_satterthwaite(np.array([[1.0, 0.0], [3.0, 2.0]]), np.array([5.0, math.inf]))
+    assert several.tolist() == pytest.approx([5.0 * 16.0, math.inf])
 
 
 @pytest.mark.parametrize(
@@ -175,9 +177,10 @@ def test_numerical_tolerance(u: float, digits: int, tolerance: float) -> None:
 def test_hotelling_of_one_estimate_is_students_t() -> None:
     """And of three it is F of 3 and nu - 2 degrees of freedom."""
     t = float(stdtrit(7.0, 0.975))
-    assert hotelling_p(t**2, 1, 7.0) == pytest.approx(0.05)
-    assert hotelling_p(9.0, 3, 8.0) == pytest.approx(float(fdtrc(3, 6, 9.0 * 6 / 24)))
-    assert hotelling_p(9.0, 3, 2.0) == 1.0
+    assert yao_p(np.array([t]), np.eye(1), [(np.eye(1), 7.0)]) == pytest.approx(0.05)
+    d, V = np.array([2.0, -2.0, 1.0]), np.eye(3)
+    assert yao_p(d, V, [(V, 8.0)]) == pytest.approx(float(fdtrc(3, 6, 9.0 * 6 / 24)))
+    assert yao_p(d, V, [(V, 2.0)]) == 1.0
 
 
 # The distribution of a sum of inputs against closed forms and plain simulation.
