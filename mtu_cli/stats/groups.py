@@ -50,14 +50,12 @@ def group_means(values: FloatArray, code: IntArray, count: int) -> FloatArray:
     >>> group_means(np.array([0.1, 7.0, 0.1, 0.1]), np.array([1, 0, 1, 1]), 3).tolist()
     [7.0, 0.1, nan]
     """
-    order, size = np.argsort(code, kind="stable"), np.bincount(code, minlength=count)
-    known = size > 0
-    starts = (np.cumsum(size) - size)[known]
-    means = np.full((count, *values.shape[1:]), np.nan)
-    means[known] = values[order[starts]]
-    away = np.add.reduceat((values - means[code])[order], starts, axis=0)
-    means[known] += away / size[known].reshape(-1, *(1,) * (values.ndim - 1))
-    return means
+    first = np.full((count, *values.shape[1:]), np.nan)
+    first[code[::-1]] = values[::-1]
+    away = np.zeros_like(first)
+    np.add.at(away, code, values - first[code])
+    size = np.maximum(np.bincount(code, minlength=count), 1)
+    return np.asarray(first + away / size.reshape(-1, *(1,) * (values.ndim - 1)))
 
 
 def known_mean(values: FloatArray, axis: int = -1) -> FloatArray:
