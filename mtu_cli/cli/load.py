@@ -30,7 +30,7 @@ from mtu_cli.model.covariates import check_cell
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
-    from mtu_cli.formats.base import Ask, Imported, RawFile
+    from mtu_cli.formats.base import Ask, Import
 
 T = TypeVar("T")
 KINDS = {
@@ -174,8 +174,9 @@ class Inputs:
             profile=options.map or (folder / instrument.map if instrument.map else None),
         )
 
-    def note(self, file: RawFile, table: Imported) -> None:
+    def note(self, table: Import) -> None:
         """Enters how an instrument's file was understood among the warnings."""
+        file = table.file
         self.suspicions.append(file.finding("instrument-file", how=table.sentence))
         self.suspicions += [file.finding("instrument-doubt", doubt=x) for x in table.doubts]
 

@@ -37,7 +37,7 @@ from mtu_cli.files.headers import (
     stacked,
 )
 from mtu_cli.files.source import Source, check_text, read_source
-from mtu_cli.findings import InputError, counted, error, finding
+from mtu_cli.findings import collected, counted, error, finding
 from mtu_cli.units import plain_unit
 
 if TYPE_CHECKING:
@@ -75,11 +75,8 @@ def read_tables(
     """
     tables: list[Table] = []
     for path, role in files:
-        try:
+        with collected(faults.add):
             tables.append(read_table(path, role, spec, faults, convert))
-        except InputError as fault:
-            for item in fault.findings:
-                faults.add(item)
     if not tables:
         faults.raise_if_any()
         raise ValueError("no files to read")

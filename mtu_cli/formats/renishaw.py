@@ -6,10 +6,10 @@ deviations mrad), whose sections end in ``::``, keys and blanks varying; the dyn
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mtu_cli.formats.base import Format, Import, Imported, RawFile, local
+from mtu_cli.formats.base import Format, Import, RawFile, local
 from mtu_cli.formats.grid import number
 
 UNITS = {"rtl": "um", "rta": "mrad"}
@@ -195,9 +195,8 @@ def read_b5r(result: Import) -> None:
     result.says = ["A and B are first and second axis of the plane; raw samples are not read"]
 
 
-def run_file(data: Imported) -> bytes:
+def run_file(kind: str, columns: Mapping[str, Sequence[Any]]) -> bytes:
     """Readings of one component as a run file, six decimals: the grammar of `read`."""
-    columns, kind = data.columns, data.format
     targets = sorted(set(columns["position_mm"]))
     one_way = set(columns["direction"]) == {"forward"}
     cells = (columns[name] for name in ("pass", "direction", "position_mm", "error"))
