@@ -12,16 +12,12 @@ from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, ch
 from mtu_cli.files.covariates import SENSOR_DEGC, is_temperature
 from mtu_cli.stats.outliers import median_polish, outlying, spikes
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.units import LENGTH, SMALL, UNITS, Unit
+from mtu_cli.units import LENGTH, UNITS, Unit
 
 
 def stated_unit(data: ReadingsData, row: int) -> Unit:
-    """The unit that a reading was read in: its row's, or the component's where none was read."""
-    table = data.table
-    if table.unit is not None:
-        return [*UNITS.values()][table.unit[row]]
-    component = data.components.get(table.components[table.code[row]])
-    return UNITS[getattr(component, "unit", SMALL[table.dimension[row]].name)]
+    """The unit that a reading was read in."""
+    return [*UNITS.values()][data.table.unit[row]]
 
 
 def passes(data: ReadingsData, rows: Rows) -> list[Rows]:
@@ -72,8 +68,7 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
     component typically is. Nothing is reported where no other unit makes them plausible.
     """
     table = data.table
-    unit = table.dimension if table.unit is None else table.unit
-    for block in split(None, table.dimension, table.file_index, unit):
+    for block in split(None, table.dimension, table.file_index, table.unit):
         dimension, groups = int(table.dimension[block[0]]), []
         for group in split(block, table.code):
             if dimension == LENGTH and are_distances(data, group):

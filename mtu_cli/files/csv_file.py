@@ -33,7 +33,6 @@ from mtu_cli.files.headers import (
     check_header,
     joined,
     number,
-    perhaps_equal,
     stacked,
 )
 from mtu_cli.files.source import Source, check_text, read_source
@@ -108,11 +107,14 @@ def _check_files(table: Table, faults: CellFaults) -> None:
 
 def _check_equal_rows(table: Table, faults: CellFaults, parts: bool) -> None:
     """Rows equal to an earlier one of their CSV, where a pass, a repeat or a time is stated."""
+    import pandas as pd
+
     keys = [*table.numbers.values(), *(column.codes for column in table.texts.values())]
     keys = keys if parts else [*keys, table.file_index]
     flags = [table.has(name) for name in ("pass", "repeat", *EXCLUSIVE)]
     first: dict[tuple[object, ...], int] = {}
-    for i in np.flatnonzero(perhaps_equal(keys) & np.logical_or.reduce(flags)).tolist():
+    equal = pd.DataFrame(dict(enumerate(keys))).duplicated(keep=False)
+    for i in np.flatnonzero(equal & np.logical_or.reduce(flags)).tolist():
         cells = tuple(None if key[i] != key[i] else key[i].item() for key in keys)
         earlier = first.setdefault(cells, i)
         if earlier != i:

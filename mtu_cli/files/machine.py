@@ -356,12 +356,6 @@ class LoadedMachine(Loaded):
     forms: dict[str, LinearForm]
     effect_forms: tuple[dict[str, LinearForm], ...]
 
-    @property
-    def used(self) -> set[str]:
-        """The components that stand in an equation."""
-        groups = (self.forms, *self.effect_forms)
-        return {name for group in groups for form in group.values() for name in form.coefficients}
-
 
 def load_machine(path: Path) -> LoadedMachine:
     """Reads and checks a machine file.
@@ -397,15 +391,17 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
 
 def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
     """Components and parameters that no equation holds, or that count as exactly known."""
+    groups = (loaded.forms, *loaded.effect_forms)
+    used = {name for group in groups for form in group.values() for name in form.coefficients}
     for name, item in loaded.machine.components.items():
         place = loaded.place("components", name)
         figures = [key for key in NEEDS_COEFFICIENTS if getattr(item, key) is not None]
-        if name not in loaded.used:
+        if name not in used:
             yield finding("unused", what="component", name=name, **place)
         if item.coefficients is None and figures:
             facts = {"what": "figures", "names": figures, "reason": "there are no coefficients"}
             yield finding("not-used", **facts, **place)
-        elif item.coefficients is not None and not figures and name in loaded.used:
+        elif item.coefficients is not None and not figures and name in used:
             yield finding("no-uncertainty", names=[name], **place)
     for index, effect in enumerate(loaded.machine.effects):
         symbols = {name for text in effect.equations.values() for name in names(parse(text))}

@@ -18,7 +18,6 @@ SUMMARY = re.compile(
     r"mean|average|avg|mittel|std|sigma|stdev|^s$|^b$|reversal|range|max|min", re.I
 )
 """Headings of columns that were calculated from the runs."""
-DIRECTIONS = ("alternate", "forward", "reverse")
 
 
 def numeric_rows(grid: Grid) -> slice | None:

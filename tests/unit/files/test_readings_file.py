@@ -69,7 +69,7 @@ def test_readings_of_two_files(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.covariates["note"], [np.nan] * 3 + [7])
     assert found.file_index.tolist() == [0, 0, 0, 1]
     assert found.row.tolist() == [2, 3, 4, 3]
-    assert found.roles == ("lbb", "laser")
+    assert [source.role for source in found.sources] == ["lbb", "laser"]
     assert [source.rows for source in found.sources] == [3, 1]
     assert len(found) == 4
 
