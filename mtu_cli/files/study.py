@@ -21,9 +21,9 @@ from mtu_cli.files.contract import (
     optional,
     present,
 )
+from mtu_cli.files.machine import UnitName
 from mtu_cli.files.source import near_name, resolved, same
 from mtu_cli.files.yaml_file import read_yaml
-from mtu_cli.units import UNITS
 
 STUDY_NAME = "mtu.yaml"
 FROM_HERE = "a path from the folder of the study, or a whole one"
@@ -47,7 +47,7 @@ class Instrument(Contract):
 
     file: FileName
     component: Name | None = optional("The component that it reads")
-    unit: Literal[*UNITS] | None = optional("Unit of readings without one")  # type: ignore[valid-type]
+    unit: UnitName | None = optional("Unit of readings without one")
     decimal: Literal[".", ","] | None = optional("Decimal sign, where the file leaves it open")
     directions: Literal["alternate", "forward", "reverse"] | None = optional(
         "Directions of runs, where the file leaves them open"
