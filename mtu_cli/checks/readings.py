@@ -85,7 +85,9 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
         peak = np.median([np.abs(table.error[group]).max() for group in groups])
         size = float(np.quantile(sizes, 0.75) if large else min(peak, high))
         stated = stated_unit(data, int(rows[0]))
-        meant = limits.meant_units(size, dimension, stated.name)
+        others = {**limits.UNITS[dimension]}
+        number = size / others.pop(stated.name, 1.0)
+        meant = [unit for unit, to in others.items() if low <= number * to <= high]
         if size and meant and (large or size < low):
             facts = {"size": size / stated.to_internal, "unit": stated.name, "meant": meant}
             yield Odd(rows, facts, "error")

@@ -154,7 +154,6 @@ class Inputs:
     def ask(self, path: Path, role: str) -> Ask:
         """What the call, its study and the machine say of an instrument's file."""
         from mtu_cli.formats.base import Ask
-        from mtu_cli.formats.instruments import KIND_OF
 
         options, study = self.options, self.study
         instrument = (study and study.instruments.get(path)) or Instrument(file="-")
@@ -165,7 +164,7 @@ class Inputs:
         entries = self.machine.machine.components if self.files("machine") else {}
         folder = study.source.path.parent if study else Path()
         return Ask(
-            kind=options.as_ or KIND_OF[role],
+            kind=options.as_ or {"drift": "drift", "cmm": "points"}.get(role, "readings"),
             component=names.get(path) or instrument.component or of_call,
             unit=options.unit or instrument.unit,
             machine_units={name: entry.unit for name, entry in entries.items()},

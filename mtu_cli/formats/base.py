@@ -43,11 +43,6 @@ class RawFile:
         return [line.removesuffix("\r") for line in text.split("\n")]
 
     @cached_property
-    def head(self) -> str:
-        """The beginning, as far as formats are recognised by it."""
-        return self.text[:4000]
-
-    @cached_property
     def xml(self) -> ElementTree.Element | None:
         """The root of an XML file, None of any other; entities are not expanded but refused."""
         if not self.text.lstrip().startswith("<") or re.search(r"<!(DOCTYPE|ENTITY)", self.text):

@@ -38,12 +38,6 @@ class Grid(NamedTuple):
     rows: list[Row]
     comments: int = 0
 
-    @property
-    def width(self) -> int:
-        """The number of cells that most rows have."""
-        counts = Counter(len(row.cells) for row in self.rows)
-        return max(counts, key=lambda n: (counts[n], n), default=0)
-
 
 def grid_of(lines: Sequence[str], first: int = 1, separator: str | None = None) -> Grid:
     """The table in `lines`, the first of which is line `first` of its file."""

@@ -20,10 +20,6 @@ from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
 MODULES = ("renishaw", "ecmc", "points", "channels", "wide")
 """From the surest to the least sure: the first that recognises a file reads it."""
-KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), "readings") | {
-    "drift": "drift",
-    "cmm": "points",
-}
 Report = Callable[[Import], None]
 """Hands on how a file was understood."""
 HEAD = 1 << 16
@@ -143,9 +139,7 @@ def converter(ask_of: Callable[[Path, str], Ask], report: Report) -> Convert:
     return convert
 
 
-def contract_csv(
-    asks: Iterable[tuple[Path, Ask]], kind: str, spec: TableSpec, report: Report
-) -> bytes:
+def contract_csv(asks: Iterable[tuple[Path, Ask]], spec: TableSpec, report: Report) -> bytes:
     """One CSV of the contract with the rows of all files, checked by its reader; passes and cycles
     are counted on from file to file. Of each file how it was understood is reported.
 

@@ -12,6 +12,8 @@ from typing import Any
 from mtu_cli.formats.base import Format, Import, RawFile, local
 from mtu_cli.formats.grid import number
 
+HEAD = 4000
+"""Characters by which a file is recognised."""
 UNITS = {"rtl": "um", "rta": "mrad"}
 NO_SENSOR = -10.0
 SHOWN = ("HEADER", "USER-TEXT", "ENVIRONMENT")
@@ -31,10 +33,9 @@ Lines = list[tuple[int, str]]
 
 def _kind(file: RawFile) -> str | None:
     """Rtl or rta; None of a file without the sections of a run."""
-    match = re.search(r"File type\s*:\s*(rt[la])\b", file.head, re.IGNORECASE)
-    if not re.search(r"^\s*HEADER\s*::", file.head, re.M) or not (
-        match or "TARGET DATA" in file.head
-    ):
+    head = file.text[:HEAD]
+    match = re.search(r"File type\s*:\s*(rt[la])\b", head, re.IGNORECASE)
+    if not re.search(r"^\s*HEADER\s*::", head, re.M) or not (match or "TARGET DATA" in head):
         return None
     name = match[1] if match else file.source.path.suffix[1:]
     return "rta" if name.lower() == "rta" else "rtl"
@@ -222,8 +223,8 @@ FORMATS = (
     Format("rta", "Renishaw angular or rotary run", "readings", lambda x: _kind(x) == "rta", read),
     Format(
         "rtx", "Renishaw dynamic capture", "features",
-        lambda x: b"CARTO-Dynamic" in x.content[:4000] or bool(
-            b"Sample no" in x.content[:4000] and _SAMPLES.search(x.content[:4000])),
+        lambda x: b"CARTO-Dynamic" in x.content[:HEAD] or bool(
+            b"Sample no" in x.content[:HEAD] and _SAMPLES.search(x.content[:HEAD])),
         read_rtx,
     ),
     Format(
