@@ -106,21 +106,16 @@ class Profile(Contract):
                     faults.at(key, name).unknown(name, columns, "column")
 
 
-def read_profile(source: Path | Mapping[str, Any]) -> Profile:
-    """A checked mapping profile; raises InputError with all its faults."""
-    if not isinstance(source, Path):
-        return Profile(**source)
-    return check_contract(read_yaml(source, "map"), Profile, "import")
-
-
 def read_with(result: Import) -> None:
     """The table of a file as the profile asked for says; every bad cell at once."""
     import numpy as np
     import pandas as pd
 
     file, ask = result.file, result.ask
-    assert ask.profile is not None
-    profile = read_profile(ask.profile)
+    if isinstance(ask.profile, Path):
+        profile = check_contract(read_yaml(ask.profile, "map"), Profile, "import")
+    else:
+        profile = Profile(**(ask.profile or {}))
     skip, sign = profile.skip_rows, WORDS.get(profile.separator or "", profile.separator)
     grid = grid_of(file.lines[skip:], skip + 1, sign)
     if len(grid.rows) < 2:
