@@ -8,8 +8,8 @@ takes more than one value to see.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
@@ -186,11 +186,9 @@ class Faults:
         place = self.document.place(self.place if isinstance(value, dict) else prefix)
         self.findings += [item.at(**place) for item in findings]
 
-    @contextmanager
-    def collected(self) -> Iterator[None]:
+    def collected(self) -> AbstractContextManager[None]:
         """Adds what is raised while an equation here is read; what follows is left out."""
-        with collected(lambda item: self.extend([item])):
-            yield
+        return collected(lambda item: self.extend([item]))
 
     def unknown(self, name: str, names: Collection[str], what: str = "name") -> None:
         """That `name` is none of the `names`; where there are none at all, what is wrong with

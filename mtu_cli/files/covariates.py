@@ -17,11 +17,9 @@ _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})
 SENSOR_DEGC = (-60.0, 150.0)
 """No sensor of a machine reads less or more; what a shop is in kelvin is more."""
 NUMBER = internal()
-PLACE = internal(length=1)
-TEMPERATURE = internal(degree=1)
 _DIMENSIONS = (
     dict.fromkeys((*DIRECTIONS, "sequence"), NUMBER)
-    | dict.fromkeys(POSITIONS, PLACE)
+    | dict.fromkeys(POSITIONS, internal(length=1))
     | {"time_min": internal(minute=1)}
 )
 _TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
@@ -57,4 +55,4 @@ def column_dimensions(name: str) -> Powers:
     """Those of a position or a column of the contract; any for other columns of a user, whatever
     their names end with: an effect's parameter has its unit for each step of such a column.
     """
-    return TEMPERATURE if is_temperature(name) else _DIMENSIONS.get(name, ANY)
+    return internal(degree=1) if is_temperature(name) else _DIMENSIONS.get(name, ANY)

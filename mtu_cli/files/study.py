@@ -27,8 +27,7 @@ from mtu_cli.files.yaml_file import read_yaml
 
 STUDY_NAME = "mtu.yaml"
 FROM_HERE = "a path from the folder of the study, or a whole one"
-SINGLE = ("machine", "part")
-SEVERAL = ("components", "lbb", "laser", "cmm", "drift")
+FILES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift")
 MAX_COVERAGE = 100.0
 MAX_TRIALS = 10_000_000_000
 """Ten thousand million: an hour of Monte Carlo. More is a slip of the keyboard."""
@@ -161,9 +160,9 @@ def load_study(
     instruments: dict[Path, Instrument] = {}
 
     def check(study: Study, faults: Faults) -> None:
-        for key in (*SINGLE, *SEVERAL):
+        for key in FILES:
             entry = getattr(study, key)
-            items = present(entry) if key in SEVERAL else [(0, entry)] if entry else []
+            items = present(entry if isinstance(entry, list) else [entry])
             instruments.update((folder / x.file, x) for _, x in items if isinstance(x, Instrument))
             names = [(i, x.file if isinstance(x, Instrument) else x) for i, x in items]
             if names:
