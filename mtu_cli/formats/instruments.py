@@ -78,7 +78,8 @@ def read(file: RawFile, ask: Ask) -> Import:
     if entry is None:
         raise unknown(file)
     if ask.kind in SPECS and ask.kind != entry.gives:
-        kind = f"{entry.title} ({entry.name}), which gives {entry.gives or 'nothing to import'}"
+        use = f"gives {entry.gives}" if entry.gives else "needs no import"
+        kind = f"{entry.title} ({entry.name}), which {use}"
         raise file.error("other-table", kind=kind, expected=str(ask.kind))
     result = Import(format=entry.name, kind=entry.gives, file=file, ask=ask)
     try:
