@@ -112,18 +112,17 @@ def _check_equal_rows(table: Table, faults: CellFaults, parts: bool) -> None:
     keys = [*table.numbers.values(), *(column.codes for column in table.texts.values())]
     keys = keys if parts else [*keys, table.file_index]
     flags = [table.has(name) for name in ("pass", "repeat", *EXCLUSIVE)]
-    first: dict[tuple[object, ...], int] = {}
-    equal = pd.DataFrame(dict(enumerate(keys))).duplicated(keep=False)
-    for i in np.flatnonzero(equal & np.logical_or.reduce(flags)).tolist():
-        cells = tuple(None if key[i] != key[i] else key[i].item() for key in keys)
-        earlier = first.setdefault(cells, i)
-        if earlier != i:
-            original = table.place(earlier)
-            other = f"row {original['row']}"
-            if table.file_index[earlier] != table.file_index[i]:
-                other += f" of {original['file']}"
-            place = {**table.place(i), "expected": "each row once"}
-            faults.add(finding("copied-rows", other=other, **place))
+    frame = pd.DataFrame(dict(enumerate(keys)))
+    kind = frame.groupby([*frame], sort=False, dropna=False).ngroup()
+    first = np.unique(kind, return_index=True)[1][kind]
+    is_copy = (first < np.arange(len(first))) & np.logical_or.reduce(flags)
+    for i in np.flatnonzero(is_copy).tolist():
+        original = table.place(first[i])
+        other = f"row {original['row']}"
+        if table.file_index[first[i]] != table.file_index[i]:
+            other += f" of {original['file']}"
+        place = {**table.place(i), "expected": "each row once"}
+        faults.add(finding("copied-rows", other=other, **place))
 
 
 # Files.
