@@ -12,7 +12,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -413,6 +413,16 @@ def located(**place: Any) -> Iterator[None]:
     except InputError as fault:
         findings = (each.at(**place) for each in fault.findings)
         raise InputError(findings, fault.uncounted) from None
+
+
+@contextmanager
+def collected(add: Callable[[Finding], None]) -> Iterator[None]:
+    """Adds what an InputError of its block has found, and leaves out what follows there."""
+    try:
+        yield
+    except InputError as fault:
+        for each in fault.findings:
+            add(each)
 
 
 def error(code: str, **place_and_facts: Any) -> InputError:

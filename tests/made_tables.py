@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from mtu_cli.files.readings import Points, Readings
 from mtu_cli.files.source import Source
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import SMALL, UNITS
 
 Column = Any
 """One value for all rows, or one a row."""
@@ -53,6 +54,7 @@ def made_readings(
         code=column(code, np.int64),
         position_mm=column(position, np.float64),
         error=np.asarray(error),
+        unit=column([[*UNITS].index(SMALL[x].name) for x in np.ravel(dimension)], np.int8),
         dimension=column(dimension, np.int8),
         pass_number=column(-1 if passes is None else passes, np.int64),
         has_pass=column(passes is not None, np.bool_),
@@ -64,7 +66,6 @@ def made_readings(
         file_index=column(0, np.int64),
         row=np.arange(n) + 2,
         sources=(source(role),),
-        roles=(role,),
     )
 
 

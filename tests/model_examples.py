@@ -129,7 +129,6 @@ def readings(segments: Sequence[Segment]) -> Readings:
         has_pass=each([item.passes is not None for item in segments]).astype(bool),
         file_index=each([roles.index(item.role) for item in segments]).astype(np.int64),
         sources=tuple(map(source, roles)),
-        roles=roles,
     )
 
 

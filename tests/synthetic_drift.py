@@ -94,7 +94,7 @@ def rises(found: Readings, sensors: int) -> FloatArray:
 
 def reordered(found: Readings, order: NDArray[np.int64]) -> Readings:
     arrays = ("code", "position_mm", "error", "pass_number", "has_pass", "direction", "cycle",
-              "time_min", "file_index", "row", "dimension")  # fmt: skip
+              "time_min", "file_index", "row", "dimension", "unit")  # fmt: skip
     return replace(
         found,
         covariates={name: values[order] for name, values in found.covariates.items()},

@@ -354,7 +354,7 @@ def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
     Raises InputError for a component in units of two kinds or with some positions missing.
     """
     position, rotary = places_read(readings)
-    roles = np.array(readings.roles)[readings.file_index]
+    roles = np.array([x.role for x in readings.sources])[readings.file_index]
     axes, rest = [], []
     for code, name in enumerate(readings.components):
         mask = readings.code == code

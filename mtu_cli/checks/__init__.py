@@ -96,9 +96,7 @@ class PointsData:
     def errors(self) -> Floats:
         """Measured minus nominal (n, axes) less the best-fit alignment, mm."""
         table = aligned(self.table, self.axes, self.datum)
-        measured, nominal = table.measured.T, table.nominal.T
-        # Axis by axis, as the points lie in memory.
-        return np.array([measured[axis] - nominal[axis] for axis in self.axes]).T
+        return (table.measured - table.nominal)[:, self.axes]
 
 
 @dataclass(frozen=True)

@@ -81,11 +81,3 @@ def largest(dimension: int, position: NDArray[np.float64]) -> NDArray[np.float64
     """The largest error (n,) of a machine at positions (n,), mm: that of a length grows with it."""
     grown = STEEPEST * (dimension == LENGTH) * np.nan_to_num(np.abs(position))
     return np.maximum(ERRORS[dimension][1], grown)
-
-
-def meant_units(size: float, dimension: int, stated: str) -> list[str]:
-    """The other units in which a typical largest error of `size` (mm, rad) is that of a machine."""
-    low, high = ERRORS[dimension]
-    factors = UNITS[dimension]
-    one = size / factors.get(stated, 1.0)
-    return [unit for unit, to in factors.items() if unit != stated and low <= one * to <= high]

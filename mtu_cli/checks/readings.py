@@ -12,16 +12,12 @@ from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, ch
 from mtu_cli.files.covariates import SENSOR_DEGC, is_temperature
 from mtu_cli.stats.outliers import median_polish, outlying, spikes
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.units import LENGTH, SMALL, UNITS, Unit
+from mtu_cli.units import LENGTH, UNITS, Unit
 
 
 def stated_unit(data: ReadingsData, row: int) -> Unit:
-    """The unit that a reading was read in: its row's, or the component's where none was read."""
-    table = data.table
-    if table.unit is not None:
-        return [*UNITS.values()][table.unit[row]]
-    component = data.components.get(table.components[table.code[row]])
-    return UNITS[getattr(component, "unit", SMALL[table.dimension[row]].name)]
+    """The unit that a reading was read in."""
+    return [*UNITS.values()][data.table.unit[row]]
 
 
 def passes(data: ReadingsData, rows: Rows) -> list[Rows]:
@@ -72,8 +68,7 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
     component typically is. Nothing is reported where no other unit makes them plausible.
     """
     table = data.table
-    unit = table.dimension if table.unit is None else table.unit
-    for block in split(None, table.dimension, table.file_index, unit):
+    for block in split(None, table.dimension, table.file_index, table.unit):
         dimension, groups = int(table.dimension[block[0]]), []
         for group in split(block, table.code):
             if dimension == LENGTH and are_distances(data, group):
@@ -90,7 +85,9 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
         peak = np.median([np.abs(table.error[group]).max() for group in groups])
         size = float(np.quantile(sizes, 0.75) if large else min(peak, high))
         stated = stated_unit(data, int(rows[0]))
-        meant = limits.meant_units(size, dimension, stated.name)
+        others = {**limits.UNITS[dimension]}
+        number = size / others.pop(stated.name, 1.0)
+        meant = [unit for unit, to in others.items() if low <= number * to <= high]
         if size and meant and (large or size < low):
             facts = {"size": size / stated.to_internal, "unit": stated.name, "meant": meant}
             yield Odd(rows, facts, "error")

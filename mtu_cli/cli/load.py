@@ -30,7 +30,7 @@ from mtu_cli.model.covariates import check_cell
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
-    from mtu_cli.formats.base import Ask, Imported, RawFile
+    from mtu_cli.formats.base import Ask, Import
 
 T = TypeVar("T")
 KINDS = {
@@ -154,7 +154,6 @@ class Inputs:
     def ask(self, path: Path, role: str) -> Ask:
         """What the call, its study and the machine say of an instrument's file."""
         from mtu_cli.formats.base import Ask
-        from mtu_cli.formats.instruments import KIND_OF
 
         options, study = self.options, self.study
         instrument = (study and study.instruments.get(path)) or Instrument(file="-")
@@ -165,7 +164,7 @@ class Inputs:
         entries = self.machine.machine.components if self.files("machine") else {}
         folder = study.source.path.parent if study else Path()
         return Ask(
-            kind=options.as_ or KIND_OF[role],
+            kind=options.as_ or {"drift": "drift", "cmm": "points"}.get(role, "readings"),
             component=names.get(path) or instrument.component or of_call,
             unit=options.unit or instrument.unit,
             machine_units={name: entry.unit for name, entry in entries.items()},
@@ -174,8 +173,9 @@ class Inputs:
             profile=options.map or (folder / instrument.map if instrument.map else None),
         )
 
-    def note(self, file: RawFile, table: Imported) -> None:
+    def note(self, table: Import) -> None:
         """Enters how an instrument's file was understood among the warnings."""
+        file = table.file
         self.suspicions.append(file.finding("instrument-file", how=table.sentence))
         self.suspicions += [file.finding("instrument-doubt", doubt=x) for x in table.doubts]
 

@@ -15,7 +15,7 @@ from mtu_cli.cli.values import MOST_STEPS, SPAN, assignments, ends, known_name, 
 from mtu_cli.files.contract import is_name
 from mtu_cli.findings import error
 from mtu_cli.formats import instruments
-from mtu_cli.formats.base import raw_file
+from mtu_cli.formats.base import SPECS, raw_file
 from mtu_cli.result import Listing, Result
 from mtu_cli.units import UNITS
 
@@ -122,14 +122,14 @@ def inspect(inputs: Inputs) -> Result:
 def import_(inputs: Inputs) -> Result:
     """The contract's CSV of all files, and how they were understood."""
     options, kind = inputs.options, inputs.options.as_
-    spec = instruments.SPECS[kind]
+    spec = SPECS[kind]
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
     if options.machine and kind != "points":
         spec = spec.with_texts("component", inputs.machine.machine.components)
     known_name("--unit", "value", options.unit, UNITS)
     asks = [(path, inputs.ask(path, "file")) for _, path in inputs.named_files("file")]
-    content = instruments.contract_csv(asks, kind, spec, inputs.note)
+    content = instruments.contract_csv(asks, spec, inputs.note)
     if options.to_csv in (None, STANDARD_OUTPUT):
         return Result(inputs, Listing([content.decode().rstrip("\n")]))
     return Result(inputs, Listing(), files={options.to_csv: content})

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from mtu_cli.cli.options import Option, option_name
 from mtu_cli.files.headers import number
-from mtu_cli.findings import Finding, InputError, error, suggestion
+from mtu_cli.findings import Finding, InputError, collected, error, suggestion
 
 T = TypeVar("T")
 MOST_STEPS = 10_000
@@ -108,7 +108,7 @@ def assignments(
     faults: list[Finding] = []
     for text in texts or ():
         name, _, content = (side.strip() for side in text.partition("=" if "=" in form else ":"))
-        try:
+        with collected(faults.append):
             if not name or not content or not name.isprintable():
                 kind, expected = form, f"{example}, say"
                 raise error("wrong-type", path=option, kind=kind, value=text, expected=expected)
@@ -117,8 +117,6 @@ def assignments(
             if name in result:
                 raise error("appears-twice", what=f"{option} {name}", value=text)
             result[name] = value(name, content)
-        except InputError as fault:
-            faults += fault.findings
     if faults:
         raise InputError(faults)
     return result

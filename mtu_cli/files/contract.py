@@ -8,8 +8,8 @@ takes more than one value to see.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import import_module
@@ -31,7 +31,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mtu_cli.files.source import Source, a_file
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, shown_value
-from mtu_cli.findings import Finding, InputError, error, finding, suggestion
+from mtu_cli.findings import Finding, InputError, collected, error, finding, suggestion
 
 MAX_DEGREE = 9
 """Of a polynomial in position."""
@@ -179,21 +179,16 @@ class Faults:
         value = stands if value is None and not isinstance(stands, (dict, list)) else value
         self.extend([finding(code, value=None if value is None else shown_value(value), **facts)])
 
-    def extend(self, findings: InputError | Iterable[Finding]) -> None:
+    def extend(self, findings: Iterable[Finding]) -> None:
         """Findings that stand here, such as those of an equation."""
         prefix, value = self.document.reached(self.place)
         # A short form stands for keys, or for a list, that the file does not have.
         place = self.document.place(self.place if isinstance(value, dict) else prefix)
-        items = findings.findings if isinstance(findings, InputError) else findings
-        self.findings += [item.at(**place) for item in items]
+        self.findings += [item.at(**place) for item in findings]
 
-    @contextmanager
-    def collected(self) -> Iterator[None]:
+    def collected(self) -> AbstractContextManager[None]:
         """Adds what is raised while an equation here is read; what follows is left out."""
-        try:
-            yield
-        except InputError as fault:
-            self.extend(fault)
+        return collected(lambda item: self.extend([item]))
 
     def unknown(self, name: str, names: Collection[str], what: str = "name") -> None:
         """That `name` is none of the `names`; where there are none at all, what is wrong with

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
 
-from mtu_cli.units import Powers, internal
+from mtu_cli.units import ANY, Powers, internal
 
 POSITIONS = ("x", "y", "z")
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
@@ -18,11 +17,9 @@ _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})
 SENSOR_DEGC = (-60.0, 150.0)
 """No sensor of a machine reads less or more; what a shop is in kelvin is more."""
 NUMBER = internal()
-PLACE = internal(length=1)
-TEMPERATURE = internal(degree=1)
 _DIMENSIONS = (
     dict.fromkeys((*DIRECTIONS, "sequence"), NUMBER)
-    | dict.fromkeys(POSITIONS, PLACE)
+    | dict.fromkeys(POSITIONS, internal(length=1))
     | {"time_min": internal(minute=1)}
 )
 _TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
@@ -54,14 +51,8 @@ def direction_sign(label: str) -> int | None:
     return int(value) if abs(value) == 1.0 and "_" not in plain else None
 
 
-def column_dimensions(name: str) -> Powers | None:
-    """Those of a position or a column of the contract; None for other columns of a user, whatever
+def column_dimensions(name: str) -> Powers:
+    """Those of a position or a column of the contract; any for other columns of a user, whatever
     their names end with: an effect's parameter has its unit for each step of such a column.
     """
-    return TEMPERATURE if is_temperature(name) else _DIMENSIONS.get(name)
-
-
-def own_columns(names: Iterable[str], symbols: Collection[str]) -> dict[str, Powers]:
-    """Units of the columns among the names of an equation; its `symbols` are no columns."""
-    columns = {name: column_dimensions(name) for name in names if name not in symbols}
-    return {name: powers for name, powers in columns.items() if powers is not None}
+    return internal(degree=1) if is_temperature(name) else _DIMENSIONS.get(name, ANY)

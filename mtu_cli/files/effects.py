@@ -326,10 +326,9 @@ def _check_equation(
         raise InputError(faults)
     # Numbers of the data are written as literals, which have no unit.
     number = {name: 1.0 for name in names(tree) if name in searched or number_of(name)}
-    columns = {CHOSEN: NUMBER}
-    for name in names(tree).keys() - {*parameters, *number}:
-        if (powers := column_dimensions(filled(name, STAND_INS))) is not None:
-            columns[name] = powers
+    data_names = names(tree).keys() - {*parameters, *number}
+    columns = {name: column_dimensions(filled(name, STAND_INS)) for name in data_names}
+    columns |= {CHOSEN: NUMBER}
     units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
     form = linear_form(tree, parameters)
     check_dimension(filled_tree(tree, number), internal(LENGTH), {}, units, columns)

@@ -125,11 +125,6 @@ class Place(Contract):
             return self.known and self.nominal_mm is not None
         return self.kind == "constant" and self.value is not None
 
-    @property
-    def stated(self) -> set[str]:
-        """The keys that it has, with a value."""
-        return {key for key in self.model_fields_set if getattr(self, key) is not None}
-
 
 class Transition(Contract):
     """A step: what it does, from which places, to which."""

@@ -4,13 +4,13 @@ declared effects, and what a machine may not say.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from mtu_cli.files.contract import (
     MAX_DEGREE,
@@ -29,18 +29,17 @@ from mtu_cli.files.contract import (
     optional,
     present,
     short,
-    wrong,
 )
 from mtu_cli.files.covariates import (
     COVARIATES,
     POSITIONS,
     SENSOR_DEGC,
+    column_dimensions,
     is_covariate,
     is_temperature,
-    own_columns,
 )
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
-from mtu_cli.findings import Finding, counted, finding, suggestion
+from mtu_cli.findings import Finding, counted, finding
 from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS, Unit, internal, plain_unit
@@ -51,15 +50,7 @@ STEEPEST = 1e6
 """Of a thermal gradient, per degC in any unit: its square must not overflow."""
 
 
-def _unit_of(units: Collection[str]) -> AfterValidator:
-    def check(text: str) -> str:
-        if (unit := plain_unit(text)) not in units:
-            raise wrong(code="unknown-name", what="unit", **suggestion(text, units))
-        return unit
-
-    return AfterValidator(check)
-
-
+PLAIN_UNIT = BeforeValidator(lambda x: plain_unit(x) if isinstance(x, str) else x)
 RISING = must(
     lambda values: all(before < after for before, after in pairwise(values)),
     "the lowest first: positions that rise",
@@ -69,10 +60,8 @@ Numbers = Annotated[list[Number], Field(min_length=1)]
 Matrix = list[list[Number]]
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Range = Annotated[Pair, must(lambda ends: ends[0] <= ends[1], "the lower end first")]
-UnitName = Annotated[str, _unit_of(UNITS), Field(json_schema_extra={"enum": list(UNITS)})]
-ParameterUnitName = Annotated[
-    str, _unit_of(PARAMETER_UNITS), Field(json_schema_extra={"enum": list(PARAMETER_UNITS)})
-]
+UnitName = Annotated[Literal[*UNITS], PLAIN_UNIT]  # type: ignore[valid-type]
+ParameterUnitName = Annotated[Literal[*PARAMETER_UNITS], PLAIN_UNIT]  # type: ignore[valid-type]
 EquationText = Annotated[str, short(is_number, repr, str | float)]
 """An equation may be a bare number: `Ez: 0`."""
 Equations = Annotated[dict[EquationName, EquationText], Field(min_length=1)]
@@ -356,12 +345,6 @@ class LoadedMachine(Loaded):
     forms: dict[str, LinearForm]
     effect_forms: tuple[dict[str, LinearForm], ...]
 
-    @property
-    def used(self) -> set[str]:
-        """The components that stand in an equation."""
-        groups = (self.forms, *self.effect_forms)
-        return {name for group in groups for form in group.values() for name in form.coefficients}
-
 
 def load_machine(path: Path) -> LoadedMachine:
     """Reads and checks a machine file.
@@ -397,15 +380,17 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
 
 def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
     """Components and parameters that no equation holds, or that count as exactly known."""
+    groups = (loaded.forms, *loaded.effect_forms)
+    used = {name for group in groups for form in group.values() for name in form.coefficients}
     for name, item in loaded.machine.components.items():
         place = loaded.place("components", name)
         figures = [key for key in NEEDS_COEFFICIENTS if getattr(item, key) is not None]
-        if name not in loaded.used:
+        if name not in used:
             yield finding("unused", what="component", name=name, **place)
         if item.coefficients is None and figures:
             facts = {"what": "figures", "names": figures, "reason": "there are no coefficients"}
             yield finding("not-used", **facts, **place)
-        elif item.coefficients is not None and not figures and name in loaded.used:
+        elif item.coefficients is not None and not figures and name in used:
             yield finding("no-uncertainty", names=[name], **place)
     for index, effect in enumerate(loaded.machine.effects):
         symbols = {name for text in effect.equations.values() for name in names(parse(text))}
@@ -491,6 +476,7 @@ def _linear_forms(
     powers |= {name: UNITS[item.unit].powers for name, item in machine.components.items()}
     powers |= {name: internal(unit.dimension) for name, unit in units.items()}
     linear = {*components, *units}
+    known = linear.union(constants)
     forms: dict[str, LinearForm] = {}
     for key, text in entry.equations.items():
         with faults.at(*steps, "equations", key).collected():
@@ -498,7 +484,7 @@ def _linear_forms(
             check_known(node, [*symbols, *filter(is_covariate, names(node))])
             form = linear_form(node, linear)
             # A component has no unit per kelvin or step of a column: beside one any may be meant.
-            columns = own_columns(names(node), linear.union(constants))
+            columns = {name: column_dimensions(name) for name in names(node).keys() - known}
             check_dimension(node, internal(LENGTH), powers, units, columns)
             forms[key] = form
     return forms

@@ -45,27 +45,22 @@ class Readings(Measured):
     """Measured readings of all files.
 
     `components[code[i]]` is read; `position_mm` is nan where the component has no axis (a position
-    given there has no meaning and is ignored); `error` in mm or rad, read in the `unit`-th of UNITS
-    (None where the readings were made, not read), as its `dimension` (the exponent of length) says;
-    `pass_number` counts where `has_pass`, else -1; `direction` is +1, -1, or 0 where not given;
-    `cycles[cycle[i]]`, -1 where not given; `roles[file_index[i]]` is the role of its file.
+    given there has no meaning and is ignored); `error` in mm or rad, read in the `unit`-th of
+    UNITS, as its `dimension` (the exponent of length) says; `pass_number` counts where `has_pass`,
+    else -1; `direction` is +1, -1, or 0 where not given; `cycles[cycle[i]]`, -1 where not given.
     """
 
     components: tuple[str, ...]
     code: Ints
     position_mm: Floats
     error: Floats
+    unit: NDArray[np.int8]
     dimension: NDArray[np.int8]
     pass_number: Ints
     has_pass: Flags
     direction: NDArray[np.int8]
     cycles: tuple[str, ...]
     cycle: Ints
-    roles: tuple[str, ...]
-    unit: NDArray[np.int8] | None = None
-
-    def __len__(self) -> int:
-        return len(self.code)
 
 
 def read_readings(
@@ -197,7 +192,6 @@ def _readings(table: Table, components: Components | None) -> Readings:
         direction=np.nan_to_num(table.number("direction")).astype(np.int8),
         cycles=cycles,
         cycle=cycle,
-        roles=tuple(source.role for source in table.sources),
         **table.fields(READINGS),
     )
 
@@ -227,9 +221,6 @@ class Points(Measured):
     repeat: Ints
     sequence: Ints
     direction: Floats
-
-    def __len__(self) -> int:
-        return len(self.part)
 
 
 def read_points(

@@ -36,7 +36,7 @@ from mtu_cli.files.machine import (
 )
 from mtu_cli.files.source import Source, check_text, read_source
 from mtu_cli.files.yaml_file import YamlDocument
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.findings import Finding, InputError, collected, error
 
 MAX_BYTES = 1 << 30
 _OR_NULL = BeforeValidator(lambda value: nan if value is None else value)
@@ -270,16 +270,13 @@ def read_reports(paths: Iterable[Path]) -> ModelReports:
     """
     findings, reports = list[Finding](), dict[str, Any]()
     for path in paths:
-        try:
+        with collected(findings.append):
             report = read_report(path)
-        except InputError as fault:
-            findings += fault.findings
-            continue
-        kind = report.source.role
-        if (first := reports.setdefault(kind, report)) is not report:
-            names = [first.source.shown, report.source.shown]
-            facts = {"names": names, "expected": f"one {kind} report at most"}
-            findings.append(finding("exclusive", file=report.source.shown, **facts))
+            kind = report.source.role
+            if (first := reports.setdefault(kind, report)) is not report:
+                names = [first.source.shown, report.source.shown]
+                facts = {"names": names, "expected": f"one {kind} report at most"}
+                raise error("exclusive", file=report.source.shown, **facts)
     if findings:
         raise InputError(findings)
     return ModelReports(**reports)

@@ -173,11 +173,9 @@ def _written(value: Any, indent: str, place: str) -> str:
             for key, item in value.items()
         ]
         return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
-    value = value.tolist() if hasattr(value, "tolist") else value
     try:
-        compound = (Mapping, list, tuple)
         items = value if isinstance(value, (list, tuple)) else ()
-        if any(isinstance(x, compound) or getattr(x, "ndim", 0) > 0 for x in items):
+        if any(isinstance(item, (Mapping, list, tuple)) for item in items):
             return "[\n" + ",\n".join(deeper + _compact(item) for item in value) + f"\n{indent}]"
         return _compact(value)
     except (TypeError, ValueError) as fault:
@@ -185,15 +183,7 @@ def _written(value: Any, indent: str, place: str) -> str:
 
 
 def _compact(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, default=_plain)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return dict(value)
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"JSON cannot hold a {type(value).__name__}")
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
 @contextmanager

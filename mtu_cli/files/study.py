@@ -21,14 +21,13 @@ from mtu_cli.files.contract import (
     optional,
     present,
 )
+from mtu_cli.files.machine import UnitName
 from mtu_cli.files.source import near_name, resolved, same
 from mtu_cli.files.yaml_file import read_yaml
-from mtu_cli.units import UNITS
 
 STUDY_NAME = "mtu.yaml"
 FROM_HERE = "a path from the folder of the study, or a whole one"
-SINGLE = ("machine", "part")
-SEVERAL = ("components", "lbb", "laser", "cmm", "drift")
+FILES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift")
 MAX_COVERAGE = 100.0
 MAX_TRIALS = 10_000_000_000
 """Ten thousand million: an hour of Monte Carlo. More is a slip of the keyboard."""
@@ -47,7 +46,7 @@ class Instrument(Contract):
 
     file: FileName
     component: Name | None = optional("The component that it reads")
-    unit: Literal[*UNITS] | None = optional("Unit of readings without one")  # type: ignore[valid-type]
+    unit: UnitName | None = optional("Unit of readings without one")
     decimal: Literal[".", ","] | None = optional("Decimal sign, where the file leaves it open")
     directions: Literal["alternate", "forward", "reverse"] | None = optional(
         "Directions of runs, where the file leaves them open"
@@ -161,9 +160,9 @@ def load_study(
     instruments: dict[Path, Instrument] = {}
 
     def check(study: Study, faults: Faults) -> None:
-        for key in (*SINGLE, *SEVERAL):
+        for key in FILES:
             entry = getattr(study, key)
-            items = present(entry) if key in SEVERAL else [(0, entry)] if entry else []
+            items = present(entry if isinstance(entry, list) else [entry])
             instruments.update((folder / x.file, x) for _, x in items if isinstance(x, Instrument))
             names = [(i, x.file if isinstance(x, Instrument) else x) for i, x in items]
             if names:

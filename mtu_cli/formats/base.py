@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 from mtu_cli.files.csv_file import GZIP, Converted, inflated
-from mtu_cli.files.headers import CellFaults, Decimal, number
+from mtu_cli.files.headers import POINTS, READINGS, CellFaults, Decimal, number
 from mtu_cli.files.source import MARKS, Source, read_source
 from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 from mtu_cli.units import UNITS, plain_unit
@@ -24,6 +24,7 @@ CODE_PAGES = ("utf-8-sig", "cp1252", "gbk")
 MOJIBAKE = {"\u00c2\u00b0": "\u00b0", "\u00c2\u00b5": "\u00b5", "\u00ce\u00bc": "\u00b5"}
 """UTF-8 that was once read as cp1252 and saved again."""
 MAX_BYTES = 200_000_000
+SPECS = {"readings": READINGS, "drift": READINGS, "points": POINTS}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,11 +41,6 @@ class RawFile:
         """Lines by line feeds alone: other separators may stand inside names and records."""
         text = self.text if "\n" in self.text else self.text.replace("\r", "\n")
         return [line.removesuffix("\r") for line in text.split("\n")]
-
-    @cached_property
-    def head(self) -> str:
-        """The beginning, as far as formats are recognised by it."""
-        return self.text[:4000]
 
     @cached_property
     def xml(self) -> ElementTree.Element | None:
@@ -82,14 +78,17 @@ class Ask:
 
 
 @dataclass(kw_only=True)
-class Imported:
-    """What a file holds: columns of the contract's CSV, one entry a row, whose line in the file is
-    `rows`; `headings` of columns in the file. `says` how it was understood, `left_out` what is not
-    in the columns with its count, `doubts` what ought to be looked at, `facts` what `mtu inspect`
-    shows.
+class Import:
+    """What a file holds, and what the caller asks of it: columns of the contract's CSV, one entry a
+    row, whose line in the file is `rows`; `headings` of columns in the file. `says` how it was
+    understood, `left_out` what is not in the columns with its count, `doubts` what ought to be
+    looked at, `facts` what `mtu inspect` shows; all `faults` are reported before anything is made
+    of what is sound.
     """
 
     format: str
+    file: RawFile
+    ask: Ask
     kind: str = "readings"
     columns: dict[str, list[Any]] = field(default_factory=dict)
     rows: list[int] = field(default_factory=list)
@@ -98,6 +97,7 @@ class Imported:
     doubts: list[str] = field(default_factory=list)
     left_out: dict[str, int] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
+    faults: CellFaults = field(default_factory=CellFaults)
 
     def add(self, row: int, **cells: Any) -> None:
         """One more row; a cell that is not given is empty."""
@@ -116,7 +116,7 @@ class Imported:
         """Counts the passes and cycles of each component on from the `last` of earlier files, by
         component and column, and keeps its own there.
         """
-        for name in ("pass", "cycle"):
+        for name in () if self.kind == "points" else ("pass", "cycle"):
             cells, components = self.columns.get(name, []), self.columns.get("component", [])
             values = {i: number(str(cell), ".") for i, cell in enumerate(cells)}
             whole = {i: int(x) for i, x in values.items() if x is not None and x.is_integer()}
@@ -139,29 +139,15 @@ class Imported:
         parts = [f"{len(self.rows)} {kind}", f"left out: {omissions or 'nothing'}", *self.says]
         return f"{self.format}: {'; '.join(parts)}"
 
-    def csv(self, order: Sequence[str] = ()) -> str:
-        """The contract's CSV; numbers to the last digit."""
-        names = [x for x in dict.fromkeys((*order, *self.columns)) if x in self.columns]
+    def converted(self) -> Converted:
+        """The contract's CSV, numbers to the last digit, for the reader of that."""
+        order = (*SPECS[self.kind].columns, *self.columns)
+        names = [name for name in dict.fromkeys(order) if name in self.columns]
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")  # floats in full, None as nothing
         writer.writerow(names)
         writer.writerows(zip(*(self.columns[name] for name in names), strict=True))
-        return out.getvalue()
-
-    def converted(self, order: Sequence[str]) -> Converted:
-        """The same for the reader of that CSV."""
-        return self.csv(order).encode(), self.rows, self.headings
-
-
-@dataclass(kw_only=True)
-class Import(Imported):
-    """A file while it is read, what the caller says of it, and its faults: all of them are reported
-    before anything is made of what is sound.
-    """
-
-    file: RawFile
-    ask: Ask
-    faults: CellFaults = field(default_factory=CellFaults)
+        return out.getvalue().encode(), self.rows, self.headings
 
     def fault(self, code: str, **facts: Any) -> None:
         """One more fault of the file."""
@@ -217,7 +203,7 @@ class Import(Imported):
 
 class Format(NamedTuple):
     """One entry of the registry: what recognises a file, and reads it; it `gives` readings, points,
-    drift, or features that are shown and not imported.
+    drift, features that are shown and not imported, or "": it is the contract's CSV already.
     """
 
     name: str

@@ -17,7 +17,7 @@ TIME = re.compile(r"\s*(time|zeit|date|datum|timestamp|date.?time|elapsed)\b", r
 PER_MINUTE = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
 _DATE = re.compile(
     r"(\d{1,4})([-./])(\d{1,2})\2(\d{1,4})[ T]"
-    r"(\d\d?):(\d\d)(?::(\d\d)(?:[.,](\d+))?)?(Z|[+-]\d\d:?\d\d)?"
+    r"(\d\d?)(:\d\d(?::\d\d(?:[.,]\d+)?)?)(Z|[+-]\d\d:?\d\d)?"
 )
 
 
@@ -125,15 +125,11 @@ def _times(columns: Columns) -> tuple[str, list[Any]]:
         try:
             if match is None:
                 raise ValueError
-            a, b, c = (int(match[n]) for n in (1, 3, 4))
-            year, month, day = (
-                (a, b, c)
-                if len(match[1]) == 4
-                else ((c, b, a) if day_first or match[2] != "/" else (c, a, b))
-            )
-            micro = int((match[8] or "0")[:6].ljust(6, "0"))
-            clock = int(match[5]), int(match[6]), int(match[7] or 0), micro
-            times.append(datetime(year, month, day, *clock).isoformat() + (match[9] or ""))
+            a, b, c, hour = (match[n].zfill(2) for n in (1, 3, 4, 5))
+            date = f"{c:0>4}-{b}-{a}" if day_first or match[2] != "/" else f"{c:0>4}-{a}-{b}"
+            date = f"{a}-{b}-{c}" if len(a) == 4 else date
+            time = datetime.fromisoformat(f"{date}T{hour}{match[6]}")
+            times.append(time.isoformat() + (match[7] or ""))
         except ValueError:
             result.bad_cell(row.line, name, row.cells[0], "a date and time")
     return "time", times

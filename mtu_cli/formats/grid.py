@@ -12,8 +12,8 @@ from mtu_cli.files.headers import Decimal
 from mtu_cli.files.headers import number as plain_number
 from mtu_cli.formats.base import Import
 
-SEPARATORS = (";", "\t", "|", ",", " ")
 NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
+"""Of separators, in the order in which they are tried."""
 SAMPLE = 400
 """Lines that a separator is chosen by."""
 _NUMBER = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?")
@@ -37,12 +37,6 @@ class Grid(NamedTuple):
     separator: str
     rows: list[Row]
     comments: int = 0
-
-    @property
-    def width(self) -> int:
-        """The number of cells that most rows have."""
-        counts = Counter(len(row.cells) for row in self.rows)
-        return max(counts, key=lambda n: (counts[n], n), default=0)
 
 
 def grid_of(lines: Sequence[str], first: int = 1, separator: str | None = None) -> Grid:
@@ -71,7 +65,7 @@ def split(line: str, separator: str) -> list[str]:
 def separator_of(lines: Sequence[str]) -> str:
     """The separator that gives most lines the same number of cells, two or more."""
     best, count = " ", 0
-    for sign in SEPARATORS:
+    for sign in NAMES:
         counts = Counter(len(split(line, sign)) for line in lines)
         counts.pop(1, None)
         counts.pop(0, None)

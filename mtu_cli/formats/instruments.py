@@ -12,38 +12,19 @@ from pathlib import Path
 from typing import Any
 
 from mtu_cli.files.csv_file import GZIP, Convert, Converted, read_tables
-from mtu_cli.files.headers import POINTS, READINGS, CellFaults, Decimal, TableSpec, header_names
+from mtu_cli.files.headers import CellFaults, Decimal, TableSpec, header_names
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding, InputError, listed, nearest, shorten
-from mtu_cli.formats.base import (
-    Ask,
-    Format,
-    Import,
-    Imported,
-    RawFile,
-    local,
-    of_content,
-    raw_file,
-)
+from mtu_cli.findings import Finding, InputError, collected, listed, nearest, shorten
+from mtu_cli.formats.base import SPECS, Ask, Format, Import, RawFile, local, of_content, raw_file
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
 MODULES = ("renishaw", "ecmc", "points", "channels", "wide")
 """From the surest to the least sure: the first that recognises a file reads it."""
-KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), "readings") | {
-    "drift": "drift",
-    "cmm": "points",
-}
-SPECS = {"readings": READINGS, "drift": READINGS, "points": POINTS}
-CONTRACT = "contract-csv"
+Report = Callable[[Import], None]
+"""Hands on how a file was understood."""
 HEAD = 1 << 16
 LISTED = 40
 """Element paths of an XML file that the table shows; the report has all."""
-
-
-def registry() -> Iterator[Format]:
-    """All formats; a module is imported when its turn comes."""
-    for name in MODULES:
-        yield from import_module(f"mtu_cli.formats.{name}").FORMATS
 
 
 def header_of(content: bytes) -> list[str]:
@@ -58,12 +39,31 @@ def is_contract(content: bytes) -> bool:
     return bool(header & columns) or len(header & {"part", "feature", "repeat", "unit", "pass"}) > 1
 
 
+def read_contract(result: Import) -> None:
+    """What is shown of the contract's own CSV."""
+    grid = grid_of(result.file.lines)
+    result.rows = [row.line for row in grid.rows[1:]]
+    result.facts = {"columns": grid.rows[0].cells, "separator": NAMES[grid.separator]}
+    result.drop("comment lines", grid.comments)
+
+
+CONTRACT = Format("contract-csv", "columns of the contract", "",
+                  lambda file: is_contract(file.content), read_contract)  # fmt: skip
+
+
+def registry() -> Iterator[Format]:
+    """All formats; a module is imported when its turn comes."""
+    yield CONTRACT
+    for name in MODULES:
+        yield from import_module(f"mtu_cli.formats.{name}").FORMATS
+
+
 def identify(file: RawFile) -> Format | None:
-    """The format of a file that is not the contract's CSV, or None."""
+    """The format of a file, or None."""
     return next((entry for entry in registry() if entry.sniff(file)), None)
 
 
-def read(file: RawFile, ask: Ask) -> Imported:
+def read(file: RawFile, ask: Ask) -> Import:
     """What an instrument's file holds; raises InputError for what fits no format, or is at fault
     within its own.
     """
@@ -72,13 +72,14 @@ def read(file: RawFile, ask: Ask) -> Imported:
 
         kind = str(ask.kind if ask.kind in SPECS else "readings")
         result = Import(format="table", kind=kind, file=file, ask=ask)
-        read_with(result, SPECS[kind])
+        read_with(result)
         return result
     entry = identify(file)
     if entry is None:
         raise unknown(file)
     if ask.kind in SPECS and ask.kind != entry.gives:
-        kind = f"{entry.title} ({entry.name}), which gives {entry.gives}"
+        use = f"gives {entry.gives}" if entry.gives else "needs no import"
+        kind = f"{entry.title} ({entry.name}), which {use}"
         raise file.error("other-table", kind=kind, expected=str(ask.kind))
     result = Import(format=entry.name, kind=entry.gives, file=file, ask=ask)
     try:
@@ -104,14 +105,12 @@ def unknown(file: RawFile) -> InputError:
         description += "".join(f" | {shorten(line.strip(), 40)}" for line in lines[:3])
     names = [entry.name for entry in registry()]
     suffix = file.source.path.suffix[1:]
-    likely = [*nearest(suffix, names), "wide", CONTRACT] if suffix else ["wide", CONTRACT]
-    expected = f"{listed(likely)}, or a --map profile (mtu help instruments)"
+    likely = listed([*(nearest(suffix, names) if suffix else ()), "wide", CONTRACT.name])
+    expected = f"{likely}, or a --map profile (mtu help instruments)"
     return file.error("fits-no-format", seen=description, expected=expected)
 
 
-def converter(
-    ask_of: Callable[[Path, str], Ask], report: Callable[[RawFile, Imported], None]
-) -> Convert:
+def converter(ask_of: Callable[[Path, str], Ask], report: Report) -> Convert:
     """For the reader of the contract's CSV: what an instrument's file is as such a CSV; None of
     what is a CSV already, or may be meant as one.
     """
@@ -133,60 +132,34 @@ def converter(
         if ask.profile is None and identify(file) is None:
             return None
         result = read(file, ask)
-        if not contract and result.kind != "points":
+        if not contract:
             result.count_on(last)
-        report(file, result)
-        return result.converted(list(SPECS[result.kind].columns))
+        report(result)
+        return result.converted()
 
     return convert
 
 
-def contract_rows(file: RawFile) -> Imported:
-    """What the contract's own CSV holds, for `mtu inspect`."""
-    grid = grid_of(file.lines)
-    names = grid.rows[0].cells if grid.rows else []
-    result = Imported(format=CONTRACT, rows=[row.line for row in grid.rows[1:]])
-    result.kind = "points" if {"part", "x_mm"} & {*names} else "readings"
-    result.facts = {"columns": names, "separator": NAMES[grid.separator]}
-    result.drop("comment lines", grid.comments)
-    return result
-
-
-def contract_csv(
-    asks: Iterable[tuple[Path, Ask]],
-    kind: str,
-    spec: TableSpec,
-    report: Callable[[RawFile, Imported], None],
-) -> bytes:
+def contract_csv(asks: Iterable[tuple[Path, Ask]], spec: TableSpec, report: Report) -> bytes:
     """One CSV of the contract with the rows of all files, checked by its reader; passes and cycles
     are counted on from file to file. Of each file how it was understood is reported.
 
     Raises InputError with the faults of all files.
     """
-    files, tables = list[tuple[Path, str]](), list[Imported]()
-    faults, last = CellFaults(), dict[tuple[object, str], int]()
+    tables, faults, last = list[Import](), CellFaults(), dict[tuple[object, str], int]()
     for path, ask in asks:
-        try:
-            file = raw_file(path, "file")
-            if is_contract(file.content) and not ask.profile:
-                raise file.error("other-table", kind="the contract's CSV already")
-            table = read(file, ask)
-        except InputError as fault:
-            for each in fault.findings:
-                faults.add(each)
-            continue
-        report(file, table)
-        if kind != "points":
+        with collected(faults.add):
+            table = read(raw_file(path, "file"), ask)
+            report(table)
             table.count_on(last)
-        tables.append(table)
-        files.append((path, "file"))
+            tables.append(table)
     # All files have the columns of all: what is read of each is what the one CSV holds of it.
     names = dict.fromkeys(name for table in tables for name in table.columns)
     for table in tables:
         table.columns = {x: table.columns.get(x) or [None] * len(table.rows) for x in names}
-    parts = [table.converted([*spec.columns]) for table in tables]
-    if files:
-        rest = iter(parts)
+    parts = [table.converted() for table in tables]
+    if tables:
+        rest, files = iter(parts), [(table.file.source.path, "file") for table in tables]
         read_tables(files, spec, faults, lambda source, content: next(rest), parts=True)
     faults.raise_if_any()
     bodies = [content.partition(b"\n")[2] for content, *_ in parts[1:]]
@@ -199,21 +172,19 @@ def inspection(file: RawFile, decimal: Decimal | None) -> dict[str, Any]:
 
     Raises InputError for what fits no format and is no XML.
     """
-    result, title, faults, gives = Imported(format="xml"), "XML", list[Finding](), list[str]()
-    if is_contract(file.content):
-        result, title = contract_rows(file), "columns of the contract"
-    elif entry := identify(file):
-        title, gives, result = entry.title, [entry.gives], Imported(format=entry.name)
-        try:
-            result = read(file, Ask(kind="inspect", decimal=decimal))
-        except InputError as fault:
-            faults = list(fault.findings)
-    elif file.xml is None:
+    entry, faults = identify(file), list[Finding]()
+    if entry is None and file.xml is None:
         raise unknown(file)
+    name, title, gives, *_ = entry or ("xml", "XML", "")
+    ask = Ask(kind="inspect", decimal=decimal)
+    result = Import(format=name, file=file, ask=ask)
+    if entry:
+        with collected(faults.append):
+            result = read(file, ask)
     return {
-        "format": result.format,
+        "format": name,
         "title": title,
-        "importable_as": gives,
+        "importable_as": [gives] if gives else [],
         "code_page": file.encoding,
         "rows": len(result.rows),
         "facts": result.facts,

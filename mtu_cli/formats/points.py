@@ -274,7 +274,7 @@ FORMATS = (
     Format("dfq", "Q-DAS AQDEF", "points",
            lambda file: file.text.lstrip().startswith("K0100"), read_dfq),
     Format("qif", "QIF results", "points",
-           lambda file: "QIFDocument" in file.head and file.xml is not None, read_qif),
+           lambda file: "QIFDocument" in file.text[:4000] and file.xml is not None, read_qif),
     Format("pcdmis-text", "PC-DMIS text report", "points",
            lambda file: bool(re.search(r"^[ \t]*AX\b.*MEAS", file.text, re.M)), read_pcdmis),
     Format("calypso", "Calypso table of characteristics", "points",

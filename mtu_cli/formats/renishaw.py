@@ -6,12 +6,14 @@ deviations mrad), whose sections end in ``::``, keys and blanks varying; the dyn
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from mtu_cli.formats.base import Format, Import, Imported, RawFile, local
+from mtu_cli.formats.base import Format, Import, RawFile, local
 from mtu_cli.formats.grid import number
 
+HEAD = 4000
+"""Characters by which a file is recognised."""
 UNITS = {"rtl": "um", "rta": "mrad"}
 NO_SENSOR = -10.0
 SHOWN = ("HEADER", "USER-TEXT", "ENVIRONMENT")
@@ -31,10 +33,9 @@ Lines = list[tuple[int, str]]
 
 def _kind(file: RawFile) -> str | None:
     """Rtl or rta; None of a file without the sections of a run."""
-    match = re.search(r"File type\s*:\s*(rt[la])\b", file.head, re.IGNORECASE)
-    if not re.search(r"^\s*HEADER\s*::", file.head, re.M) or not (
-        match or "TARGET DATA" in file.head
-    ):
+    head = file.text[:HEAD]
+    match = re.search(r"File type\s*:\s*(rt[la])\b", head, re.IGNORECASE)
+    if not re.search(r"^\s*HEADER\s*::", head, re.M) or not (match or "TARGET DATA" in head):
         return None
     name = match[1] if match else file.source.path.suffix[1:]
     return "rta" if name.lower() == "rta" else "rtl"
@@ -195,9 +196,8 @@ def read_b5r(result: Import) -> None:
     result.says = ["A and B are first and second axis of the plane; raw samples are not read"]
 
 
-def run_file(data: Imported) -> bytes:
+def run_file(kind: str, columns: Mapping[str, Sequence[Any]]) -> bytes:
     """Readings of one component as a run file, six decimals: the grammar of `read`."""
-    columns, kind = data.columns, data.format
     targets = sorted(set(columns["position_mm"]))
     one_way = set(columns["direction"]) == {"forward"}
     cells = (columns[name] for name in ("pass", "direction", "position_mm", "error"))
@@ -223,8 +223,8 @@ FORMATS = (
     Format("rta", "Renishaw angular or rotary run", "readings", lambda x: _kind(x) == "rta", read),
     Format(
         "rtx", "Renishaw dynamic capture", "features",
-        lambda x: b"CARTO-Dynamic" in x.content[:4000] or bool(
-            b"Sample no" in x.content[:4000] and _SAMPLES.search(x.content[:4000])),
+        lambda x: b"CARTO-Dynamic" in x.content[:HEAD] or bool(
+            b"Sample no" in x.content[:HEAD] and _SAMPLES.search(x.content[:HEAD])),
         read_rtx,
     ),
     Format(

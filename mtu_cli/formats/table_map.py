@@ -19,9 +19,9 @@ from mtu_cli.files.contract import (
     must,
     optional,
 )
-from mtu_cli.files.headers import Column, TableSpec
+from mtu_cli.files.headers import Column
 from mtu_cli.files.yaml_file import read_yaml
-from mtu_cli.formats.base import Import
+from mtu_cli.formats.base import SPECS, Import
 from mtu_cli.formats.grid import Columns, Row, grid_of, number, summary
 from mtu_cli.formats.wide import directed
 from mtu_cli.units import UNITS, Unit, plain_unit
@@ -106,21 +106,16 @@ class Profile(Contract):
                     faults.at(key, name).unknown(name, columns, "column")
 
 
-def read_profile(source: Path | Mapping[str, Any]) -> Profile:
-    """A checked mapping profile; raises InputError with all its faults."""
-    if not isinstance(source, Path):
-        return Profile(**source)
-    return check_contract(read_yaml(source, "map"), Profile, "import")
-
-
-def read_with(result: Import, spec: TableSpec) -> None:
+def read_with(result: Import) -> None:
     """The table of a file as the profile asked for says; every bad cell at once."""
     import numpy as np
     import pandas as pd
 
     file, ask = result.file, result.ask
-    assert ask.profile is not None
-    profile = read_profile(ask.profile)
+    if isinstance(ask.profile, Path):
+        profile = check_contract(read_yaml(ask.profile, "map"), Profile, "import")
+    else:
+        profile = Profile(**(ask.profile or {}))
     skip, sign = profile.skip_rows, WORDS.get(profile.separator or "", profile.separator)
     grid = grid_of(file.lines[skip:], skip + 1, sign)
     if len(grid.rows) < 2:
@@ -130,7 +125,7 @@ def read_with(result: Import, spec: TableSpec) -> None:
     result.ask = replace(ask, decimal=ask.decimal or profile.decimal)
     cells = Columns(result, header, rows, grid.separator)
     table = pd.DataFrame(profile.constants, index=[row.line for row in rows])
-    columns = {name: spec.column(name) for name in profile.made}
+    columns = {name: SPECS[result.kind].column(name) for name in profile.made}
     columns |= dict.fromkeys(profile.calculated, Column())
     for name in dict.fromkeys([*profile.columns, *profile.operands]):
         index, column = place[name], columns[name]

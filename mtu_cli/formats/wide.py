@@ -6,6 +6,7 @@ then one column a run; directions from the headings. Aerotech's laser text holds
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 
 from mtu_cli.formats.base import Format, Import, RawFile, unit_in
@@ -18,7 +19,6 @@ SUMMARY = re.compile(
     r"mean|average|avg|mittel|std|sigma|stdev|^s$|^b$|reversal|range|max|min", re.I
 )
 """Headings of columns that were calculated from the runs."""
-DIRECTIONS = ("alternate", "forward", "reverse")
 
 
 def numeric_rows(grid: Grid) -> slice | None:
@@ -119,7 +119,8 @@ def read(result: Import, lines: list[str] | None = None) -> None:
     if place is None:
         raise file.error("empty-file", what="table of numbers", expected="targets and runs")
     header_rows, rows = grid.rows[: place.start], grid.rows[place]
-    width = Grid(grid.separator, rows).width
+    counts = Counter(len(row.cells) for row in rows)
+    width = max(counts, key=lambda n: (counts[n], n))
     headings = [row.cells for row in reversed(header_rows) if len(row.cells) == width]
     name_rows = (cells for cells in headings if not cells[0].replace(".", "").isdigit())
     names = next(name_rows, [str(i) for i in range(1, width + 1)])

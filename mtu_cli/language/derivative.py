@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,12 +99,6 @@ def taylor(
         return expansion.of(node), expansion.faults
 
 
-@cache
-def _slope_of(function: str) -> Node:
-    """The derivative of a function, as an equation in u."""
-    return parse(BUDGET_FUNCTIONS[function].slope, BUDGET_FUNCTIONS)
-
-
 def _product(left: FloatArray, right: FloatArray) -> FloatArray:
     series = np.zeros_like(left)
     for i, j, k in _PRODUCTS:
@@ -152,7 +145,7 @@ class _Expansion:
                 result: FloatArray = numpy_function(function)(*parts)
                 return result
         at = float(first[0, 0])
-        slopes = self.slopes(_slope_of(function), at)
+        slopes = self.slopes(parse(BUDGET_FUNCTIONS[function].slope, BUDGET_FUNCTIONS), at)
         if function in KINKS and at == 0.0:
             slopes = [math.nan for _ in slopes]
         return self.chained(f"{function}()", finite_value(function, at), slopes, first, column)

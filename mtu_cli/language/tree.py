@@ -179,10 +179,6 @@ def filled_text(tree: Node, filling: Mapping[str, float | str]) -> str:
     return _TWO_PI.sub(r"\g<1>2*pi*", to_text(filled_tree(tree, filling)))
 
 
-Parts = dict[str, Node]
-"""The coefficient of every linear name, and of "": what holds none."""
-
-
 @dataclass(frozen=True, slots=True)
 class LinearForm:
     """``sum over c of coefficients[c]*c + remainder``; neither part holds a linear name."""
@@ -202,7 +198,8 @@ def linear_form(node: Node, linear: Collection[str]) -> LinearForm:
     return LinearForm(parts, remainder)
 
 
-def _split(node: Node, linear: Collection[str]) -> Parts:
+def _split(node: Node, linear: Collection[str]) -> dict[str, Node]:
+    """The coefficient of every linear name, and of "": what holds none."""
     if not any(name in linear for name in names(node)):
         return {"": node}
     match node:

@@ -34,7 +34,7 @@ from mtu_cli.stats.least_squares import FloatArray, IntArray, polynomial
 from mtu_cli.stats.mixed_model import PassFit, fit_passes, joint_passes
 from mtu_cli.stats.pass_tests import FTest, Shift, lack_of_fit, pass_scatter, pass_trend, reversal
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.units import UNITS, Unit
+from mtu_cli.units import UNITS
 
 TESTS = {
     "drift": "drift between passes",
@@ -134,7 +134,7 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     of several.
     """
     rows = np.flatnonzero(readings.code == readings.components.index(name))
-    roles = np.array(readings.roles)[readings.file_index[rows]]
+    roles = np.array([x.role for x in readings.sources])[readings.file_index[rows]]
     series = [
         _read(readings, rows[roles == role], role, component)
         for role in dict.fromkeys(roles.tolist())
@@ -179,7 +179,7 @@ def _read(readings: Readings, rows: IntArray, role: str, component: Any) -> Inst
         direction=readings.direction[rows].astype(np.float64),
         group=group,
         read=read,
-        rounding=reading_rounding(readings, rows, UNITS[component.unit]),
+        rounding=reading_rounding(readings, rows),
     )
 
 
@@ -215,14 +215,11 @@ def _fitted(name: str, series: InstrumentReadings, degree: int | str | None) -> 
     return InstrumentFit(**vars(series), fit=replace(fit, **fields), profile=profile)
 
 
-def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
+def reading_rounding(readings: Readings, rows: IntArray) -> float:
     """The variance of a reading by its last digit (`stats.resolution`), mm^2 or rad^2, where
     coarsest.
     """
-    unit = np.full(len(rows), list(UNITS).index(stated.name))
-    if readings.unit is not None:
-        unit = readings.unit[rows]
-    files, result = readings.file_index[rows], 0.0
+    files, unit, result = readings.file_index[rows], readings.unit[rows], 0.0
     for file, code in {*zip(files.tolist(), unit.tolist(), strict=True)}:
         values = readings.error[rows[(files == file) & (unit == code)]]
         size = list(UNITS.values())[code].to_internal

@@ -392,7 +392,7 @@ def _table(
         of_part=of_part,
         fitted_degree=degree,
         pass_dof=np.inf if estimate is None else estimate.pass_dof or np.inf,
-        resolution=(float(np.sqrt(12 * reading_rounding(readings, rows, unit))),),
+        resolution=(float(np.sqrt(12 * reading_rounding(readings, rows))),),
     )
 
 

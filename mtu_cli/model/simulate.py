@@ -15,7 +15,7 @@ import numpy as np
 
 from mtu_cli.files.headers import LARGEST_READING
 from mtu_cli.files.part import Circle
-from mtu_cli.findings import InputError, error, suggestion
+from mtu_cli.findings import InputError, error, located, suggestion
 from mtu_cli.language import Node, check_known, evaluate
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
@@ -137,10 +137,8 @@ def _evaluated(
 
     Raises InputError for an unknown name, and for a value that no points file could hold.
     """
-    try:
+    with located(path=option):
         check_known(node, values)
-    except InputError as fault:
-        raise InputError(each.at(path=option) for each in fault.findings) from None
     result = np.broadcast_to(np.asarray(evaluate(node, values), float), values["x"].shape)
     faulty = ~((least <= result) & (result <= most))
     if not faulty.any():

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.simulate import SimulateResult
-from mtu_cli.formats.base import Imported
 from mtu_cli.formats.renishaw import UNITS, run_file
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.simulate import Columns, Sensors
@@ -75,7 +74,7 @@ def _run(readings: Columns) -> str:
     file_format = next(name for name, unit in UNITS.items() if unit == readings["unit"][0])
     ways = np.where(readings["direction"] > 0, "forward", "reverse")
     columns = {name: values.tolist() for name, values in (readings | {"direction": ways}).items()}
-    return run_file(Imported(format=file_format, columns=columns)).decode("cp1252")
+    return run_file(file_format, columns).decode("cp1252")
 
 
 def _comment(sensors: Sensors) -> str:

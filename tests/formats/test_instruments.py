@@ -17,7 +17,7 @@ from fuzz.damage import nudged
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
-from mtu_cli.formats.base import Ask, Imported, of_content
+from mtu_cli.formats.base import Ask, Import, of_content
 from mtu_cli.formats.instruments import converter, read
 from mtu_cli.formats.renishaw import features_of, run_file
 
@@ -30,13 +30,13 @@ def raw(content: bytes | str, name: str = "x.txt") -> Any:
     return of_content(Source(role="laser", path=Path(name), shown=name, sha256=""), content)
 
 
-def profiled(folder: Path, profile: str, text: str, **asked: Any) -> Imported:
+def profiled(folder: Path, profile: str, text: str, **asked: Any) -> Import:
     """A table as a profile reads it."""
     (folder / "map.yaml").write_text(profile)
     return read(raw(text), Ask(kind="readings", profile=folder / "map.yaml", **asked))
 
 
-def rows(found: Imported, *names: str) -> list[tuple[Any, ...]]:
+def rows(found: Import, *names: str) -> list[tuple[Any, ...]]:
     """Some columns of what was read."""
     return list(zip(*(found.columns[name] for name in names), strict=True))
 
@@ -108,12 +108,12 @@ def test_what_is_written_is_read_within_half_a_quantum(kind: str) -> None:
     for _ in range(20):
         targets = np.round(np.sort(rng.uniform(-900, 900, rng.integers(2, 14))), 3)
         ways = ("forward", "reverse") if rng.random() < 0.6 else ("forward",)
-        data = Imported(format=kind)
+        data = Import(format=kind, file=raw(""), ask=ASK)
         for p in range(1, int(rng.integers(2, 5))):
             for way in ways:
                 for x in targets[:: 1 if way == "forward" else -1].tolist():
                     data.add(0, position_mm=x, **{"pass": p}, direction=way, error=rng.normal())
-        found = read(raw(run_file(data), f"x.{kind}"), ASK)
+        found = read(raw(run_file(kind, data.columns), f"x.{kind}"), ASK)
         key = ("position_mm", "pass", "direction")
         assert rows(found, *key) == rows(data, *key)
         apart = np.subtract(found.columns["error"], data.columns["error"])
@@ -370,12 +370,12 @@ def test_headings_in_a_column_of_numbers_are_numbers(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["x.rtl", "wide.csv", "e.dat", "laser.txt"])
 def test_an_instruments_file_reads_as_the_contracts_csv(name: str, tmp_path: Path) -> None:
-    heard = list[Imported]()
-    convert = converter(lambda path, role: ASK, lambda file, found: heard.append(found))
+    heard = list[Import]()
+    convert = converter(lambda path, role: ASK, heard.append)
     path, plain = tmp_path / name, tmp_path / "plain.csv"
     path.write_bytes(made.FILES[name][1])
     direct = read_readings([(path, "laser")], None, for_fit=False, convert=convert)
-    plain.write_text(heard[0].csv())
+    plain.write_bytes(heard[0].converted()[0])
     other = read_readings([(plain, "laser")], None, for_fit=False, convert=convert)
     assert len(heard) == 1
     for field in ("position_mm", "error", "pass_number", "direction", "code"):
@@ -389,11 +389,11 @@ def test_a_csv_of_one_component_leaves_out_what_the_call_says(comma: bool, tmp_p
     text = text.replace(",", ";").replace(".", ",") if comma else text
     (tmp_path / "after.csv").write_text(text, "utf-8")
     files = [(tmp_path / "after.csv", "laser")]
-    convert = converter(lambda path, role: ASK, lambda file, found: None)
+    convert = converter(lambda path, role: ASK, lambda found: None)
     found = read_readings(files, None, for_fit=False, convert=convert)
     assert (found.components, found.error.tolist()) == (("dx_x",), [1.25e-3, -0.5e-3])
     assert (found.direction.tolist(), found.row.tolist()) == ([1, -1], [3, 4])
-    nameless = converter(lambda path, role: Ask(unit="um"), lambda file, found: None)
+    nameless = converter(lambda path, role: Ask(unit="um"), lambda found: None)
     with pytest.raises(InputError, match="column 'component': the column is missing"):
         read_readings(files, None, for_fit=False, convert=nameless)
 

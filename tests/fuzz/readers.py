@@ -29,7 +29,7 @@ from mtu_cli.files.reports_read import read_report
 from mtu_cli.files.source import check_text
 from mtu_cli.files.study import load_study
 from mtu_cli.findings import InputError
-from mtu_cli.formats.base import Ask, Imported, raw_file
+from mtu_cli.formats.base import Ask, Import, raw_file
 from mtu_cli.formats.control import CONTROLLERS
 from mtu_cli.formats.instruments import read
 from mtu_cli.model.effect_library import effect_library
@@ -162,7 +162,7 @@ def _instrument(path: Path, sample: Sample, rng: Random) -> object:
     return found
 
 
-def _check_imported(found: Imported) -> None:
+def _check_imported(found: Import) -> None:
     assert {len(column) for column in found.columns.values()} <= {len(found.rows)}
     errors = [x for x in found.columns.get("error", ()) if x is not None]
     assert np.isfinite(errors).all(), "an error that is no number"

@@ -266,6 +266,7 @@ class _Net:
         nothing against it.
         """
         faults = self.faults.at("places", name)
+        stated = faults.valued_keys()
         if "." in name:
             facts = {"kind": "a name that formulas can use", "expected": name.replace(".", "_")}
             faults.add("wrong-type", value=name, **facts)
@@ -274,7 +275,7 @@ class _Net:
         # Keys of places that no transition makes; a measured one states where it is all the same.
         starts = ("value", "known") if maker == "meas" else ("value", "known", "nominal_mm")
         for key, kinds in KEYS.items():
-            if key not in place.stated:
+            if key not in stated:
                 continue
             if place.kind not in kinds:
                 where = "a " + " or a ".join(kinds)

@@ -69,7 +69,7 @@ def test_readings_of_two_files(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.covariates["note"], [np.nan] * 3 + [7])
     assert found.file_index.tolist() == [0, 0, 0, 1]
     assert found.row.tolist() == [2, 3, 4, 3]
-    assert found.roles == ("lbb", "laser")
+    assert [source.role for source in found.sources] == ["lbb", "laser"]
     assert [source.rows for source in found.sources] == [3, 1]
     assert len(found) == 4
 
@@ -233,7 +233,7 @@ def report_faults(path: Path) -> list[str]:
     [
         ({"pass_covariance": [[1e31]]}, "pass_covariance[0][0]: out of range: '1e+31'"),
         ({"degree": 1e99}, "degree: wrong value: '1e+99'; expected a whole number"),
-        ({"unit": 3}, "unit: wrong value: '3'; expected a text"),
+        ({"unit": 3}, "unit: unknown value: '3'; expected one of: um, mm"),
         (ROW | {"covariance": [[1, 0]]}, "covariance: another size; expected 2 x 2"),
         (ROW | {"covariance": [[1, 500], [0, 1]]}, "covariance: not symmetric"),
         ({"covariance": [[-1.0]]}, "covariance: a variance is negative"),

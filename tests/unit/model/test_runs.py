@@ -173,7 +173,6 @@ def in_files(given: Readings, file: IntArray, *, clock: bool = True) -> Readings
         **{name: getattr(given, name)[order] for name in arrays},
         file_index=file[order],
         sources=sources,
-        roles=("lbb",) * count,
     )
     return found if clock else replace(found, time_min=np.full(len(order), np.nan))
 
