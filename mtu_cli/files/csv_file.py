@@ -33,6 +33,7 @@ from mtu_cli.files.headers import (
     check_header,
     joined,
     number,
+    perhaps_equal,
     stacked,
 )
 from mtu_cli.files.source import Source, check_text, read_source
@@ -107,22 +108,20 @@ def _check_files(table: Table, faults: CellFaults) -> None:
 
 def _check_equal_rows(table: Table, faults: CellFaults, parts: bool) -> None:
     """Rows equal to an earlier one of their CSV, where a pass, a repeat or a time is stated."""
-    import pandas as pd
-
     keys = [*table.numbers.values(), *(column.codes for column in table.texts.values())]
     keys = keys if parts else [*keys, table.file_index]
     flags = [table.has(name) for name in ("pass", "repeat", *EXCLUSIVE)]
-    frame = pd.DataFrame(dict(enumerate(keys)))
-    kind = frame.groupby([*frame], sort=False, dropna=False).ngroup()
-    first = np.unique(kind, return_index=True)[1][kind]
-    is_copy = (first < np.arange(len(first))) & np.logical_or.reduce(flags)
-    for i in np.flatnonzero(is_copy).tolist():
-        original = table.place(first[i])
-        other = f"row {original['row']}"
-        if table.file_index[first[i]] != table.file_index[i]:
-            other += f" of {original['file']}"
-        place = {**table.place(i), "expected": "each row once"}
-        faults.add(finding("copied-rows", other=other, **place))
+    first: dict[tuple[object, ...], int] = {}
+    for i in np.flatnonzero(perhaps_equal(keys) & np.logical_or.reduce(flags)).tolist():
+        cells = tuple(None if key[i] != key[i] else key[i].item() for key in keys)
+        earlier = first.setdefault(cells, i)
+        if earlier != i:
+            original = table.place(earlier)
+            other = f"row {original['row']}"
+            if table.file_index[earlier] != table.file_index[i]:
+                other += f" of {original['file']}"
+            place = {**table.place(i), "expected": "each row once"}
+            faults.add(finding("copied-rows", other=other, **place))
 
 
 # Files.

@@ -324,6 +324,7 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
 MINUTE = 60_000_000
 """In microseconds."""
+ODD, SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 
 class CellFaults:
@@ -556,6 +557,21 @@ def stacked(parts: Sequence[tuple[Ints, Sequence[str]]]) -> Texts:
         index = [labels.setdefault(cell, len(labels)) if cell else -1 for cell in cells]
         codes.append(np.array([*index, -1])[code])
     return Texts(np.concatenate(codes), tuple(labels))
+
+
+def perhaps_equal(columns: Sequence[NDArray[Any]]) -> Flags:
+    """Whether another row may equal each row (n,), over `columns` (n,) of floats or whole numbers.
+
+    Rows are compared by marks of 64 bits: those of unequal rows agree with probability 2^-64. To
+    group them by pandas takes three times as long.
+    """
+    marks = np.zeros(len(columns[0]), np.uint64)
+    for column in columns:
+        # Adding 0 makes -0.0 the 0.0 that it equals.
+        marks = (marks ^ (column + 0).view(np.uint64)) * ODD
+        marks ^= marks >> SHIFT
+    ordered = np.sort(marks)
+    return np.isin(marks, ordered[1:][ordered[1:] == ordered[:-1]])
 
 
 def cell_text(value: object) -> str:
