@@ -503,9 +503,6 @@ def plan(length: float, pitch: float) -> Plan:
     where they fall within it changes by the golden section, so that a cyclic error is seen
     (ISO 230-2:2014, 5.2: P_i = (i - 1) p + r). Raises InputError for a pitch beyond the travel.
     """
-    for option, value in (("--plan", length), ("--pitch", pitch)):
-        if not 0 < value < math.inf:
-            raise error("out-of-range", path=option, value=f"{value:g}", expected="above 0 mm")
     if pitch > length:
         raise error("out-of-range", path="--pitch", value=f"{pitch:g}", expected="below --plan")
     n = max(FEWEST, math.ceil(FEWEST * length / METRE))

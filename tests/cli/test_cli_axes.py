@@ -434,7 +434,7 @@ def test_readings_count_in_any_order_of_the_names(tmp_path: Path) -> None:
         (("--for", "acs", "--component", "pos_x", "--set", "zonne=1"), "did you mean 'zone'"),
         (("--for", "pmac", "--component", "pos_x", *STEP), "--set counts_per_mm="),
         (("--for", "siemens-enc", "--component", "pos_x"), "--step"),
-        (("--for", "acs", "--component", "pos_x", "--feed", "-1"), "above 0"),
+        (("--for", "acs", "--component", "pos_x", "--feed", "-1"), "from 0.001"),
         (("--for", "klipper", "--component", "pos_x"), "no angle between two axes"),
     ],
 )
