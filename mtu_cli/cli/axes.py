@@ -12,6 +12,7 @@ from typing import Any
 from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses import iso230 as positioning
 from mtu_cli.analyses.axis_errors import angle_between, errors_of, known_names, readings_along
+from mtu_cli.analyses.circular import diagnose
 from mtu_cli.cli.analyse import fitted
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
@@ -20,9 +21,13 @@ from mtu_cli.files.readings import PLANES, WAYS, read_traces
 from mtu_cli.files.source import check_text, read_source, report_bytes, shown_path
 from mtu_cli.files.study import InstrumentBudget, load_study
 from mtu_cli.findings import error, listed, located
+from mtu_cli.formats.base import raw_file
 from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
+from mtu_cli.formats.renishaw import features_of
+from mtu_cli.reports.compensate import skew_document
 from mtu_cli.reports.document import envelope
+from mtu_cli.reports.standards import components, stated_document
 from mtu_cli.result import Result
 
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
@@ -88,9 +93,6 @@ def _budget(inputs: Inputs) -> InstrumentBudget | None:
 
 def circular(inputs: Inputs) -> Result:
     """A circular test: figures of its traces and their causes, or the features of a ballbar."""
-    from mtu_cli.analyses.circular import diagnose
-    from mtu_cli.reports import standards as report
-
     options = inputs.options
 
     def words(name: str) -> list[str]:
@@ -122,17 +124,13 @@ def circular(inputs: Inputs) -> Result:
     files = {}
     if target is not None:
         record = envelope("fit-components", inputs=traces.sources, settings=inputs.settings,
-                          results=report.components(result), warnings=result.warnings)  # fmt: skip
+                          results=components(result), warnings=result.warnings)  # fmt: skip
         files[target] = report_bytes(record)
     return Result.reported(inputs, result, files=files)
 
 
 def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Result:
     """The features that a ballbar states, in its own units and with its own signs."""
-    from mtu_cli.formats.base import raw_file
-    from mtu_cli.formats.renishaw import features_of
-    from mtu_cli.reports.standards import stated_document
-
     if inputs.options.write_components:
         expected = "a CSV of traces: the sign of stated features is not known"
         raise error("missing-input", what="a trace", expected=expected)
@@ -208,8 +206,6 @@ def _read(inputs: Inputs, path: Path, reader: Callable[..., Any], *parameters: A
 
 def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
     """The three lengths of Klipper from an angle between two axes, read back."""
-    from mtu_cli.reports.compensate import skew_document
-
     options, quantum = inputs.options, skew_quantum(parameters)
     if options.read:
         angle, name = _read(inputs, options.read, read_skew), shown_path(options.read)

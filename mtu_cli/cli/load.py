@@ -17,7 +17,6 @@ from mtu_cli.cli.options import MADE, ROLES, Options
 from mtu_cli.cli.values import assignments, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import direction_sign
-from mtu_cli.files.csv_file import Convert
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points, Readings, read_points, read_readings
@@ -26,11 +25,10 @@ from mtu_cli.files.source import Source, given_path, resolved, same, shown_path
 from mtu_cli.files.study import STUDY_NAME, Instrument, LoadedStudy, find_study, load_study
 from mtu_cli.files.study import Settings as StudySettings
 from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.formats.base import Ask, Imported, RawFile
+from mtu_cli.formats.instruments import KIND_OF, converter
 from mtu_cli.model.covariates import check_cell
 from mtu_cli.model.settings import Settings
-
-if TYPE_CHECKING:
-    from mtu_cli.formats.base import Ask, Imported, RawFile
 
 T = TypeVar("T")
 KINDS = {
@@ -91,6 +89,8 @@ class Inputs:
         files = [(path, role) for role in KINDS[kind] for path in self.files(role)]
         if not files and kind in NEEDED:
             raise self.missing(f"{NEEDED[kind]} FILE", *KINDS[kind])
+        # Instruments' files are read as the contract's CSV.
+        convert = converter(self.ask, self.note)
         match kind:
             case "machine":
                 return load_machine(files[0][0])
@@ -101,14 +101,14 @@ class Inputs:
             case "points":
                 # Nominals from the part file, without one from the points.
                 places = part.part.places() if (part := self.part_if_any) else None
-                return read_points(files, places, self.converter())
+                return read_points(files, places, convert)
         if not files:
             return None
         of_any = self.options.command in OF_ANY_MACHINE
         for_fit = kind == "readings" and not of_any
         named = self.options.machine if of_any else self.files("machine")
         entries = self.machine.machine.components if for_fit or named else None
-        return read_readings(files, entries, for_fit=for_fit, convert=self.converter())
+        return read_readings(files, entries, for_fit=for_fit, convert=convert)
 
     @cached_property
     def study(self) -> LoadedStudy | None:
@@ -145,17 +145,8 @@ class Inputs:
         paths = (self.options.values.get(name) for name in MADE.get(self.options.command, ()))
         return [path for path in paths if path]
 
-    def converter(self) -> Convert:
-        """Reads instruments' files as the contract's CSV; how they were understood is noted."""
-        from mtu_cli.formats.instruments import converter
-
-        return converter(self.ask, self.note)
-
     def ask(self, path: Path, role: str) -> Ask:
         """What the call, its study and the machine say of an instrument's file."""
-        from mtu_cli.formats.base import Ask
-        from mtu_cli.formats.instruments import KIND_OF
-
         options, study = self.options, self.study
         instrument = (study and study.instruments.get(path)) or Instrument(file="-")
         names = {file: name for name, file in self.named_files(role)}
