@@ -200,16 +200,10 @@ class LengthsResult:
     warnings: tuple[Finding, ...]
 
     @property
-    def conformances(self) -> dict[str, Conformance | JointConformance]:
-        """Of the lengths that have a tolerance, and of the part with all of them."""
-        result: dict[str, Conformance | JointConformance] = {
-            name: item
-            for name, item in zip(self.ids, self.conformance, strict=True)
-            if item is not None
-        }
-        if self.joint_conformance is not None:
-            result["the whole part"] = self.joint_conformance
-        return result
+    def conformances(self) -> dict[str, Conformance]:
+        """Of the lengths that have a tolerance."""
+        pairs = zip(self.ids, self.conformance, strict=True)
+        return {name: item for name, item in pairs if item is not None}
 
 
 def predict_lengths(
