@@ -287,10 +287,10 @@ def compare(
         Q = motion_basis(prediction.points, axes, datum)
         A[:, columns] = partial_out(Q, np.eye(len(Q)))[places]
         of_operation[operation] = prediction, A
-    features, lengths = compared(tables, of_operation, k), None
+    kinds = [compared(tables, of_operation, k)]
     if (table := length_tables(points, visits_of(points), part)) is not None:
         ends = {entry.id: (entry.from_, entry.to) for entry in part.part.lengths}
-        holes, V_p = features.labels, features.one_way.ms_between.tolist()
+        holes, V_p = kinds[0].labels, kinds[0].one_way.ms_between.tolist()
         # Hole variances less a datum are not those of lengths.
         of_holes = dict(zip(holes, V_p, strict=True)) if datum == "none" else {}
         variances = np.full(len(table.labels), np.nan)
@@ -305,16 +305,15 @@ def compare(
             labels = [(operation, name, x) for name in prediction.ids for x in prediction.axes]
             V_holes = np.array([of_holes.get(label, np.nan) for label in labels])
             variances[rows] = paper_length_variance(A, V_holes)
-        lengths = compared(table, of_operation, k, variances)
-    features, lengths = judged(features, lengths)
-    kinds = [features] if lengths is None else [features, lengths]
+        kinds.append(compared(table, of_operation, k, variances))
+    kinds = judged(*kinds)
     if datum != "none" and not complete:
         fitted = "the datum is fitted to the features that a part has"
         facts = {"what": "features of some parts", "names": ["--datum"], "consequence": fitted}
         warnings.append(finding("missing-values", **facts))
     return CompareResult(
-        features=features,
-        lengths=lengths,
+        features=kinds[0],
+        lengths=kinds[1] if kinds[1:] else None,
         datum=datum,
         coverage_factor=k,
         warnings=(*warnings, *notes, *_warnings(part, points, kinds)),
@@ -507,13 +506,13 @@ def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float = in
     return total * (1 + 1 / N)
 
 
-def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Compared | None]:
+def judged(features: Compared, *lengths: Compared) -> list[Compared]:
     """Verdicts at a family-wise rate of 5 % over bias and scatter of features and lengths.
 
     The pooled tests of all features of an operation have JOINT_SHARE of the rate to themselves
     (weighted Bonferroni): among a hundred others they would see no more than these.
     """
-    kinds = [features] if lengths is None else [features, lengths]
+    kinds = [features, *lengths]
     p = np.concatenate([np.stack([kind.p_bias, kind.p_scatter]) for kind in kinds], axis=1)
     share = JOINT_SHARE if features.pooled else 0.0
     adjusted = np.minimum(holm(p.ravel()) / (1 - share), 1.0).reshape(2, -1)
@@ -525,7 +524,7 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
         pooled[name] = each._replace(p=min(p_test, 1.0), verdict=verdict)
     result = list[Compared]()
     of_kinds = np.split(adjusted, [len(features.labels)], axis=1)[: len(kinds)]
-    for kind, p in zip((replace(features, pooled=pooled), *kinds[1:]), of_kinds, strict=True):
+    for kind, p in zip((replace(features, pooled=pooled), *lengths), of_kinds, strict=True):
         bias, scatter = p <= FAMILY_RATE
         under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
         # Parts too few to measure their scatter, but known to scatter more, explain a biased mean.
@@ -537,7 +536,7 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
             for name, (mask, of) in tests.items()
         }
         result.append(replace(kind, p_bias=p[0], p_scatter=p[1], **answers))
-    return result[0], result[1] if lengths is not None else None
+    return result
 
 
 ASIDE = "the points are not compared there, and lengths have no predicted error along it"
