@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.iso230 import places_read
+from mtu_cli.analyses.iso230 import check_places, places_read
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import error, suggestion
@@ -314,9 +314,7 @@ def readings_along(
     """
     rows = _rows(readings, name)
     position = places_read(readings)[0][rows]
-    if np.isnan(position).any():
-        place = readings.place(rows[np.argmax(np.isnan(position))]) | {"column": "position_mm"}
-        raise error("empty-cell", expected="a position", **place)
+    check_places(readings, rows, position)
     group, passes = passes_read(readings, rows, axis)
     direction = readings.direction[rows].astype(np.int64)
     return position, direction, readings.error[rows], passes.runs[group]

@@ -139,12 +139,11 @@ def _check_component(
     table: Table, label: str, inside: Flags, component: Any, faults: CellFaults
 ) -> None:
     """One kind of unit in the rows `inside` (n,), and a position or none, as the machine has them;
-    without a machine drift readings have to be alike.
+    without a machine they have to be alike.
     """
     units, kinds, has_column = table.texts["unit"], _dimensions(table), table.has("position_mm")
     empty = np.isnan(table.number("position_mm"))
     if component is None:
-        inside = inside & table.of_files(lambda file: file.source.role == DRIFT)
         kind = int(np.bincount(kinds[inside & (kinds != UNKNOWN)], minlength=1).argmax())
         why, placed = f"as most readings of {label}", bool((inside & ~empty).any())
         expected = f"a position in all readings of {label!r}, or in none"

@@ -122,7 +122,7 @@ def test_slips_of_a_call_are_one_message(words: str, text: str, laser: Path) -> 
 def test_faulty_files_are_one_message(laser: Path, tmp_path: Path) -> None:
     mixed = laser.read_text("utf-8").replace(",um\n", ",arcsec\n", 1)
     cases = {
-        mixed: "dx_x is a length (mm), not an angle or ratio (rad)",
+        mixed: "dx_x is an angle or ratio (rad), not a length (mm)",
         "component,error,unit\naxy,3,arcsec\n": "no component was read at targets",
     }
     for content, expected in cases.items():
