@@ -255,9 +255,12 @@ def named_parameters(
 
 
 def _table(
-    errors: AxisErrors, direction: str, places: FloatArray | None, frame: Frame,
+    errors: AxisErrors,
+    direction: str,
+    places: FloatArray | None,
+    frame: Frame,
     current: ErrorTable | None,
-) -> ErrorTable:  # fmt: skip
+) -> ErrorTable:
     """The table in machine coordinates, at its targets or at equal steps, with the current one."""
     at, values = frame.places(errors.targets), frame.turned(errors.means)
     if direction == "forward":
