@@ -45,8 +45,6 @@ from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.stats.groups import known_mean
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
-__all__ = ["Analysed", "AnovaResult", "Method", "analyse_variance"]
-
 
 class Total(NamedTuple):
     """All features of an operation along an axis; mm and mm^2, nan where undefined.

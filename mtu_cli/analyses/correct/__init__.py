@@ -84,9 +84,6 @@ class CorrectResult:
         return before, after
 
 
-__all__ = ["CorrectResult", "Size", "correct"]
-
-
 def correct(
     model: MachineModel,
     part: LoadedPart | None,
