@@ -455,12 +455,11 @@ class GridPoint(SimulatedCoordinate):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
     """The grid of one output, and the formula fitted to it, or why there is none; `base` as the
-    file has it. `digits`: those of u that were asked for.
+    file has it.
     """
 
     output: Output
     base: GraphSimulation
-    digits: int
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
     formula: Formula | None
@@ -477,7 +476,8 @@ class Sweep:
         notes = []
         if short := [item for item in self.grid if not item.converged]:
             where = f"at {len(short)} of {len(self.grid)} points of the grid"
-            notes.append(not_converged(max(x.trials for x in short), self.digits, where))
+            trials = max(x.trials for x in short)
+            notes.append(not_converged(trials, self.base.digits, where))
         if self.formula is None:
             notes.append(finding("no-formula", reason=self.no_formula))
         return tuple(notes)
@@ -524,9 +524,8 @@ def sweep_graph(
     # What follows the grid leaves its bar full.
     base = simulate_graph(graph, replace(settings, progress=None), [of])
     return Sweep(
-        output=output, base=base, digits=settings.digits, varied=values, grid=tuple(grid),
-        formula=formula, no_formula=why,
-    )  # fmt: skip
+        output=output, base=base, varied=values, grid=tuple(grid), formula=formula, no_formula=why
+    )
 
 
 def _check(varied: Mapping[str, Sequence[float]]) -> None:

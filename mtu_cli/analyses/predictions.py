@@ -178,7 +178,6 @@ class LengthsResult:
     range of a component. `joint_conformance` is None where fewer than two have a tolerance.
     """
 
-    prediction: Prediction
     ids: tuple[str, ...]
     ends: tuple[tuple[str, str], ...]
     nominal: FloatArray
@@ -255,7 +254,6 @@ def predict_lengths(
             consequence = f"lengths along {axis} ({first}, ...) have no predicted error there"
             missing.append(finding("axis-without-equation", axis=axis, consequence=consequence))
     return LengthsResult(
-        prediction=prediction,
         ids=names,
         ends=ends,
         nominal=np.linalg.norm(delta, axis=1),

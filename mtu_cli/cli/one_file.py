@@ -37,7 +37,7 @@ def budget(inputs: Inputs) -> Result:
     # The report has one factor only where all outputs have the same.
     k = factors.pop() if len(factors) == 1 else math.nan
     inputs.settings = replace(inputs.settings, coverage_factor=k)
-    return Result.reported(inputs, result)
+    return Result.reported(inputs, result, loaded.warnings)
 
 
 def _graph(inputs: Inputs) -> MeasurementGraph:

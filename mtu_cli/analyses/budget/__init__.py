@@ -318,7 +318,7 @@ class BudgetResult:
     """A budget: what is `given`, its inputs with their sources, and its `outputs`.
 
     `run`: one Monte Carlo for all outputs, of intervals for `probability`: where a factor k is
-    given, that of a normal distribution at k. `of_file`: the warnings of the file.
+    given, that of a normal distribution at k.
     """
 
     name: str
@@ -326,7 +326,6 @@ class BudgetResult:
     given: Inputs
     outputs: tuple[OutputBudget, ...]
     run: MonteCarloResult
-    of_file: tuple[Finding, ...] = ()
 
     @property
     def covariance(self) -> FloatArray:
@@ -345,8 +344,8 @@ class BudgetResult:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """All warnings, those of the file first."""
-        result = [*self.of_file, *self.given.findings()]
+        """Those of the inputs first."""
+        result = [*self.given.findings()]
         for item in self.outputs:
             result += item.findings(self.given.u)
         if not self.run.converged:
@@ -418,5 +417,4 @@ def evaluate_budget(
         given=inputs,
         outputs=outputs,
         run=run,
-        of_file=loaded.warnings,
     )
