@@ -4,7 +4,7 @@ bias and one of scatter of every item, the scatter of all features pooled, and t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
@@ -566,14 +566,14 @@ CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], .
 )
 
 
-def _warnings(part: LoadedPart, points: Points, kinds: Sequence[Compared]) -> list[Finding]:
+def _warnings(part: LoadedPart, points: Points, kinds: Sequence[Compared]) -> Iterator[Finding]:
     """What was not compared, and what parts, repeats and predictions are too few for."""
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
     labels = [label for kind in kinds for label in kind.labels]
     lengths = [label for label in labels if not label[2]]
-    result = missing_entries("length", part.part.lengths, lengths)
+    yield from missing_entries("length", part.part.lengths, lengths)
     if missing:
-        result.append(finding("not-measured", names=missing, reason="not among the points"))
+        yield finding("not-measured", names=missing, reason="not among the points")
     for code, condition, facts in CONDITIONS:
         rows = np.concatenate([condition(kind) for kind in kinds])
         if code == "few-parts":
@@ -581,5 +581,4 @@ def _warnings(part: LoadedPart, points: Points, kinds: Sequence[Compared]) -> li
         names = dict.fromkeys(labels[i][1] for i in np.flatnonzero(rows))
         of = {"names": [*names]} if code == "not-estimable" else {"items": some(rows, "items")}
         if names:
-            result.append(finding(code, **of, **facts))
-    return result
+            yield finding(code, **of, **facts)

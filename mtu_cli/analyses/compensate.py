@@ -7,6 +7,7 @@ runs scatters about that by the uncertainty of the means of the first one and by
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -224,7 +225,7 @@ def compensate(
         applied=applied,
         before=before,
         after=after,
-        moves=_moves(errors, applied),
+        moves=tuple(_moves(errors, applied)),
         warnings=tuple(warnings),
     )
 
@@ -286,7 +287,7 @@ def _table(
 
 def _moves(
     errors: AxisErrors, applied: FloatArray, measured: FloatArray | None = None
-) -> tuple[Move, ...]:
+) -> Iterator[Move]:
     """Moves to targets over the whole length, and to those of the largest and least change; or to
     all that were `measured` (2, T), nan elsewhere.
     """
@@ -296,15 +297,13 @@ def _moves(
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
     if errors.read and not errors.blocks:
         u = np.full((2, T), np.nan)
-    result = []
     for way, name in enumerate(WAYS[: errors.ways]):
         stops = indices if measured is None else np.flatnonzero(np.isfinite(measured[way])).tolist()
         for t in sorted(stops, reverse=way == 1):
             e, change = float(errors.means[way, t]), float(applied[way, t])
             reading = None if measured is None else float(measured[way, t])
             place = float(errors.targets[t])
-            result.append(Move(place, name, e, e - change, e + change, float(u[way, t]), reading))
-    return tuple(result)
+            yield Move(place, name, e, e - change, e + change, float(u[way, t]), reading)
 
 
 def verify(
@@ -364,7 +363,7 @@ def verify(
     dof = min((b.dof for b in errors.blocks), default=float(n - 2))
     measured = np.full(applied.size, np.nan)
     measured[places] = np.bincount(index, value)[places] / np.bincount(index)[places]
-    moves = _moves(errors, applied, measured.reshape(2, -1))
+    moves = tuple(_moves(errors, applied, measured.reshape(2, -1)))
     half = coverage_factor(PROBABILITY, dof) * u
     inside = [name for slope, name in VERDICTS.items() if abs(k - slope) <= half]
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
