@@ -20,8 +20,7 @@ from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.model.settings import MOST_TRIALS, Settings, validation_warnings
 from mtu_cli.stats.blocks import Draws, Workspace
 from mtu_cli.stats.covariance import correlation_of, factor_of
-from mtu_cli.stats.coverage import PROBABILITY, welch_satterthwaite
-from mtu_cli.stats.coverage import coverage_factor as quantile_factor
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor, welch_satterthwaite
 from mtu_cli.stats.distributions import (
     NORMAL_DOF,
     Distribution,
@@ -355,16 +354,16 @@ class BudgetResult:
 
 
 def evaluate_budget(
-    loaded: LoadedBudget, settings: Settings, coverage_factor: float | None = None
+    loaded: LoadedBudget, settings: Settings, k: float | None = None
 ) -> BudgetResult:
-    """Evaluates a budget; `coverage_factor` wins over the file's coverage.
+    """Evaluates a budget; the coverage factor `k` wins over the file's coverage.
 
     Raises InputError for correlations that no inputs can have, an equation without a finite
     value at the estimates or in some trials, a factor so small that it covers nothing.
     """
     inputs = inputs_of(loaded)
     first = first_order(loaded, inputs)
-    k = loaded.budget.coverage.k if coverage_factor is None else coverage_factor
+    k = loaded.budget.coverage.k if k is None else k
     stated = loaded.budget.coverage.probability
     probability = PROBABILITY if stated is None else stated
     if k is not None:
@@ -372,7 +371,7 @@ def evaluate_budget(
         probability = min(math.erf(k / math.sqrt(2.0)), LARGEST_PROBABILITY)
     trials = BudgetTrials(loaded.trees, inputs, first)
     factors = [
-        math.nan if math.isnan(x.dof) else quantile_factor(probability, x.dof) for x in first
+        math.nan if math.isnan(x.dof) else coverage_factor(probability, x.dof) for x in first
     ]
 
     def run_to(fraction: float) -> MonteCarloResult:
