@@ -130,6 +130,4 @@ def import_(inputs: Inputs) -> Result:
     known_name("--unit", "value", options.unit, UNITS)
     asks = [(path, inputs.ask(path, "file")) for _, path in inputs.named_files("file")]
     content = instruments.contract_csv(asks, kind, spec, inputs.note)
-    if options.to_csv in (None, STANDARD_OUTPUT):
-        return Result(inputs, Listing([content.decode().rstrip("\n")]))
-    return Result(inputs, Listing(), files={options.to_csv: content})
+    return Result(inputs, Listing(), files={options.to_csv or STANDARD_OUTPUT: content})
