@@ -32,7 +32,7 @@ from mtu_cli.files.headers import (
 from mtu_cli.files.part import Place
 from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.findings import Finding, InputError, counted, error, finding, listed, nearest
-from mtu_cli.units import UM, UNITS, dimension_name
+from mtu_cli.units import UM, UNITS, internal
 
 UNKNOWN = -9
 """For the dimension of a unit that is none."""
@@ -154,9 +154,9 @@ def _check_component(
 
     def of_row(i: int) -> dict[str, Any]:
         unit = units.labels[units.codes[i]]
-        return {"unit": dimension_name(kinds[i]), "value": unit}
+        return {"unit": internal(kinds[i]).text(), "value": unit}
 
-    dimension = dimension_name(kind)
+    dimension = internal(kind).text()
     facts = {"of": label, "wanted": dimension, "expected": f"{dimension}: {why}"}
     bad = inside & (kinds != kind) & (kinds != UNKNOWN)
     faults.cells(table, bad, "unit", of_row, code="wrong-unit", **facts)
