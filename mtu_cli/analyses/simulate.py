@@ -15,7 +15,7 @@ from mtu_cli.files.contract import is_identifier
 from mtu_cli.files.headers import POINTS
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding, InputError, error, listed
+from mtu_cli.findings import Finding, error, listed, located
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.language import Node, parse
 from mtu_cli.model import simulate as virtual
@@ -102,11 +102,8 @@ def equation(option: str, name: str, text: str) -> Node:
     if option == "--covariate" and (name in (*POINTS.columns, *AXES) or not is_identifier(name)):
         place = {"value": name, "expected": "another name, such as T_spindle_degC"}
         raise error("wrong-type", path=option, kind="the name of a further column", **place)
-    try:
+    with located(path=f"{option} {name}", value=text):
         return parse(text)
-    except InputError as fault:
-        place = {"path": f"{option} {name}", "value": text}
-        raise InputError(each.at(**place) for each in fault.findings) from None
 
 
 def _readings(
