@@ -502,8 +502,7 @@ def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float = in
     the scatter of measured lengths: it takes V_p(m) for the part variance and the two ends for
     independent.
     """
-    total: FloatArray = np.where(gradient == 0, 0.0, gradient**2 * holes).sum(axis=-1)
-    return total * (1 + 1 / N)
+    return np.where(gradient == 0, 0.0, gradient**2 * holes).sum(axis=-1) * (1 + 1 / N)
 
 
 def judged(features: Compared, *lengths: Compared) -> list[Compared]:

@@ -108,8 +108,7 @@ class RowErrors:
     def variances(self, prediction: Prediction, A: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Variances (m,) of the measurands A E and their effective degrees of freedom (m,)."""
         if self.independent:
-            total: FloatArray = A**2 @ prediction.independent_variance
-            return total, np.full(len(A), np.inf)
+            return A**2 @ prediction.independent_variance, np.full(len(A), np.inf)
         result = prediction.variance(A)
         # A difference of mean squares may be a little below 0.
         return np.maximum(result.total, 0.0), result.dof
