@@ -188,7 +188,7 @@ def _place(item: Any, command: str, values: dict[str, Any], data: dict[str, Any]
             data["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
         case Result():
             # As if it had been written and read.
-            name = item.command.replace("-", "_").replace(" ", "_")
+            name = item.inputs.options.command.replace("-", "_").replace(" ", "_")
             source = Source(role="components", path=Path(name), shown=name, sha256="")
             report = report_from(source, item.report())
             data["reports"] = ModelReports(**{report.source.role: report})
