@@ -30,6 +30,7 @@ from mtu_cli.cli.values import check_values
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points, Readings
+from mtu_cli.files.reports_read import ModelReports, report_from
 from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.files.study import LoadedStudy, load_study
 from mtu_cli.findings import Finding
@@ -75,14 +76,12 @@ def read_readings(
     kind = next((name for name in OF_READINGS if role in KINDS[name]), None)
     if kind is None:
         raise ValueError(f"role: {role!r} is none of 'lbb', 'laser', 'drift', 'before'")
-    readings: Readings = _read(kind, role, paths, machine=machine)
-    return readings
+    return _read(kind, role, paths, machine=machine)
 
 
 def read_points(paths: Iterable[FilePath], part: LoadedPart | None = None) -> Points:
     """Measured points with the nominal places of `part`, or their own; raises InputError."""
-    points: Points = _read("points", "cmm", paths, part=part)
-    return points
+    return _read("points", "cmm", paths, part=part)
 
 
 def _read(kind: str, role: str, paths: Iterable[FilePath], **objects: Any) -> Any:
@@ -123,8 +122,7 @@ def simulate(*given: Any, make: str = "cmm", **options: Any) -> Result:
         raise ValueError(f"make: {make!r} is none of 'lbb', 'cmm', 'drift'")
     inputs = _inputs("simulate", given, options)
     inputs.options.values[option] = Path(f"{make}.csv")
-    result: Result = analysis_of("simulate")(inputs)
-    return result
+    return analysis_of("simulate")(inputs)
 
 
 def function_of(name: str) -> Callable[..., Result]:
@@ -139,8 +137,7 @@ def function_of(name: str) -> Callable[..., Result]:
 
 
 def _run(command: str, *items: Any, **options: Any) -> Result:
-    result: Result = analysis_of(command)(_inputs(command, items, options))
-    return result
+    return analysis_of(command)(_inputs(command, items, options))
 
 
 def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
@@ -191,9 +188,7 @@ def _place(item: Any, command: str, values: dict[str, Any], data: dict[str, Any]
             data["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
         case Result():
             # As if it had been written and read.
-            from mtu_cli.files.reports_read import ModelReports, report_from
-
-            name = item.command.replace("-", "_").replace(" ", "_")
+            name = item.inputs.options.command.replace("-", "_").replace(" ", "_")
             source = Source(role="components", path=Path(name), shown=name, sha256="")
             report = report_from(source, item.report())
             data["reports"] = ModelReports(**{report.source.role: report})

@@ -374,12 +374,8 @@ class Finding:
         return {**result, "facts": plain(self.facts), **stated}
 
 
-class MtuError(Exception):
-    """Base of every error that is reported to the user without a traceback."""
-
-
-class InputError(MtuError):
-    """The input or the call is at fault (exit code 2); carries every finding.
+class InputError(Exception):
+    """The input or the call is at fault (exit code 2, no traceback); carries every finding.
 
     `uncounted`: how many more there are that were not listed, such as the bad cells of a file
     beyond the first thousands.

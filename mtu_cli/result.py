@@ -74,11 +74,6 @@ class Result:
         """Those of the input, and of the result."""
         return (*self.inputs.suspicions, *self.further)
 
-    @property
-    def command(self) -> str:
-        """The command, as reports name it."""
-        return self.inputs.options.command
-
     def to_dict(self) -> dict[str, Any]:
         """`results` of the JSON report."""
         return self.document.record()
@@ -93,7 +88,7 @@ class Result:
     def report(self) -> dict[str, Any]:
         """The whole report, as `-o` writes it."""
         return envelope(
-            self.command,
+            self.inputs.options.command,
             inputs=self.inputs.sources,
             settings=self.inputs.settings,
             results=self.to_dict(),

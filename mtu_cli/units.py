@@ -142,11 +142,6 @@ def plain_unit(text: str) -> str:
     return plain
 
 
-def dimension_name(dimension: float) -> str:
-    """A dimension in words; `dimension` is the exponent of length."""
-    return internal(dimension).text()
-
-
 _PER = {
     "/m": (internal(-1), 1e-3), "/m^2": (internal(-2), 1e-6), "/m^3": (internal(-3), 1e-9),
     "/K": (internal(degree=-1), 1.0), "/m/K": (internal(-1, degree=-1), 1e-3),

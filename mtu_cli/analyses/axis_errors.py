@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.iso230 import places_read
+from mtu_cli.analyses.iso230 import check_places, places_read
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import error, suggestion
@@ -52,10 +52,10 @@ class AxisErrors:
     targets: FloatArray
     means: FloatArray
     expected: FloatArray
+    known: FloatArray
     ways: int = 1
     runs: int = 1
     blocks: tuple[Block, ...] = ()
-    known: FloatArray | None = None
     varies: FTest | None = None
     angle: bool = False
     rotary: bool = False
@@ -64,8 +64,7 @@ class AxisErrors:
     def plus(self, values: FloatArray, covariance: FloatArray, turns: bool) -> AxisErrors:
         """With what a machine file states of another component or effect at the same targets."""
         means, expected = self.means + values, self.expected + values
-        known = covariance if self.known is None else self.known + covariance
-        ways = 2 if turns else self.ways
+        known, ways = self.known + covariance, 2 if turns else self.ways
         return replace(self, means=means, expected=expected, ways=ways, known=known)
 
     @property
@@ -79,8 +78,7 @@ class AxisErrors:
 
     def of_means(self) -> FloatArray:
         """The covariance (2T, 2T) of the means, that of the table."""
-        covariance = self.of_run() * (1.0 / self.runs if self.read else 0.0)
-        return covariance if self.known is None else covariance + self.known
+        return self.of_run() * (1.0 / self.runs) + self.known
 
     def draw(self, trials: int, seed: int) -> FloatArray:
         """What a new test of as many runs differs by (trials, 2, T): each variance over chi-squared
@@ -89,12 +87,12 @@ class AxisErrors:
         """
         rng, size = stream(seed, 49), self.means.size
         result = np.zeros((trials, size))
-        share = np.sqrt((2.0 if self.read else 1.0) / self.runs)
+        share = np.sqrt(2.0 / self.runs)
         for root, dof, _ in self.blocks:
             scale = np.ones(trials) if np.isinf(dof) else np.sqrt(dof / rng.chisquare(dof, trials))
             z = rng.standard_normal((trials, root.shape[1]))
             result += share * scale[:, None] * (z @ root.T)
-        if self.known is not None:
+        if self.known.any():
             result += rng.standard_normal((trials, size)) @ covariance_root(self.known).T
         draws = result.reshape(trials, 2, -1)
         return draws - (1.0 - np.sqrt((1.0 + reversal_share(self.varies)) / 2)) * reversal_of(draws)
@@ -156,6 +154,7 @@ def axis_errors(
         runs=runs,
         blocks=blocks,
         varies=varies,
+        known=np.zeros((both.size, both.size)),
         angle=angle,
         rotary=rotary,
     )
@@ -315,9 +314,7 @@ def readings_along(
     """
     rows = _rows(readings, name)
     position = places_read(readings)[0][rows]
-    if np.isnan(position).any():
-        place = readings.place(rows[np.argmax(np.isnan(position))]) | {"column": "position_mm"}
-        raise error("empty-cell", expected="a position", **place)
+    check_places(readings, rows, position)
     group, passes = passes_read(readings, rows, axis)
     direction = readings.direction[rows].astype(np.int64)
     return position, direction, readings.error[rows], passes.runs[group]

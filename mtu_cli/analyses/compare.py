@@ -4,7 +4,7 @@ bias and one of scatter of every item, the scatter of all features pooled, and t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
@@ -285,10 +285,10 @@ def compare(
         Q = motion_basis(prediction.points, axes, datum)
         A[:, columns] = partial_out(Q, np.eye(len(Q)))[places]
         of_operation[operation] = prediction, A
-    features, lengths = compared(tables, of_operation, k), None
+    kinds = [compared(tables, of_operation, k)]
     if (table := length_tables(points, visits_of(points), part)) is not None:
         ends = {entry.id: (entry.from_, entry.to) for entry in part.part.lengths}
-        holes, V_p = features.labels, features.one_way.ms_between.tolist()
+        holes, V_p = kinds[0].labels, kinds[0].one_way.ms_between.tolist()
         # Hole variances less a datum are not those of lengths.
         of_holes = dict(zip(holes, V_p, strict=True)) if datum == "none" else {}
         variances = np.full(len(table.labels), np.nan)
@@ -303,16 +303,15 @@ def compare(
             labels = [(operation, name, x) for name in prediction.ids for x in prediction.axes]
             V_holes = np.array([of_holes.get(label, np.nan) for label in labels])
             variances[rows] = paper_length_variance(A, V_holes)
-        lengths = compared(table, of_operation, k, variances)
-    features, lengths = judged(features, lengths)
-    kinds = [features] if lengths is None else [features, lengths]
+        kinds.append(compared(table, of_operation, k, variances))
+    kinds = judged(*kinds)
     if datum != "none" and not complete:
         fitted = "the datum is fitted to the features that a part has"
         facts = {"what": "features of some parts", "names": ["--datum"], "consequence": fitted}
         warnings.append(finding("missing-values", **facts))
     return CompareResult(
-        features=features,
-        lengths=lengths,
+        features=kinds[0],
+        lengths=kinds[1] if kinds[1:] else None,
         datum=datum,
         coverage_factor=k,
         warnings=(*warnings, *notes, *_warnings(part, points, kinds)),
@@ -502,17 +501,16 @@ def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float = in
     the scatter of measured lengths: it takes V_p(m) for the part variance and the two ends for
     independent.
     """
-    total: FloatArray = np.where(gradient == 0, 0.0, gradient**2 * holes).sum(axis=-1)
-    return total * (1 + 1 / N)
+    return np.where(gradient == 0, 0.0, gradient**2 * holes).sum(axis=-1) * (1 + 1 / N)
 
 
-def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Compared | None]:
+def judged(features: Compared, *lengths: Compared) -> list[Compared]:
     """Verdicts at a family-wise rate of 5 % over bias and scatter of features and lengths.
 
     The pooled tests of all features of an operation have JOINT_SHARE of the rate to themselves
     (weighted Bonferroni): among a hundred others they would see no more than these.
     """
-    kinds = [features] if lengths is None else [features, lengths]
+    kinds = [features, *lengths]
     p = np.concatenate([np.stack([kind.p_bias, kind.p_scatter]) for kind in kinds], axis=1)
     share = JOINT_SHARE if features.pooled else 0.0
     adjusted = np.minimum(holm(p.ravel()) / (1 - share), 1.0).reshape(2, -1)
@@ -524,7 +522,7 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
         pooled[name] = each._replace(p=min(p_test, 1.0), verdict=verdict)
     result = list[Compared]()
     of_kinds = np.split(adjusted, [len(features.labels)], axis=1)[: len(kinds)]
-    for kind, p in zip((replace(features, pooled=pooled), *kinds[1:]), of_kinds, strict=True):
+    for kind, p in zip((replace(features, pooled=pooled), *lengths), of_kinds, strict=True):
         bias, scatter = p <= FAMILY_RATE
         under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
         # Parts too few to measure their scatter, but known to scatter more, explain a biased mean.
@@ -536,7 +534,7 @@ def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Comp
             for name, (mask, of) in tests.items()
         }
         result.append(replace(kind, p_bias=p[0], p_scatter=p[1], **answers))
-    return result[0], result[1] if lengths is not None else None
+    return result
 
 
 ASIDE = "the points are not compared there, and lengths have no predicted error along it"
@@ -566,14 +564,14 @@ CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], .
 )
 
 
-def _warnings(part: LoadedPart, points: Points, kinds: Sequence[Compared]) -> list[Finding]:
+def _warnings(part: LoadedPart, points: Points, kinds: Sequence[Compared]) -> Iterator[Finding]:
     """What was not compared, and what parts, repeats and predictions are too few for."""
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
     labels = [label for kind in kinds for label in kind.labels]
     lengths = [label for label in labels if not label[2]]
-    result = missing_entries("length", part.part.lengths, lengths)
+    yield from missing_entries("length", part.part.lengths, lengths)
     if missing:
-        result.append(finding("not-measured", names=missing, reason="not among the points"))
+        yield finding("not-measured", names=missing, reason="not among the points")
     for code, condition, facts in CONDITIONS:
         rows = np.concatenate([condition(kind) for kind in kinds])
         if code == "few-parts":
@@ -581,5 +579,4 @@ def _warnings(part: LoadedPart, points: Points, kinds: Sequence[Compared]) -> li
         names = dict.fromkeys(labels[i][1] for i in np.flatnonzero(rows))
         of = {"names": [*names]} if code == "not-estimable" else {"items": some(rows, "items")}
         if names:
-            result.append(finding(code, **of, **facts))
-    return result
+            yield finding(code, **of, **facts)

@@ -7,6 +7,7 @@ runs scatters about that by the uncertainty of the means of the first one and by
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -76,19 +77,6 @@ class Frame:
     def applied(self, table: ErrorTable, targets: FloatArray) -> FloatArray:
         """What a table applies (2, T) at targets of the readings."""
         return self.turned(table.at_places(self.places(targets)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TableRequest:
-    """How the table is to be: direction, `places` (n,) mm of its points in machine coordinates
-    (None: those of the targets), reference, frame, and the table that was active while measuring.
-    """
-
-    direction: str | None = None
-    places: FloatArray | None = None
-    reference: float | None = None
-    frame: Frame = Frame()
-    current: ErrorTable | None = None
 
 
 def grid(low: float | None, high: float | None, step: float | None) -> FloatArray:
@@ -176,20 +164,23 @@ def as_read(name: str, control: Controller, table: ErrorTable) -> CompensateResu
 
 
 def compensate(
-    errors: AxisErrors, control: Controller, parameters: Parameters, request: TableRequest, *,
-    component: str = "", seed: int = 1, trials: int | None = None,
+    errors: AxisErrors, control: Controller, parameters: Parameters, frame: Frame, *,
+    component: str = "", direction: str | None = None, places: FloatArray | None = None,
+    reference: float | None = None, current: ErrorTable | None = None, seed: int = 1,
+    trials: int | None = None,
 ) -> CompensateResult:  # fmt: skip
     """The table of a control for the errors of an axis, read back, with the errors that remain.
 
-    Raises InputError for a table that the format cannot hold, or that comes back otherwise.
+    `places` (n,) mm of its points are machine coordinates (None: those of the targets), `current`
+    is the table that was active while measuring. Raises InputError for a table that the format
+    cannot hold, or that comes back otherwise.
     """
-    two, frame = control.two(parameters), request.frame
-    direction = request.direction or ("both" if two and errors.ways == 2 else "mean")
+    two = control.two(parameters)
+    direction = direction or ("both" if two and errors.ways == 2 else "mean")
     if direction == "both" and not two:
         reason = f"{control.name} has one column for both directions"
         raise error("not-applicable", reason=reason, expected="--direction mean or forward")
-    table = _table(errors, direction, request)
-    reference = request.reference
+    table = _table(errors, direction, places, frame, current)
     if reference is None:
         reference = 0.0 if np.any(np.abs(table.at) < SAME_PLACE) else float(table.at[0])
     table = control.zero(table, reference)
@@ -202,8 +193,8 @@ def compensate(
         reason = f"read back it is {gap:.3g} off what was asked for, more than half of {quantum:g}"
         raise error("not-writable", reason=reason)
     applied = frame.applied(readback, errors.targets)
-    if request.current is not None:
-        applied = applied - frame.applied(request.current, errors.targets)
+    if current is not None:
+        applied = applied - frame.applied(current, errors.targets)
     before, after, warnings = figures(errors.means, errors.ways), None, list[Finding]()
     B, test = errors.backlash, errors.varies
     if B is not None and test is not None and not errors.angle and test.p < VARIES_P:
@@ -234,7 +225,7 @@ def compensate(
         applied=applied,
         before=before,
         after=after,
-        moves=_moves(errors, applied),
+        moves=tuple(_moves(errors, applied)),
         warnings=tuple(warnings),
     )
 
@@ -264,9 +255,14 @@ def named_parameters(
     return parameters
 
 
-def _table(errors: AxisErrors, direction: str, request: TableRequest) -> ErrorTable:
+def _table(
+    errors: AxisErrors,
+    direction: str,
+    places: FloatArray | None,
+    frame: Frame,
+    current: ErrorTable | None,
+) -> ErrorTable:
     """The table in machine coordinates, at its targets or at equal steps, with the current one."""
-    frame, current = request.frame, request.current
     at, values = frame.places(errors.targets), frame.turned(errors.means)
     if direction == "forward":
         values = values[[0, 0]]
@@ -276,7 +272,7 @@ def _table(errors: AxisErrors, direction: str, request: TableRequest) -> ErrorTa
     if current is not None:
         inside = (current.at > at[0]) & (current.at < at[-1])
         at = np.unique(np.round(np.concatenate([at, current.at[inside]]), 6))
-    if (places := request.places) is not None:
+    if places is not None:
         ends = table.at[[0, -1]]
         at = places
         if at[0] < ends[0] - SAME_PLACE or at[-1] > ends[1] + SAME_PLACE:
@@ -291,7 +287,7 @@ def _table(errors: AxisErrors, direction: str, request: TableRequest) -> ErrorTa
 
 def _moves(
     errors: AxisErrors, applied: FloatArray, measured: FloatArray | None = None
-) -> tuple[Move, ...]:
+) -> Iterator[Move]:
     """Moves to targets over the whole length, and to those of the largest and least change; or to
     all that were `measured` (2, T), nan elsewhere.
     """
@@ -301,15 +297,13 @@ def _moves(
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
     if errors.read and not errors.blocks:
         u = np.full((2, T), np.nan)
-    result = []
     for way, name in enumerate(WAYS[: errors.ways]):
         stops = indices if measured is None else np.flatnonzero(np.isfinite(measured[way])).tolist()
         for t in sorted(stops, reverse=way == 1):
             e, change = float(errors.means[way, t]), float(applied[way, t])
             reading = None if measured is None else float(measured[way, t])
             place = float(errors.targets[t])
-            result.append(Move(place, name, e, e - change, e + change, float(u[way, t]), reading))
-    return tuple(result)
+            yield Move(place, name, e, e - change, e + change, float(u[way, t]), reading)
 
 
 def verify(
@@ -369,7 +363,7 @@ def verify(
     dof = min((b.dof for b in errors.blocks), default=float(n - 2))
     measured = np.full(applied.size, np.nan)
     measured[places] = np.bincount(index, value)[places] / np.bincount(index)[places]
-    moves = _moves(errors, applied, measured.reshape(2, -1))
+    moves = tuple(_moves(errors, applied, measured.reshape(2, -1)))
     half = coverage_factor(PROBABILITY, dof) * u
     inside = [name for slope, name in VERDICTS.items() if abs(k - slope) <= half]
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"

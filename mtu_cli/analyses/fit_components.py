@@ -171,19 +171,16 @@ def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | Non
         D = T @ items[0].fit.D @ T.T
     lines = tuple(_line(estimate, item, centre, machine) for item in items)
     passes = [each.passes_read for each in lines]
-    facts: dict[str, Any] = {
-        "source": "readings" if items else "machine file",
-        "passes_read": sum(filter(None, passes)) if passes and all(passes) else None,
-        "n": sum(len(item.error) for item in items) or None,
-        "agreement_p": None if fit is None else fit.agreement_p,
-    }
-    if len(lines) == 1:
-        facts = {**vars(lines[0])}
+    facts: dict[str, Any] = {**vars(lines[0])} if len(lines) == 1 else {}
     level, s_pass = float(estimate.coefficients[0]), float(np.sqrt(D[0, 0]))
     facts |= {
         "label": estimate.name,
         "of": estimate.of,
         "unit": estimate.unit,
+        "source": "readings" if items else "machine file",
+        "passes_read": sum(filter(None, passes)) if passes and all(passes) else None,
+        "n": sum(len(item.error) for item in items) or None,
+        "agreement_p": None if fit is None else fit.agreement_p,
         "coefficients": estimate.coefficients,
         "covariance": estimate.covariance,
         "n_passes": estimate.n_passes,

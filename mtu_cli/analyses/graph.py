@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -369,7 +369,7 @@ def simulate_outputs(
     *,
     most: int = MOST,
     ends: bool = True,
-) -> list[SimulatedCoordinate]:
+) -> Iterator[SimulatedCoordinate]:
     """Outputs by Monte Carlo, at most so many trials where the count adapts, and to first order;
     whether they have their digits is judged by mean and u and, with `ends`, by the interval.
     """
@@ -386,12 +386,11 @@ def simulate_outputs(
     # Twice is for many blocks, Student's t for fewer.
     errors = [run.se_mean, run.se_u] + [run.se_low, run.se_high] * ends
     twice = 2.0 * few_blocks_factor(run.blocks) * np.max(errors, axis=0)
-    result = []
     for i, item in enumerate(outputs):
         y, u = nominal[i], float(run.u[i])
         fixed = first_u[i] == 0.0 and u <= STILL * float(model.sizes[i])
         stats = dict.fromkeys(ENDS, y) if fixed else {x: float(getattr(run, x)[i]) for x in ENDS}
-        coordinate = SimulatedCoordinate(
+        yield SimulatedCoordinate(
             output=item,
             nominal=y,
             first_order_u=first_u[i],
@@ -408,8 +407,6 @@ def simulate_outputs(
             validation=verdicts[i] if first_u[i] > 0.0 else None,
             samples=run.samples[i],
         )
-        result.append(coordinate)
-    return result
 
 
 MOST_OF_GRID = 2**18
@@ -455,12 +452,11 @@ class GridPoint(SimulatedCoordinate):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
     """The grid of one output, and the formula fitted to it, or why there is none; `base` as the
-    file has it. `digits`: those of u that were asked for.
+    file has it.
     """
 
     output: Output
     base: GraphSimulation
-    digits: int
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
     formula: Formula | None
@@ -477,7 +473,8 @@ class Sweep:
         notes = []
         if short := [item for item in self.grid if not item.converged]:
             where = f"at {len(short)} of {len(self.grid)} points of the grid"
-            notes.append(not_converged(max(x.trials for x in short), self.digits, where))
+            trials = max(x.trials for x in short)
+            notes.append(not_converged(trials, self.base.digits, where))
         if self.formula is None:
             notes.append(finding("no-formula", reason=self.no_formula))
         return tuple(notes)
@@ -524,9 +521,8 @@ def sweep_graph(
     # What follows the grid leaves its bar full.
     base = simulate_graph(graph, replace(settings, progress=None), [of])
     return Sweep(
-        output=output, base=base, digits=settings.digits, varied=values, grid=tuple(grid),
-        formula=formula, no_formula=why,
-    )  # fmt: skip
+        output=output, base=base, varied=values, grid=tuple(grid), formula=formula, no_formula=why
+    )
 
 
 def _check(varied: Mapping[str, Sequence[float]]) -> None:

@@ -22,7 +22,7 @@ from mtu_cli.stats.blocks import stream
 from mtu_cli.stats.groups import known_mean, occurrence
 from mtu_cli.stats.least_squares import FloatArray, quotient
 from mtu_cli.stats.outliers import medians, outlying
-from mtu_cli.units import LENGTH, SMALL, UM, UNITS, dimension_name
+from mtu_cli.units import LENGTH, SMALL, UM, UNITS
 
 ISO = {
     "A": "bidirectional accuracy of positioning",
@@ -348,10 +348,17 @@ def places_read(readings: Readings) -> tuple[FloatArray, np.ndarray]:
     return np.where(rotary, degrees, position), rotary
 
 
+def check_places(readings: Readings, rows: np.ndarray, position: FloatArray) -> None:
+    """Raises InputError for a row whose position is missing."""
+    if (gaps := np.isnan(position)).any():
+        place = readings.place(rows[np.argmax(gaps)]) | {"column": "position_mm"}
+        raise error("empty-cell", expected="a position", **place)
+
+
 def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
     """What was read at targets by component (and instrument, of several), and a note of the rest.
 
-    Raises InputError for a component in units of two kinds or with some positions missing.
+    Raises InputError for a component with some positions missing.
     """
     position, rotary = places_read(readings)
     roles = np.array([x.role for x in readings.sources])[readings.file_index]
@@ -360,23 +367,10 @@ def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
         mask = readings.code == code
         for role in dict.fromkeys(roles[mask].tolist()):
             rows = np.flatnonzero(mask & (roles == role))
-            places = position[rows][np.isfinite(position[rows])]
-            if not places.size or (len(places) == len(rows) and not np.ptp(places)):
+            if np.isnan(position[rows]).all() or not np.ptp(position[rows]):
                 rest.append(name)
                 continue
-            file = readings.sources[readings.file_index[rows[0]]].shown
-            kinds = readings.dimension[rows]
-            for bad, code_, column in (
-                (kinds != kinds[0], "wrong-unit", "unit"),
-                (np.isnan(position[rows]), "empty-cell", "position_mm"),
-            ):
-                if bad.any():
-                    i = int(np.argmax(bad))
-                    place = {"row": int(readings.row[rows[i]]), "column": column}
-                    unit, common = dimension_name(kinds[i]), dimension_name(kinds[0])
-                    facts = {"of": name, "unit": unit, "wanted": common} if column == "unit" else {}
-                    expected = f"as in the other rows of {name}"
-                    raise error(code_, expected=expected, file=file, **place, **facts)
+            check_places(readings, rows, position[rows])
             label = f"{name} ({role})" if len({*roles[mask]}) > 1 else name
             axes.append(_axis(readings, label, position, bool(rotary[rows[0]]), rows))
     if not axes:
@@ -503,9 +497,6 @@ def plan(length: float, pitch: float) -> Plan:
     where they fall within it changes by the golden section, so that a cyclic error is seen
     (ISO 230-2:2014, 5.2: P_i = (i - 1) p + r). Raises InputError for a pitch beyond the travel.
     """
-    for option, value in (("--plan", length), ("--pitch", pitch)):
-        if not 0 < value < math.inf:
-            raise error("out-of-range", path=option, value=f"{value:g}", expected="above 0 mm")
     if pitch > length:
         raise error("out-of-range", path="--pitch", value=f"{pitch:g}", expected="below --plan")
     n = max(FEWEST, math.ceil(FEWEST * length / METRE))

@@ -178,7 +178,6 @@ class LengthsResult:
     range of a component. `joint_conformance` is None where fewer than two have a tolerance.
     """
 
-    prediction: Prediction
     ids: tuple[str, ...]
     ends: tuple[tuple[str, str], ...]
     nominal: FloatArray
@@ -200,16 +199,10 @@ class LengthsResult:
     warnings: tuple[Finding, ...]
 
     @property
-    def conformances(self) -> dict[str, Conformance | JointConformance]:
-        """Of the lengths that have a tolerance, and of the part with all of them."""
-        result: dict[str, Conformance | JointConformance] = {
-            name: item
-            for name, item in zip(self.ids, self.conformance, strict=True)
-            if item is not None
-        }
-        if self.joint_conformance is not None:
-            result["the whole part"] = self.joint_conformance
-        return result
+    def conformances(self) -> dict[str, Conformance]:
+        """Of the lengths that have a tolerance."""
+        pairs = zip(self.ids, self.conformance, strict=True)
+        return {name: item for name, item in pairs if item is not None}
 
 
 def predict_lengths(
@@ -261,7 +254,6 @@ def predict_lengths(
             consequence = f"lengths along {axis} ({first}, ...) have no predicted error there"
             missing.append(finding("axis-without-equation", axis=axis, consequence=consequence))
     return LengthsResult(
-        prediction=prediction,
         ids=names,
         ends=ends,
         nominal=np.linalg.norm(delta, axis=1),

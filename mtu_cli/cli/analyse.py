@@ -157,7 +157,8 @@ def lengths(inputs: Inputs) -> Result:
 
     model, warnings = modelled(inputs)
     result = predict_lengths(model, inputs.part, inputs.settings, inputs.at)
-    gates = _conformance_gate(result.conformances, "tolerance_um at a length")
+    whole = {"the whole part": result.joint_conformance} if result.joint_conformance else {}
+    gates = _conformance_gate(result.conformances | whole, "tolerance_um at a length")
     return Result.reported(inputs, result, warnings, gates=gates)
 
 

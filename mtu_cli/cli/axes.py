@@ -6,13 +6,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from mtu_cli.analyses import compensate as analysis
 from mtu_cli.analyses import iso230 as positioning
 from mtu_cli.analyses.axis_errors import angle_between, errors_of, known_names, readings_along
+from mtu_cli.analyses.circular import diagnose
 from mtu_cli.cli.analyse import fitted
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE
@@ -21,9 +21,13 @@ from mtu_cli.files.readings import PLANES, WAYS, read_traces
 from mtu_cli.files.source import check_text, read_source, report_bytes, shown_path
 from mtu_cli.files.study import InstrumentBudget, load_study
 from mtu_cli.findings import error, listed, located
+from mtu_cli.formats.base import raw_file
 from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
+from mtu_cli.formats.renishaw import features_of
+from mtu_cli.reports.compensate import skew_document
 from mtu_cli.reports.document import envelope
+from mtu_cli.reports.standards import components, stated_document
 from mtu_cli.result import Result
 
 XML_BLANKS = b"\xef\xbb\xbf \t\r\n"
@@ -89,9 +93,6 @@ def _budget(inputs: Inputs) -> InstrumentBudget | None:
 
 def circular(inputs: Inputs) -> Result:
     """A circular test: figures of its traces and their causes, or the features of a ballbar."""
-    from mtu_cli.analyses.circular import diagnose
-    from mtu_cli.reports import standards as report
-
     options = inputs.options
 
     def words(name: str) -> list[str]:
@@ -123,17 +124,13 @@ def circular(inputs: Inputs) -> Result:
     files = {}
     if target is not None:
         record = envelope("fit-components", inputs=traces.sources, settings=inputs.settings,
-                          results=report.components(result), warnings=result.warnings)  # fmt: skip
+                          results=components(result), warnings=result.warnings)  # fmt: skip
         files[target] = report_bytes(record)
     return Result.reported(inputs, result, files=files)
 
 
 def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Result:
     """The features that a ballbar states, in its own units and with its own signs."""
-    from mtu_cli.formats.base import raw_file
-    from mtu_cli.formats.renishaw import features_of
-    from mtu_cli.reports.standards import stated_document
-
     if inputs.options.write_components:
         expected = "a CSV of traces: the sign of stated features is not known"
         raise error("missing-input", what="a trace", expected=expected)
@@ -145,7 +142,6 @@ def _ballbar(inputs: Inputs, paths: Iterable[Path], planes: Sequence[str]) -> Re
 def compensate(inputs: Inputs) -> Result:
     """The table of a control, or with --read the errors in one."""
     options = inputs.options
-    feed = number_of("--feed", str(options.feed), positive=True)
     if options.for_ is None:
         raise error("missing-input", what="the control", expected="--for CONTROLLER")
     known_name("--for", "controller", options.for_, NAMES)
@@ -157,33 +153,26 @@ def compensate(inputs: Inputs) -> Result:
     if control is None:
         return _skew(inputs, {**defaults, **given})
     if options.read:
-        table = _read(
-            inputs, options.read, partial(control.read_back, parameters={**defaults, **given})
-        )
+        table = _read(inputs, options.read, control.read_back, {**defaults, **given})
         return Result.reported(inputs, analysis.as_read(options.read.name, control, table))
     if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
     grid = (options.from_, options.to, options.step)
     places = None if grid == (None, None, None) else analysis.grid(*grid)
     frame = analysis.Frame(zero=options.machine_zero, reverse=options.reverse_axis)
-    request = analysis.TableRequest(
-        direction=options.direction, places=places, reference=options.reference,
-        frame=frame,
-    )  # fmt: skip
     at = None if places is None else frame.of_machine(places)
     errors, summands = errors_of(
         inputs.machine, inputs.readings, options.component, at, given.get("axis", ROTARY).lower()
     )
     first = summands[0]
     parameters = analysis.named_parameters(inputs.machine, first, control, given)
-    if options.current:
-        current = _read(inputs, options.current, partial(control.read_back, parameters=parameters))
-        request = replace(request, current=current)
+    current = options.current and _read(inputs, options.current, control.read_back, parameters)
     # Type 0 where --set names none: a file does not show its type.
     parameters["type"] = parameters.get("type") or "0"
     plan = result = analysis.compensate(
-        errors, control, parameters, request, component=" + ".join(x.name for x in summands),
-        seed=inputs.settings.seed, trials=inputs.settings.trials,
+        errors, control, parameters, frame, component=" + ".join(x.name for x in summands),
+        direction=options.direction, places=places, reference=options.reference,
+        current=current, seed=inputs.settings.seed, trials=inputs.settings.trials,
     )  # fmt: skip
     if readings := inputs.verify:
         file = ", ".join(source.shown for source in readings.sources)
@@ -201,24 +190,22 @@ def compensate(inputs: Inputs) -> Result:
         companion = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
         files[companion] = analysis.notes(control, frame, parameters).encode()
     if options.to_nc:
-        program = analysis.moves_program(plan, feed, DWELL_S, first.axis.upper(), frame)
+        program = analysis.moves_program(plan, options.feed, DWELL_S, first.axis.upper(), frame)
         files[options.to_nc] = program.encode()
     return Result.reported(inputs, result, files=files)
 
 
-def _read(inputs: Inputs, path: Path, reader: Callable[[str], Any]) -> Any:
+def _read(inputs: Inputs, path: Path, reader: Callable[..., Any], *parameters: Any) -> Any:
     """What a control's file holds for its reader; raises InputError with the file's name."""
     source, content = read_source(path, "table")
     inputs.sources.append(source)
     check_text(content, source.shown)
     with located(file=source.shown):
-        return reader(content.decode("utf-8-sig"))
+        return reader(content.decode("utf-8-sig"), *parameters)
 
 
 def _skew(inputs: Inputs, parameters: dict[str, str]) -> Result:
     """The three lengths of Klipper from an angle between two axes, read back."""
-    from mtu_cli.reports.compensate import skew_document
-
     options, quantum = inputs.options, skew_quantum(parameters)
     if options.read:
         angle, name = _read(inputs, options.read, read_skew), shown_path(options.read)

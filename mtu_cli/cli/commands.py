@@ -140,8 +140,7 @@ def analysis_of(name: str) -> Callable[..., Any]:
     """The function of a command in its chapter, imported now."""
     module = import_module(f"mtu_cli.cli.{COMMANDS[name].chapter}")
     name = name.replace("-", "_").replace(" ", "_")
-    result: Callable[..., Any] = getattr(module, f"{name}_" if iskeyword(name) else name)
-    return result
+    return getattr(module, f"{name}_" if iskeyword(name) else name)
 
 
 def _call_of(name: str) -> Callable[..., None]:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -20,19 +19,10 @@ from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.headers import is_made, measured_in, number
 from mtu_cli.files.source import files_written, given_path, same, target_faults
-from mtu_cli.findings import (
-    EXIT_GATE,
-    Finding,
-    InputError,
-    finding,
-    warning_lines,
-)
+from mtu_cli.findings import EXIT_GATE, Finding, InputError, finding, warning_lines
 from mtu_cli.reports.document import plain_text
 from mtu_cli.result import Result
 from mtu_cli.stats.monte_carlo import Progress
-
-if TYPE_CHECKING:
-    pass
 
 STANDARD_OUTPUT = Path("-")
 DELAY_S, EVERY_S = 1.0, 0.1

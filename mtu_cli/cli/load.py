@@ -17,7 +17,6 @@ from mtu_cli.cli.options import MADE, ROLES, Options
 from mtu_cli.cli.values import assignments, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import direction_sign
-from mtu_cli.files.csv_file import Convert
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points, Readings, read_points, read_readings
@@ -98,17 +97,21 @@ class Inputs:
                 return load_part(files[0][0])
             case "reports":
                 return read_reports([path for path, _ in files])
-            case "points":
-                # Nominals from the part file, without one from the points.
-                places = part.part.places() if (part := self.part_if_any) else None
-                return read_points(files, places, self.converter())
         if not files:
             return None
+        from mtu_cli.formats.instruments import converter
+
+        # Instruments' files are read as the contract's CSV.
+        convert = converter(self.ask, self.note)
+        if kind == "points":
+            # Nominals from the part file, without one from the points.
+            places = part.part.places() if (part := self.part_if_any) else None
+            return read_points(files, places, convert)
         of_any = self.options.command in OF_ANY_MACHINE
         for_fit = kind == "readings" and not of_any
         named = self.options.machine if of_any else self.files("machine")
         entries = self.machine.machine.components if for_fit or named else None
-        return read_readings(files, entries, for_fit=for_fit, convert=self.converter())
+        return read_readings(files, entries, for_fit=for_fit, convert=convert)
 
     @cached_property
     def study(self) -> LoadedStudy | None:
@@ -144,12 +147,6 @@ class Inputs:
         """The files that the command is there to make."""
         paths = (self.options.values.get(name) for name in MADE.get(self.options.command, ()))
         return [path for path in paths if path]
-
-    def converter(self) -> Convert:
-        """Reads instruments' files as the contract's CSV; how they were understood is noted."""
-        from mtu_cli.formats.instruments import converter
-
-        return converter(self.ask, self.note)
 
     def ask(self, path: Path, role: str) -> Ask:
         """What the call, its study and the machine say of an instrument's file."""

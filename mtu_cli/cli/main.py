@@ -49,7 +49,7 @@ def exit_code(arguments: Sequence[str]) -> int:
     import typer
 
     from mtu_cli.cli.commands import app
-    from mtu_cli.findings import EXIT_INPUT, MtuError, error, printable
+    from mtu_cli.findings import EXIT_INPUT, InputError, error, printable
 
     # Typer's class of all faults of a call, which it does not export.
     faults_of_calls: Any = typer.BadParameter.__base__
@@ -71,7 +71,7 @@ def exit_code(arguments: Sequence[str]) -> int:
         text = " ".join(fault.format_message().split()).rstrip(".?")
         where = f" (see {fault.ctx.command_path} --help)" if fault.ctx else ""
         message = str(error("usage", reason=f"{text[:1].lower()}{text[1:]}{where}"))
-    except MtuError as fault:
+    except InputError as fault:
         message = str(fault)
     except OSError as fault:
         # What the system refuses without a name is standard output.

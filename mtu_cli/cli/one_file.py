@@ -37,7 +37,7 @@ def budget(inputs: Inputs) -> Result:
     # The report has one factor only where all outputs have the same.
     k = factors.pop() if len(factors) == 1 else math.nan
     inputs.settings = replace(inputs.settings, coverage_factor=k)
-    return Result.reported(inputs, result)
+    return Result.reported(inputs, result, loaded.warnings)
 
 
 def _graph(inputs: Inputs) -> MeasurementGraph:
@@ -130,6 +130,4 @@ def import_(inputs: Inputs) -> Result:
     known_name("--unit", "value", options.unit, UNITS)
     asks = [(path, inputs.ask(path, "file")) for _, path in inputs.named_files("file")]
     content = instruments.contract_csv(asks, spec, inputs.note)
-    if options.to_csv in (None, STANDARD_OUTPUT):
-        return Result(inputs, Listing([content.decode().rstrip("\n")]))
-    return Result(inputs, Listing(), files={options.to_csv: content})
+    return Result(inputs, Listing(), files={options.to_csv or STANDARD_OUTPUT: content})

@@ -240,12 +240,12 @@ CHOICES = declare("""
     standard | text iso230-2/vdi3441 | STANDARD | \
         Figures of the table: iso230-2 or vdi3441 | iso230-2
     limit | text | NAME=VALUE... | Limit of a figure in the axis' unit: A=10, dx_x.R=5
-    plan | float | MM | Propose targets for this travel instead, with --pitch
-    pitch | float | MM | Pitch of the ball screw or scale, which no target is to meet
+    plan | float 1e-3..1e6 | MM | Propose targets for this travel instead, with --pitch
+    pitch | float 1e-3..1e6 | MM | Pitch of the ball screw or scale, which no target is to meet
     direction:traces | text | cw|ccw | Direction of the traces; of several files with commas
     radius | float | MM | Nominal radius of the traces, where no column radius_mm has it
     feed | text | MM/MIN | Feed along the circle; of several files with commas
-    feed:moves | float | MM/MIN | Feed of the moves of --to-nc: that of the test | 1000
+    feed:moves | float 1e-3..1e6 | MM/MIN | Feed of the moves of --to-nc: that of the test | 1000
     pitch:circle | text | MM | Pitch of ball screws or scales; of each axis with a comma
     plane | text | PLANE | XY, YZ or ZX, first to second axis counter-clockwise
     component:table | text | NAME... | A component or effect; of several of one axis the sum

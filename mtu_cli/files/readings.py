@@ -32,7 +32,7 @@ from mtu_cli.files.headers import (
 from mtu_cli.files.part import Place
 from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.findings import Finding, InputError, counted, error, finding, listed, nearest
-from mtu_cli.units import UM, UNITS, dimension_name
+from mtu_cli.units import UM, UNITS, internal
 
 UNKNOWN = -9
 """For the dimension of a unit that is none."""
@@ -134,12 +134,11 @@ def _check_component(
     table: Table, label: str, inside: Flags, component: Any, faults: CellFaults
 ) -> None:
     """One kind of unit in the rows `inside` (n,), and a position or none, as the machine has them;
-    without a machine drift readings have to be alike.
+    without a machine they have to be alike.
     """
     units, kinds, has_column = table.texts["unit"], _dimensions(table), table.has("position_mm")
     empty = np.isnan(table.number("position_mm"))
     if component is None:
-        inside = inside & table.of_files(lambda file: file.source.role == DRIFT)
         kind = int(np.bincount(kinds[inside & (kinds != UNKNOWN)], minlength=1).argmax())
         why, placed = f"as most readings of {label}", bool((inside & ~empty).any())
         expected = f"a position in all readings of {label!r}, or in none"
@@ -150,9 +149,9 @@ def _check_component(
 
     def of_row(i: int) -> dict[str, Any]:
         unit = units.labels[units.codes[i]]
-        return {"unit": dimension_name(kinds[i]), "value": unit}
+        return {"unit": internal(kinds[i]).text(), "value": unit}
 
-    dimension = dimension_name(kind)
+    dimension = internal(kind).text()
     facts = {"of": label, "wanted": dimension, "expected": f"{dimension}: {why}"}
     bad = inside & (kinds != kind) & (kinds != UNKNOWN)
     faults.cells(table, bad, "unit", of_row, code="wrong-unit", **facts)

@@ -7,7 +7,6 @@ from importlib.resources import files
 
 from mtu_cli.findings import CATALOGUE
 
-FINDINGS = "findings"
 ORDER = (
     *("start", "machine", "readings", "points", "instruments", "conventions", "figures"),
     *("close-loop", "effects", "temperature", "budget", "graph", "simulate", "iso230"),
@@ -22,18 +21,12 @@ def topic(name: str) -> str:
     return (files(__name__) / f"{name}.md").read_text("utf-8")
 
 
-def paragraphs() -> dict[str, str]:
-    """The paragraph of each code in help/findings.md."""
-    result: dict[str, str] = {}
-    for section in re.split(r"^## ", topic(FINDINGS), flags=re.MULTILINE)[1:]:
-        heading, _, text = section.partition("\n")
-        result |= dict.fromkeys(heading.split(", "), text.strip())
-    return result
-
-
 def paragraph(code: str) -> str:
-    """The help of a finding: severity, sentence, and its paragraph."""
+    """The help of a finding: severity, sentence, and its paragraph in help/findings.md."""
     kind = CATALOGUE[code]
     severity = kind.severity + ", meets --fail-if suspicious" * kind.suspicious
     sentence = re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
-    return f"# {code} ({severity})\n\n    {sentence}\n\n{paragraphs()[code]}\n"
+    sections = re.split(r"^## ", topic("findings"), flags=re.MULTILINE)[1:]
+    pairs = (section.split("\n", 1) for section in sections)
+    says = next(text.strip() for heading, text in pairs if code in heading.split(", "))
+    return f"# {code} ({severity})\n\n    {sentence}\n\n{says}\n"

@@ -244,8 +244,7 @@ of the usual one."""
 def document_of(command: str, result: Any, digits: int) -> Document:
     """The document of a command's result."""
     name, make, *_ = REPORTS[command]
-    document: Document = getattr(import_module(f"mtu_cli.reports.{name}"), make)(result, digits)
-    return document
+    return getattr(import_module(f"mtu_cli.reports.{name}"), make)(result, digits)
 
 
 def declaration(command: str) -> tuple[Fields, Fields]:
@@ -326,5 +325,4 @@ def page_bytes(
         expected = "the extra mtu-cli[pdf] (pip install 'mtu-cli[pdf]'), or a name ending in .html"
         reason = "this installation writes no PDF"
         raise error("output-form", path="--report", reason=reason, expected=expected) from None
-    pdf: bytes = HTML(string=page).write_pdf()
-    return pdf
+    return HTML(string=page).write_pdf()

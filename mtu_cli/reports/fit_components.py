@@ -26,8 +26,7 @@ from mtu_cli.units import SMALL
 
 def _size(item: Any, power: int = 0) -> float:
     """Of the unit of a component per m^power, in mm or rad."""
-    size: float = item.unit.to_internal
-    return size / 1000.0**power
+    return item.unit.to_internal / 1000.0**power
 
 
 SIZES: dict[str, Any] = {

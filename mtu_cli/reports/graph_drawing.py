@@ -162,8 +162,7 @@ def _rows(nodes: int, layers: list[list[int]], near: list[list[int]]) -> FloatAr
             layer, offset = layers[index], offsets[index]
             targets = np.array([y[near[i]].mean() for i in layer])
             y[layer] = offset + isotonic_regression(targets - offset).x
-    top: FloatArray = y - y.min(initial=np.inf)
-    return top
+    return y - y.min(initial=np.inf)
 
 
 def drawing(net: Net) -> figures.Figure:

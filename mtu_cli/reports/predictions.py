@@ -5,7 +5,7 @@ them and row-to-column angles, with uncertainty and conformance.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from mtu_cli.analyses.predictions import LengthsResult, OrthogonalityResult, PointsResult
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.measurands import Conformance
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import KIND, Document, Table
 from mtu_cli.reports.fields import Fields, declare, rows_of
@@ -49,13 +50,12 @@ COMMON: dict[str, Any] = {
 }
 
 
-def _least_conforming(names: Sequence[str], conformances: Sequence[Any]) -> str:
+def _least_conforming(conformances: Mapping[str, Conformance]) -> str:
     """A clause on the least probability of conformance; empty without any tolerance."""
-    pairs = [(name, c) for name, c in zip(names, conformances, strict=True) if c]
-    if not pairs:
+    if not conformances:
         return ""
-    low = min((c for _, c in pairs), key=lambda c: c.probability)
-    least = listed(name for name, c in pairs if c.probability == low.probability)
+    low = min(conformances.values(), key=lambda c: c.probability)
+    least = listed(name for name, c in conformances.items() if c.probability == low.probability)
     text = chance(low.probability, low.se)
     return f"The least probability of conformance is {text} %, of {least}"
 
@@ -142,7 +142,7 @@ def points(result: PointsResult, digits: int = 2, *, with_covariance: bool = Fal
         f"The largest predicted error is {names[0]}, {plus_minus(E[row], U[row], digits)} um; the "
         f"largest expanded uncertainty {significant(U[worst], digits)} um, of {names[1]}."
     )
-    if least := _least_conforming(ids, result.conformance):
+    if least := _least_conforming(result.conformances):
         verdict += f" {least}."
     table = Table(title, fields, _features(result), footer)
     source = of_points(fields, with_covariance=with_covariance), result
@@ -227,7 +227,7 @@ def lengths(result: LengthsResult, digits: int = 2) -> Document:
     footer = f"U = {result.coverage_factor:g} u of one future part; error = actual minus nominal"
     rows = rows_of(result, len(result.ids))
     table = Table("Lengths", LENGTH, rows, footer + OUTSIDE * any(result.outside))
-    verdict = _least_conforming(result.ids, result.conformance)
+    verdict = _least_conforming(result.conformances)
     if (joint := result.joint_conformance) is not None:
         verdict += f"; of all in one part {chance(joint.probability, joint.se)} %"
     if not verdict:
@@ -303,7 +303,7 @@ def orthogonality(result: OrthogonalityResult, digits: int = 2) -> Document:
     verdict = f"The 95 % interval does not contain 0 for {out}."
     if not out:
         verdict = "Every 95 % interval contains 0."
-    if least := _least_conforming([x.id for x in angles], [x.conformance for x in angles]):
+    if least := _least_conforming(result.conformances):
         verdict += f" {least}."
     table = Table(title, ANGLE, angles, footer)
     return Document(title, (ANGLES, result), [table], angles_figure, verdict, digits)

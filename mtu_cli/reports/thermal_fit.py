@@ -29,9 +29,9 @@ COMPONENT = """
     time_constants_min | estimate.time_constants | lag of each sensor; 0: none
     coefficients | estimate.coefficients | by powers of mm and by sensor, per degC \
         | -, size=unit.to_internal
-    covariance | estimate.covariance | of the coefficients, powers first | -, size=size2
+    covariance | estimate.covariance | of the coefficients, powers first | -, size=size2()
     coefficient_dof | estimate.coefficient_dof | its degrees of freedom
-    leftover_covariance | estimate.leftover | of the drift that the model leaves | -, size=size2
+    leftover_covariance | estimate.leftover | of the drift that the model leaves | -, size=size2()
     leftover_dof | estimate.leftover_dof | its degrees of freedom
     sensor_u_degC | estimate.sensor_u | standard uncertainty of each sensor
     temperature_range_degC | estimate.temperature_range | of each sensor in the readings
@@ -69,7 +69,8 @@ GRADIENT = """
 def component(item: ComponentDrift | None) -> Fields:
     """The figures of a component; the unit in their names is um or arcsec."""
     unit = "um" if item is None else item.rms_unit.name
-    return declare(COMPONENT, UNIT=unit, cycle=lambda _: "cycle", gradient=GRADIENT)
+    definitions = {"cycle": lambda _: "cycle", "size2": lambda x: x.unit.to_internal**2}
+    return declare(COMPONENT, UNIT=unit, gradient=GRADIENT, **definitions)
 
 
 RESULTS = declare(

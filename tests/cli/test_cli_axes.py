@@ -122,7 +122,7 @@ def test_slips_of_a_call_are_one_message(words: str, text: str, laser: Path) -> 
 def test_faulty_files_are_one_message(laser: Path, tmp_path: Path) -> None:
     mixed = laser.read_text("utf-8").replace(",um\n", ",arcsec\n", 1)
     cases = {
-        mixed: "dx_x is a length (mm), not an angle or ratio (rad)",
+        mixed: "dx_x is an angle or ratio (rad), not a length (mm)",
         "component,error,unit\naxy,3,arcsec\n": "no component was read at targets",
     }
     for content, expected in cases.items():
@@ -434,7 +434,7 @@ def test_readings_count_in_any_order_of_the_names(tmp_path: Path) -> None:
         (("--for", "acs", "--component", "pos_x", "--set", "zonne=1"), "did you mean 'zone'"),
         (("--for", "pmac", "--component", "pos_x", *STEP), "--set counts_per_mm="),
         (("--for", "siemens-enc", "--component", "pos_x"), "--step"),
-        (("--for", "acs", "--component", "pos_x", "--feed", "-1"), "above 0"),
+        (("--for", "acs", "--component", "pos_x", "--feed", "-1"), "from 0.001"),
         (("--for", "klipper", "--component", "pos_x"), "no angle between two axes"),
     ],
 )

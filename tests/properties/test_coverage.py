@@ -15,7 +15,8 @@ from scipy.stats import binom
 from support import codes
 from synthetic_drift import REFERENCE, UM, Plan, one, sensor_names
 
-from mtu_cli.analyses.correct import CorrectResult, Size, correct
+from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.analyses.correct.sizes import Size
 from mtu_cli.files.machine import Component, LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.estimates import ComponentEstimate

@@ -235,7 +235,7 @@ def test_ratios_of_table_10(
 def test_verdicts_of_table_10() -> None:
     """Against predicted scatter known exactly the drilled lengths scatter beyond it, by 4.6 to
     5.4 times (u of 21 parts is 2.4 % more than their scatter), and the milled ones less so."""
-    (drilled,), (milled,) = (judged(table_10(kind), None)[0].summaries for kind in TABLE_8_AND_9)
+    (drilled,), (milled,) = (judged(table_10(kind))[0].summaries for kind in TABLE_8_AND_9)
     assert milled.faults["under-predicted"][0] == 3
     number, ends = drilled.faults["under-predicted"]
     assert number == 3

@@ -26,7 +26,8 @@ from scipy.stats import kurtosis, skew
 from support import CONFIGS, DATA
 from test_strd import LONGLEY, REFERENCES, agreeing_digits
 
-from mtu_cli.analyses.correct import Size, correct
+from mtu_cli.analyses.correct import correct
+from mtu_cli.analyses.correct.sizes import Size
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.readings import read_readings
 from mtu_cli.model.estimates import ThermalEstimate

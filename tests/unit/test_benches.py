@@ -21,7 +21,7 @@ from shop_day.noise import REPEATS, SIG_CMM, SIG_HOLE, SIG_PART, SIG_PROCESS
 from support import leaves
 
 import mtu_cli
-from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS, dimension_name
+from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS, internal
 
 RECORDS = Path(__file__).parents[1] / "loop_bench" / "records.jsonl.gz"
 EACH = ("null-normal", "laser-1", "missing-1", "hidden-scale",
@@ -229,5 +229,5 @@ def test_lengths_in_mm_and_angles_in_rad() -> None:
         assert found[name][0] == dimension
         assert found[name][1] == pytest.approx(size, rel=1e-15)
     assert pytest.approx(4.848, abs=5e-4) == ARCSEC * 1000 / UM
-    words = [dimension_name(dimension) for dimension in (LENGTH, ANGLE, 2, -1)]
+    words = [internal(dimension).text() for dimension in (LENGTH, ANGLE, 2, -1)]
     assert words == ["a length (mm)", "an angle or ratio (rad)", "mm^2", "mm^-1"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -44,8 +44,6 @@ from mtu_cli.model.visits import aligned, axes_of, only_features, operations_of,
 from mtu_cli.stats.coverage import FAMILY_RATE
 from mtu_cli.stats.groups import known_mean
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
-
-__all__ = ["Analysed", "AnovaResult", "Method", "analyse_variance"]
 
 
 class Total(NamedTuple):
@@ -147,24 +145,23 @@ def analyse_variance(
         unusual=unusual,
         sequence=sequence,
         trends=trends(kinds, sequence),
-        capabilities=capabilities(kinds, part, sequence),
-        totals=_totals(kinds[0]),
+        capabilities=tuple(capabilities(kinds, part, sequence)),
+        totals=tuple(_totals(kinds[0])),
         warnings=(*warnings, *_warnings(kinds, method)),
     )
 
 
-def _totals(analysis: Analysed) -> tuple[Total, ...]:
+def _totals(analysis: Analysed) -> Iterator[Total]:
     """One an operation and axis, operation by operation."""
     operations = list(dict.fromkeys(label[0] for label in analysis.labels))
     keys = dict.fromkeys((label[0], label[2]) for label in analysis.labels)
-    result = []
     for operation, axis in sorted(keys, key=lambda key: operations.index(key[0])):
         rows = [i for i, label in enumerate(analysis.labels) if label[::2] == (operation, axis)]
         mean = analysis.one_way.mean[rows]
         spread = float(mean.std(ddof=1)) if len(mean) > 1 else np.nan
         variances = analysis.components.part, analysis.components.repeat, analysis.both
         part, repeat, both = (float(known_mean(each[rows])) for each in variances)
-        total = Total(
+        yield Total(
             operation=operation,
             axis=axis,
             features=len(rows),
@@ -176,8 +173,6 @@ def _totals(analysis: Analysed) -> tuple[Total, ...]:
             differ=int((analysis.p_parts[rows] <= FAMILY_RATE).sum()),
             tested=int(np.isfinite(analysis.one_way.F[rows]).sum()),
         )
-        result.append(total)
-    return tuple(result)
 
 
 KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}
@@ -200,23 +195,20 @@ CONDITIONS: dict[str, tuple[Callable[[Analysed], BoolArray], dict[str, Any]]] = 
 }
 
 
-def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
+def _warnings(kinds: Sequence[Analysed], method: Method) -> Iterator[Finding]:
     """Every figure that is missing has its reason here, for each kind of table by name, features
     first; and parts that were not measured in all tables where they are due.
     """
-    result = []
     for code, (condition, facts) in CONDITIONS.items():
         masks = [(KINDS[kind.kind], condition(kind)) for kind in kinds]
         items = [some(rows, name) for name, rows in masks if rows.any()]
         names = [f"u of a future part ({each})" for each in items]
         if all(rows.all() for _, rows in masks):
             items, names = ["all"], ["u of a future part"]
-        result += [
-            finding(code, items=each, names=[name], **facts)
-            for each, name in zip(items, names, strict=True)
-        ]
+        for each, name in zip(items, names, strict=True):
+            yield finding(code, items=each, names=[name], **facts)
     if method == "paper":
-        result.append(finding("paper-method"))
+        yield finding("paper-method")
     # Parts (parts,) are due in all tables of an operation where they have any feature of it, and of
     # one that is crossed with theirs: more than half of its parts have features of both. Parts
     # nested in operations, each made by one of several machines, are due there alone.
@@ -238,9 +230,7 @@ def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
                 "names": [f"first: part {parts[part]!r} at {label}"],
                 "consequence": "the rest is analysed with unequal counts",
             }
-            result.append(finding("missing-values", part=parts[part], label=label, **facts))
+            yield finding("missing-values", part=parts[part], label=label, **facts)
     if 2 <= len(parts) < FEWEST_PARTS:
         consequence = f"{FEWEST_PARTS} are needed to find outliers among them"
-        facts = {"parts": len(parts), "items": "all", "consequence": consequence}
-        result.append(finding("few-parts", **facts))
-    return result
+        yield finding("few-parts", parts=len(parts), items="all", consequence=consequence)

@@ -4,7 +4,7 @@ parts, trends over the sequence of manufacture, capability of toleranced quantit
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
 from typing import Any, Literal, NamedTuple
@@ -299,10 +299,10 @@ class Capability:
 
 def capabilities(
     kinds: Sequence[Analysed], part: LoadedPart | None, sequence: Mapping[str, FloatArray]
-) -> tuple[Capability, ...]:
+) -> Iterator[Capability]:
     """Of everything in the part file that has a tolerance, and was measured on two parts."""
     if part is None:
-        return ()
+        return
     tolerated: list[tuple[Of, str, Tolerance | None, float]] = [
         *(("length", each.id, each.tolerance, UM) for each in part.part.lengths),
         *(("angle", each.id, each.tolerance, ARCSEC) for each in part.part.orthogonality),
@@ -313,7 +313,6 @@ def capabilities(
         ),
     ]
     limits = {(of, name): (x.low * unit, x.high * unit) for of, name, x, unit in tolerated if x}
-    result = []
     for kind in kinds:
         rows = {label: i for i, label in enumerate(kind.labels)}
         of: Of = "position" if kind.kind == "feature" else kind.kind
@@ -327,7 +326,7 @@ def capabilities(
             if len(order) < 2:
                 continue
             indices, (low, high) = _of_position if of == "position" else _of_one, limits[of, name]
-            item = Capability(
+            yield Capability(
                 kind=of,
                 operation=operation,
                 id=name,
@@ -336,8 +335,6 @@ def capabilities(
                 sequence=sequence[operation][order],
                 **indices(values[order], low, high, float(kind.rounding[i])),
             )
-            result.append(item)
-    return tuple(result)
 
 
 def _of_one(values: FloatArray, low: float, high: float, r: float) -> dict[str, Any]:

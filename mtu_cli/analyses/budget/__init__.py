@@ -20,8 +20,7 @@ from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.model.settings import MOST_TRIALS, Settings, validation_warnings
 from mtu_cli.stats.blocks import Draws, Workspace
 from mtu_cli.stats.covariance import correlation_of, factor_of
-from mtu_cli.stats.coverage import PROBABILITY, welch_satterthwaite
-from mtu_cli.stats.coverage import coverage_factor as quantile_factor
+from mtu_cli.stats.coverage import PROBABILITY, coverage_factor, welch_satterthwaite
 from mtu_cli.stats.distributions import (
     NORMAL_DOF,
     Distribution,
@@ -318,7 +317,7 @@ class BudgetResult:
     """A budget: what is `given`, its inputs with their sources, and its `outputs`.
 
     `run`: one Monte Carlo for all outputs, of intervals for `probability`: where a factor k is
-    given, that of a normal distribution at k. `of_file`: the warnings of the file.
+    given, that of a normal distribution at k.
     """
 
     name: str
@@ -326,7 +325,6 @@ class BudgetResult:
     given: Inputs
     outputs: tuple[OutputBudget, ...]
     run: MonteCarloResult
-    of_file: tuple[Finding, ...] = ()
 
     @property
     def covariance(self) -> FloatArray:
@@ -345,8 +343,8 @@ class BudgetResult:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """All warnings, those of the file first."""
-        result = [*self.of_file, *self.given.findings()]
+        """Those of the inputs first."""
+        result = [*self.given.findings()]
         for item in self.outputs:
             result += item.findings(self.given.u)
         if not self.run.converged:
@@ -356,16 +354,16 @@ class BudgetResult:
 
 
 def evaluate_budget(
-    loaded: LoadedBudget, settings: Settings, coverage_factor: float | None = None
+    loaded: LoadedBudget, settings: Settings, k: float | None = None
 ) -> BudgetResult:
-    """Evaluates a budget; `coverage_factor` wins over the file's coverage.
+    """Evaluates a budget; the coverage factor `k` wins over the file's coverage.
 
     Raises InputError for correlations that no inputs can have, an equation without a finite
     value at the estimates or in some trials, a factor so small that it covers nothing.
     """
     inputs = inputs_of(loaded)
     first = first_order(loaded, inputs)
-    k = loaded.budget.coverage.k if coverage_factor is None else coverage_factor
+    k = loaded.budget.coverage.k if k is None else k
     stated = loaded.budget.coverage.probability
     probability = PROBABILITY if stated is None else stated
     if k is not None:
@@ -373,7 +371,7 @@ def evaluate_budget(
         probability = min(math.erf(k / math.sqrt(2.0)), LARGEST_PROBABILITY)
     trials = BudgetTrials(loaded.trees, inputs, first)
     factors = [
-        math.nan if math.isnan(x.dof) else quantile_factor(probability, x.dof) for x in first
+        math.nan if math.isnan(x.dof) else coverage_factor(probability, x.dof) for x in first
     ]
 
     def run_to(fraction: float) -> MonteCarloResult:
@@ -418,5 +416,4 @@ def evaluate_budget(
         given=inputs,
         outputs=outputs,
         run=run,
-        of_file=loaded.warnings,
     )

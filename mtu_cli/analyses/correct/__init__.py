@@ -84,9 +84,6 @@ class CorrectResult:
         return before, after
 
 
-__all__ = ["CorrectResult", "Size", "correct"]
-
-
 def correct(
     model: MachineModel,
     part: LoadedPart | None,
@@ -124,9 +121,9 @@ def correct(
     measurands, absent = ([], []) if part is None else measurands_of(part, points, at)
     visits, rings, partial = measured_sizes(measurands, rows, corrected)
     scatter = point_scatter(points, corrected, rings)
-    sizes = mean_sizes(measurands, visits, scatter, settings.coverage_factor)
+    sizes = tuple(mean_sizes(measurands, visits, scatter, settings.coverage_factor))
     u_corrected = u if scatter is None else np.hypot(u, scatter.s)
-    forms = form_tests(rings, scatter, float(roundings(points).max()))
+    forms = tuple(form_tests(rings, scatter, float(roundings(points).max())))
     warnings += [*outside_warnings(rows.outside), *absent, *partial]
     for order, item in enumerate(measurands):
         temperatures = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
@@ -144,7 +141,7 @@ def correct(
         corrected=corrected,
         u_corrected=u_corrected,
         scatter=scatter,
-        sizes=tuple(sizes),
+        sizes=sizes,
         forms=forms,
         independent=settings.independent,
         warnings=tuple(warnings),

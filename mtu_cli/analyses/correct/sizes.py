@@ -108,8 +108,7 @@ class RowErrors:
     def variances(self, prediction: Prediction, A: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Variances (m,) of the measurands A E and their effective degrees of freedom (m,)."""
         if self.independent:
-            total: FloatArray = A**2 @ prediction.independent_variance
-            return total, np.full(len(A), np.inf)
+            return A**2 @ prediction.independent_variance, np.full(len(A), np.inf)
         result = prediction.variance(A)
         # A difference of mean squares may be a little below 0.
         return np.maximum(result.total, 0.0), result.dof
@@ -434,7 +433,7 @@ def _length(item: Measurand, rows: IntArray, points: Points, corrected: FloatArr
 
 def mean_sizes(
     measurands: Sequence[Measurand], visits: Visits, scatter: PointScatter | None, k: float
-) -> list[Size]:
+) -> Iterator[Size]:
     """The mean of every size over the repeats of each part, in the order of the part file, with
     the `scatter` of its points, which repeats that show it average out.
 
@@ -442,7 +441,6 @@ def mean_sizes(
     repeated measurement of it. Where the machine itself repeated the measurement this is an upper
     bound. The form of a ring is the same in every repeat.
     """
-    result = []
     for (order, operation, part), repeats in sorted(visits.items(), key=lambda item: item[0][0]):
         item, n = measurands[order], len(repeats)
         after = np.array([x.size[1] for x in repeats])
@@ -459,7 +457,7 @@ def mean_sizes(
         # Effective degrees of freedom: JCGM 100, eq. (G.2b).
         variances = np.array([u**2, u_calibration**2])
         dof_error = float(welch_satterthwaite(variances, np.array([dof, inf])))
-        size = Size(
+        yield Size(
             kind=item.kind,
             id=item.id,
             part=part,
@@ -480,8 +478,6 @@ def mean_sizes(
             error_interval95=t_interval(error_after, u_error, dof_error),
             reduction_percent=100 * (1 - abs(error_after / error_before)) if error_before else nan,
         )
-        result.append(size)
-    return result
 
 
 Origin = Literal["repeats", "form"]
@@ -599,9 +595,7 @@ def estimate(squares: FloatArray, origin: Origin, r: float) -> PointScatter:
     )
 
 
-def form_tests(
-    rings: Sequence[Ring], scatter: PointScatter | None, r: float
-) -> tuple[FormTest, ...]:
+def form_tests(rings: Sequence[Ring], scatter: PointScatter | None, r: float) -> Iterator[FormTest]:
     """The mean form of every ring against what the model and the scatter of points explain.
 
     F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n, with what the last
@@ -611,7 +605,6 @@ def form_tests(
     scatter of the repeats or else of the visits about their mean, so that the form itself takes no
     part in it; a ring of one visit without either is not tested.
     """
-    result = []
     for of in dict.fromkeys(of for of, _ in rings):
         visits = [ring for key, ring in rings if key == of]
         Q = ring_space(np.mean([ring.normals for ring in visits], axis=0), of[0])
@@ -636,5 +629,4 @@ def form_tests(
         p = float(fdtrc(df1, min(max(df2, 1.0), ENDLESS), F))
         sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
         calibrated = any(isfinite(ring.reference) for ring in visits)
-        result.append(FormTest(*of, calibrated, n, *sizes, F, p))
-    return tuple(result)
+        yield FormTest(*of, calibrated, n, *sizes, F, p)

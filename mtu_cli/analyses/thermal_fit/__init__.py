@@ -82,11 +82,6 @@ class ComponentDrift:
     by: str
 
     @property
-    def size2(self) -> float:
-        """Its unit's square."""
-        return self.unit.to_internal**2
-
-    @property
     def rms_unit(self) -> Unit:
         """Of reported root mean squares: um of a length, arcsec of an angle."""
         return SMALL[self.unit.dimension]

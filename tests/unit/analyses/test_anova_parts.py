@@ -10,8 +10,8 @@ from measured_examples import points, study, with_measured
 from scipy.stats import ncx2
 from support import codes
 
-from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
-from mtu_cli.analyses.anova.tables import noncentrality, radial_quantile
+from mtu_cli.analyses.anova import AnovaResult, analyse_variance
+from mtu_cli.analyses.anova.tables import Method, noncentrality, radial_quantile
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Points
 from mtu_cli.model.settings import Settings

@@ -254,14 +254,14 @@ def test_nothing_predicted() -> None:
     nothing = predicted(0.0, 0.0, 0.0)
     found = evidence(tables([3.0], [4.0], [5.0]), nothing, K)
     assert (found.p_scatter[0], found.ratio_ms[0]) == (0, np.inf)
-    (item, _) = judged(found, None)
+    (item,) = judged(found)
     assert item.verdicts == ("under-predicted",)
     # Repeats tell the CMM's scatter, which is what MS_between then is measured by.
     both = evidence(tables([3.0, 3.2], [4.0, 4.2], [5.0, 5.2]), nothing, K)
     assert both.p_scatter[0] == pytest.approx(2 * fdtrc(2, 3, 2 / 0.02), rel=0.005)
     still = evidence(tables([0.0], [0.0]), nothing, K)
     assert np.isnan([still.p_bias[0], still.p_scatter[0], still.E_n[0], still.ratio_u[0]]).all()
-    assert judged(still, None)[0].verdicts == (None,)
+    assert judged(still)[0].verdicts == (None,)
     off = evidence(tables([1.0]), nothing, K)
     assert off.p_bias[0] == 0
 
@@ -280,7 +280,7 @@ def judged_of(p_bias: list[float], p_scatter: list[float], ratio: list[float]) -
 def test_every_fault_is_stated_and_the_gravest_named() -> None:
     few, many = 1e-9, 1.0
     p_bias, p_scatter = [few, few, many, many, few], [few, many, few, many, few]
-    found, _ = judged(judged_of(p_bias, p_scatter, [9, 1, 0.1, 1, 0.1]), None)
+    (found,) = judged(judged_of(p_bias, p_scatter, [9, 1, 0.1, 1, 0.1]))
     assert found.outcome == [
         "under-predicted, biased", "biased", "over-predicted", "consistent",
         "biased, over-predicted",
@@ -295,7 +295,6 @@ def test_one_family_of_all_tests(share: float, verdict: str) -> None:
     """0.05/8: four items, two of each kind, with two tests each."""
     features = judged_of([share * 0.05 / 8, 1], [1, 1], [1, 1])
     found, others = judged(features, judged_of([1, 1], [1, 1], [1, 1]))
-    assert others is not None
     assert (*found.verdicts, *others.verdicts) == (verdict, *["consistent"] * 3)
 
 

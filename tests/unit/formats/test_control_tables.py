@@ -17,7 +17,6 @@ from mtu_cli.analyses.axis_errors import AxisErrors, axis_errors
 from mtu_cli.analyses.compensate import (
     CompensateResult,
     Frame,
-    TableRequest,
     Verified,
     compensate,
     figures,
@@ -283,7 +282,7 @@ def with_table(
     rng = np.random.default_rng(11)
     control, own = made(name)
     errors = axis_errors(*readings(rng, TARGETS, TRUE))
-    result = compensate(errors, control, own, TableRequest(), seed=1, trials=500)
+    result = compensate(errors, control, own, Frame(), seed=1, trials=500)
     command = CONTROLS[name](change(result.text))
     sent = np.array([[command(float(x), way) for x in TARGETS] for way in (1, -1)])
     left = np.stack([np.interp(sent[i], TARGETS, TRUE[i]) + sent[i] - TARGETS for i in (0, 1)])
@@ -337,7 +336,7 @@ def test_E_and_B_after_compensation_lie_in_their_intervals(name: str) -> None:
     for _ in range(400):
         true = np.cumsum(rng.normal(0, 2e-3, 11)) + np.array([[1e-3], [-1e-3]])
         first = axis_errors(*readings(rng, targets, true, **DRIFTING))
-        result = compensate(first, control, own, TableRequest(), seed=3, trials=600)
+        result = compensate(first, control, own, Frame(), seed=3, trials=600)
         left = true - Frame().applied(result.held, targets)
         found = figures(axis_errors(*readings(rng, targets, left, **DRIFTING)).means, 2)
         assert result.after is not None
@@ -352,7 +351,7 @@ def test_E_and_B_after_compensation_lie_in_their_intervals(name: str) -> None:
 def test_frame_machine_zero_and_reversed_axis() -> None:
     errors = axis(2)
     for frame in (Frame(zero=-300), Frame(zero=20, reverse=True)):
-        result = compensate(errors, *made("table"), TableRequest(frame=frame), trials=100)
+        result = compensate(errors, *made("table"), frame, trials=100)
         assert np.abs(frame.applied(result.held, TARGETS) - errors.means).max() < 1e-6
         sign = -1 if frame.reverse else 1
         assert set(np.round(result.held.at - frame.zero, 4)) == set(np.round(sign * TARGETS, 4))
@@ -365,32 +364,32 @@ def test_frame_machine_zero_and_reversed_axis() -> None:
 
 
 def test_the_active_table_is_added_to() -> None:
-    first = compensate(axis(3), *made("beckhoff"), TableRequest(), trials=100).held
+    first = compensate(axis(3), *made("beckhoff"), Frame(), trials=100).held
     zero = axis(3, 0 * TRUE, s=0.0, drift=(0, 0, 0))
-    again = compensate(zero, *made("beckhoff"), TableRequest(current=first), trials=100).held
+    again = compensate(zero, *made("beckhoff"), Frame(), current=first, trials=100).held
     assert np.allclose(again.errors, first.errors, atol=1e-9)
 
 
 def test_unequal_targets_need_a_step() -> None:
     errors = axis(4, np.zeros((2, 4)), np.array([0.0, 10.0, 25.0, 60.0]))
     with pytest.raises(InputError, match="--step"):
-        compensate(errors, *made("siemens-enc"), TableRequest())
-    found = compensate(errors, *made("siemens-enc"), TableRequest(places=grid(0, 60, 10)))
+        compensate(errors, *made("siemens-enc"), Frame())
+    found = compensate(errors, *made("siemens-enc"), Frame(), places=grid(0, 60, 10))
     assert found.held.at.tolist() == [0, 10, 20, 30, 40, 50, 60]
     with pytest.raises(InputError, match="within the targets"):
-        compensate(errors, *made("siemens-enc"), TableRequest(places=grid(0, 70, 10)))
+        compensate(errors, *made("siemens-enc"), Frame(), places=grid(0, 70, 10))
 
 
 def test_backlash_that_varies_is_warned_of() -> None:
     varied = TRUE + np.array([[1.0], [-1.0]]) * 2e-5 * TARGETS
     for errors, codes in ((TRUE, []), (varied, ["backlash-varies"])):
-        result = compensate(axis(6, errors), *made("acs"), TableRequest())
+        result = compensate(axis(6, errors), *made("acs"), Frame())
         assert [each.code for each in result.warnings] == codes
 
 
 def test_half_a_table_and_a_table_that_scatter_hides() -> None:
     for height, left, verdict in ((1, TRUE / 2, "partly"), (200, 0 * TRUE, "too-small-to-tell")):
-        result = compensate(axis(8, TRUE / height), *made("beckhoff"), TableRequest())
+        result = compensate(axis(8, TRUE / height), *made("beckhoff"), Frame())
         after = readings(np.random.default_rng(9), TARGETS, left)
         assert verified(result, after).verdict == verdict
 
@@ -399,7 +398,7 @@ def test_mean_and_forward_tables_leave_what_they_promise() -> None:
     """Forward leaves forward alone at zero; the mean leaves half the backlash on each side."""
     errors = axis(9, s=0.0)
     for direction, left in (("forward", [0.0, -0.002]), ("mean", [0.001, -0.001])):
-        result = compensate(errors, *made("acs"), TableRequest(direction=direction), trials=100)
+        result = compensate(errors, *made("acs"), Frame(), direction=direction, trials=100)
         applied = Frame().applied(result.held, TARGETS)
         assert np.allclose(errors.means - applied, np.array(left)[:, None], atol=1e-6)
 
@@ -408,7 +407,7 @@ def test_one_run_in_one_direction_leaves_reversal_and_u_unknown() -> None:
     """They are no zeros: the table takes the other direction to be alike, and says so."""
     none = np.zeros(len(TARGETS), int)
     first = axis_errors(TARGETS, none + 1, TRUE[0], none)
-    result = compensate(first, *made("table"), TableRequest(), trials=10)
+    result = compensate(first, *made("table"), Frame(), trials=10)
     unknown = [x.facts["quantity"] for x in result.warnings if x.code == "not-estimable"]
     assert unknown == ["reversal", "figures after compensation"]
     assert result.after is None
@@ -428,7 +427,7 @@ def test_the_interval_of_k_covers_also_where_the_table_is_noise() -> None:
         wave = np.sin(2 * np.pi * targets / rng.uniform(250, 800) + rng.uniform(0, 6))
         true = height * (wave + np.array([[0.5], [-0.5]]))
         first = axis_errors(*readings(rng, targets, true, **DRIFTING))
-        result = compensate(first, *made("table"), TableRequest(), trials=10)
+        result = compensate(first, *made("table"), Frame(), trials=10)
         assert result.applied is not None
         after = readings(rng, targets, true + (k - 1) * result.applied, **DRIFTING)
         found = verified(result, after)
@@ -446,7 +445,7 @@ def test_a_new_reversal_or_wave_is_reported_beside_the_verdict() -> None:
     def warned(change: Any, stops: Any, runs: int) -> bool:
         true = np.cumsum(rng.normal(0, 2e-3, 11)) + np.array([[1e-3], [-1e-3]])
         first = axis_errors(*readings(rng, targets, true, **DRIFTING))
-        result = compensate(first, *made("table"), TableRequest(), trials=10)
+        result = compensate(first, *made("table"), Frame(), trials=10)
         assert result.applied is not None
         after = readings(rng, targets, true - result.applied + change, **DRIFTING)
         rows = np.isin(after[0], stops) & (after[3] < runs)
@@ -469,7 +468,7 @@ def test_the_misfit_is_that_of_a_straight_line() -> None:
     at, way = np.tile(TARGETS, 2 * n), np.repeat([1, -1], n * len(TARGETS))
     value = TRUE[(way < 0).astype(int), np.tile(np.arange(15), 2 * n)] + rng.normal(0, s, at.size)
     first = axis_errors(at, way, value, np.zeros(at.size, int))
-    result = compensate(first, *made("table"), TableRequest(), trials=10)
+    result = compensate(first, *made("table"), Frame(), trials=10)
     assert result.applied is not None
     after = rng.normal(0, 2 * s, 30)
     place, turn = np.tile(TARGETS, 2), np.repeat([1, -1], 15)
@@ -491,7 +490,7 @@ def test_a_first_test_without_scatter_has_no_misfit() -> None:
     stated = AxisErrors(targets=TARGETS, means=TRUE, expected=TRUE, ways=2, read=False,
                         known=1e-8 * np.eye(30))  # fmt: skip
     for first in (axis_errors(*one_run), stated):
-        result = compensate(first, *made("table"), TableRequest(), trials=10)
+        result = compensate(first, *made("table"), Frame(), trials=10)
         assert result.applied is not None
         after = readings(rng, TARGETS, TRUE - result.applied + np.array([[6e-3], [-6e-3]]))
         found = verify(result, *after)
@@ -510,7 +509,7 @@ def test_p_of_the_misfit_is_an_upper_bound() -> None:
             true = np.cumsum(rng.normal(0, 2e-3, 11)) + np.array([[1e-3], [-1e-3]])
             before, after = (readings(rng, targets, true, **DRIFTING) for _ in range(2))
             first = axis_errors(*(x[: 22 * runs] for x in before))
-            result = compensate(first, *made("table"), TableRequest(), trials=10)
+            result = compensate(first, *made("table"), Frame(), trials=10)
             assert result.applied is not None
             after[2][:] -= result.applied[(after[1] < 0).astype(int), np.tile(np.arange(11), 10)]
             found = verified(result, tuple(x[: 22 * runs] for x in after))
@@ -527,7 +526,7 @@ def test_repeats_without_runs_scatter_each_by_itself() -> None:
     none = np.zeros(150, int)
     for _ in range(60):
         first = axis_errors(at, way, TRUE[cell] + rng.normal(0, 1e-3, 150), none)
-        result = compensate(first, *made("table"), TableRequest(), trials=10)
+        result = compensate(first, *made("table"), Frame(), trials=10)
         assert result.applied is not None
         left = (TRUE - result.applied)[cell] + rng.normal(0, 1e-3, 150)
         found = verified(result, (at, way, left, none))

@@ -176,7 +176,7 @@ def made(labels: list[Label], seed: int) -> Compared:
     known = predicted(mean, 0.2 * u2, 0.8 * u2, 0.64 * u2, (np.inf, np.inf))
     tables = MeasuredTables(labels=tuple(labels), parts=tuple("12345"), cells=cells)
     of = {name: (known, np.eye(n)) for name in ("drilled", "milled")}
-    return decreed(judged(compared(tables, of, 2.0), None)[0])
+    return decreed(judged(compared(tables, of, 2.0))[0])
 
 
 def decreed(
