@@ -20,3 +20,9 @@ def __getattr__(name: str) -> Any:
         raise AttributeError(name)
     api = import_module("mtu_cli.api")
     return getattr(api, name) if name in (*_READ, "Result") else api.function_of(name)
+
+
+def __dir__() -> list[str]:
+    from mtu_cli.api import FUNCTIONS
+
+    return sorted([*globals(), *_READ, *FUNCTIONS, "Result"])

@@ -19,7 +19,6 @@ with all findings.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -88,7 +87,7 @@ def _read(kind: str, role: str, paths: Iterable[FilePath], **objects: Any) -> An
     """One kind of input from these files and objects alone: no study is looked for."""
     given = {name: item for name, item in objects.items() if item is not None}
     values = {name: item.source.path for name, item in given.items()}
-    values[role] = [Path(path) for path in paths]
+    values[role] = [Path(path) for path in ([paths] if isinstance(paths, (str, Path)) else paths)]
     if not values[role]:
         raise ValueError("no files to read")
     # Without a machine as of a command that takes readings of any.
@@ -131,13 +130,14 @@ def function_of(name: str) -> Callable[..., Result]:
         return simulate
     if name not in FUNCTIONS:
         raise AttributeError(name)
-    result = partial(_run, FUNCTIONS[name])
-    result.__doc__ = COMMANDS[FUNCTIONS[name]].text
-    return result
+    command = FUNCTIONS[name]
 
+    def call(*given: Any, **options: Any) -> Result:
+        return analysis_of(command)(_inputs(command, given, options))
 
-def _run(command: str, *items: Any, **options: Any) -> Result:
-    return analysis_of(command)(_inputs(command, items, options))
+    call.__name__ = call.__qualname__ = name
+    call.__doc__ = f"{COMMANDS[command].text}\n\n`mtu {command} --help` lists the options."
+    return call
 
 
 def _inputs(command: str, items: Iterable[Any], options: Mapping[str, Any]) -> Inputs:

@@ -89,7 +89,8 @@ def unit_of_errors(data: ReadingsData) -> Iterator[Odd]:
         number = size / others.pop(stated.name, 1.0)
         meant = [unit for unit, to in others.items() if low <= number * to <= high]
         if size and meant and (large or size < low):
-            facts = {"size": size / stated.to_internal, "unit": stated.name, "meant": meant}
+            largest = float(sizes.max()) if large else size
+            facts = {"size": largest / stated.to_internal, "unit": stated.name, "meant": meant}
             yield Odd(rows, facts, "error")
 
 

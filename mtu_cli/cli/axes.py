@@ -20,7 +20,7 @@ from mtu_cli.cli.values import assignments, known_name, number_of
 from mtu_cli.files.readings import PLANES, WAYS, read_traces
 from mtu_cli.files.source import check_text, read_source, report_bytes, shown_path
 from mtu_cli.files.study import InstrumentBudget, load_study
-from mtu_cli.findings import error, listed, located
+from mtu_cli.findings import Finding, error, finding, listed, located
 from mtu_cli.formats.base import raw_file
 from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
@@ -169,6 +169,11 @@ def compensate(inputs: Inputs) -> Result:
     current = options.current and _read(inputs, options.current, control.read_back, parameters)
     # Type 0 where --set names none: a file does not show its type.
     parameters["type"] = parameters.get("type") or "0"
+    warnings, budget = list[Finding](), _budget(inputs)
+    if errors.read and budget is not None and budget.already_at_20 is False:
+        reason = f"the table holds the errors as they were read, at {budget.T_mean_degC:g} degC"
+        facts = {"what": "the correction to 20 degC", "names": ["budget"], "reason": reason}
+        warnings.append(finding("not-used", **facts))
     plan = result = analysis.compensate(
         errors, control, parameters, frame, component=" + ".join(x.name for x in summands),
         direction=options.direction, places=places, reference=options.reference,
@@ -192,7 +197,7 @@ def compensate(inputs: Inputs) -> Result:
     if options.to_nc:
         program = analysis.moves_program(plan, options.feed, DWELL_S, first.axis.upper(), frame)
         files[options.to_nc] = program.encode()
-    return Result.reported(inputs, result, files=files)
+    return Result.reported(inputs, result, warnings, files=files)
 
 
 def _read(inputs: Inputs, path: Path, reader: Callable[..., Any], *parameters: Any) -> Any:

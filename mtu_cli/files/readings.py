@@ -157,9 +157,10 @@ def _check_component(
     faults.cells(table, bad, "unit", of_row, code="wrong-unit", **facts)
     unplaced = inside & empty & placed
     for i in np.unique(table.file_index[unplaced & ~has_column]).tolist():
-        place = {**table.files[i].place, "column": "position_mm", "expected": expected}
         meant = nearest("position_mm", table.files[i].header)
-        faults.add(finding("missing-column", **place, meant=meant))
+        hint = f"{meant[0]!r} renamed to 'position_mm'" if meant else expected
+        place = {**table.files[i].place, "column": "position_mm", "expected": hint}
+        faults.add(finding("missing-column", **place))
     faults.cells(table, unplaced & has_column, "position_mm", code="empty-cell", expected=expected)
 
 

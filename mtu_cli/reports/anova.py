@@ -170,8 +170,8 @@ CAPABILITY = declare(
     cpk | | ppk with s_moving for s | cpk, index()
     """,
     limits=_in_units("""
-        low_UNIT | low | lower limit | low
-        high_UNIT | high | upper limit; of a position half the diameter of its zone | high
+        low_UNIT | low | lower limit | low, plain
+        high_UNIT | high | upper limit; of a position half the diameter of its zone | high, plain
         mean_UNIT | mean | mean error; of a position the mean radial error | mean
         s_UNIT | s | standard deviation of the parts, repeats averaged | s
         s_moving_UNIT | s_moving | mean moving range over the sequence, over 1.128

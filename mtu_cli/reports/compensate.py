@@ -21,6 +21,8 @@ MEANS = {
 }
 
 
+STATED = "what is stated, without the scatter of a test,"
+"""Of errors that the machine file states."""
 PLACE = """
     NAME_mm | mm() | WHAT; null of a rotary axis | NAME / mm, mm
     NAME_deg | deg() | the same of a rotary axis | NAME / deg, mm
@@ -146,7 +148,8 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
     footer += f"{control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
     if result.reference is not None:
         footer += f"; zero at {result.reference:g} {'deg' if result.asked.rotary else 'mm'}"
-    meaning = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
+    test = "a new test of as many runs" if result.errors is None or result.errors.read else STATED
+    meaning = f"E, B, M: ISO 230-2; after: {test} at the same targets"
     moves = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
     before, after, size = result.before or {}, result.after or {}, result.unit.to_internal
     rows = [
@@ -174,7 +177,8 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
         else:
             draws = (np.quantile(after["E"], (0.5, 0.025, 0.975)) / size).tolist()
             median, least, most = (significant(x, 3) for x in draws)
-            verdict += f"with the table a new test gives {median} {unit} "
+            test = "a new test gives" if result.errors and result.errors.read else f"{STATED} is"
+            verdict += f"with the table {test} {median} {unit} "
             verdict += f"(95 % interval {least} to {most})."
             if result.backlash is not None and not result.asked.both:
                 mean = f"{significant(float(result.backlash.mean()) / size, 3)} {unit}"

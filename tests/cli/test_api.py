@@ -45,6 +45,16 @@ def test_what_was_read_takes_the_place_of_its_file() -> None:
     assert parts == mtu_cli.anova(UNDECLARED, datum="offset").to_dict()
 
 
+def test_the_functions_are_found_and_say_what_they_do() -> None:
+    assert {"lengths", "graph_sweep", "read_part"} <= {*dir(mtu_cli)}
+    assert mtu_cli.lengths.__name__ == "lengths"
+    assert "probability of conformance" in mtu_cli.lengths.__doc__
+    # One file stands for a list of one.
+    part = mtu_cli.read_part(UNDECLARED / "part.yaml")
+    one, several = (mtu_cli.read_points(x, part) for x in (str(CMM), [CMM]))
+    assert one.measured.tobytes() == several.measured.tobytes()
+
+
 def test_check_warns_of_what_looks_wrong(tmp_path: Path) -> None:
     assert mtu_cli.check(UNDECLARED) == []
     table = pd.read_csv(CMM, comment="#")

@@ -454,6 +454,18 @@ def test_what_stands_beside_a_table_overwrites_nothing(tmp_path: Path) -> None:
     assert "appears twice" in refused(tmp_path, *twice)
 
 
+def test_a_table_is_of_the_temperature_at_which_it_was_read(laser: Path, tmp_path: Path) -> None:
+    machine_file(tmp_path, "{dx_x: {of: x, unit: um}}", "{Ex: dx_x}")
+    budget = "{device_U_um_per_m: 1, T_mean_degC: 22.5, alpha_um_per_m_K: 11, already_at_20: false}"
+    lines = "schema: mtu/study/1", "machine: m.yaml", f"laser: [{laser.name}]", f"budget: {budget}"
+    (tmp_path / "mtu.yaml").write_text("\n".join(lines) + "\n", "utf-8")
+    call = ("compensate", "--component", "dx_x", "--for", "table", "-q")
+    said = done(mtu(*call, cwd=tmp_path)).stderr
+    assert "the table holds the errors as they were read, at 22.5 degC [not-used]" in said
+    (tmp_path / "mtu.yaml").write_text("\n".join(lines[:3]) + "\n", "utf-8")
+    assert "not-used" not in done(mtu(*call, cwd=tmp_path)).stderr
+
+
 def test_a_rotary_axis(tmp_path: Path) -> None:
     machine_file(tmp_path, "{dx: {of: x, unit: um}, ccc: {unit: arcsec}}", "{Ex: dx + y*ccc}")
     rows = ["component,position_deg,pass,direction,error,unit"]
