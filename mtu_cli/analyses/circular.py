@@ -211,12 +211,7 @@ def joint_fit(traces: Traces, pitches: Sequence[float] = ()) -> Fit:
 def diagnose(traces: Traces, pitches: Sequence[float] = ()) -> CircularResult:
     """The figures of ISO 230-4 and the causes of the deviations; with the `pitches` (mm) of the
     axes' ball screws or scales, one of both or one of each, their cyclic errors, too.
-
-    Raises InputError for more than two pitches.
     """
-    if len(pitches) > 2:
-        count = f"{len(pitches)} values"
-        raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
     fit = joint_fit(traces, (pitches[0], pitches[-1]) if pitches else ())
     R = traces.radius
     speed = float(np.mean([trace.feed for trace in traces.traces])) / 60.0

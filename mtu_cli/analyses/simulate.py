@@ -145,8 +145,8 @@ def _drift_test(
     """The test at the positions, mm, that are stated, else at those of the gradients, else in the
     middle of the axis; with settled drifts in mm and rad.
     """
-    if not model.drifts():
-        reason = "no component of the equations has a thermal model"
+    if not any(drift.sensors for drift in model.drifts()):
+        reason = "no component of the equations has a thermal model with a sensor"
         expected = "a `thermal` key in a component of the equations"
         raise error("not-applicable", file=loaded.source.shown, reason=reason, expected=expected)
     machine, positions, settled = loaded.machine, dict(stated.positions), {}

@@ -105,6 +105,9 @@ def circular(inputs: Inputs) -> Result:
         [number_of(f"--{name}", text, positive=True) for text in words(name)]
         for name in ("feed", "pitch")
     )
+    if len(pitches) > 2:
+        count = f"{len(pitches)} values"
+        raise error("wrong-count", path="--pitch", found=count, expected="one, or one of each axis")
     paths = options.file
     xml = [path.is_file() and path.read_bytes().lstrip(XML_BLANKS)[:1] == b"<" for path in paths]
     if any(xml):

@@ -81,7 +81,7 @@ def _request(inputs: Inputs, model: MachineModel, files: Mapping[str, Path]) -> 
     options, travels = inputs.options, inputs.machine.machine.travels
     component, rooms = options.laser_component, options.cmm_room if "cmm" in files else None
     axes = analysis.axes_read(model, files, component)
-    positions = _positions(options.positions) if axes else {}
+    positions = _positions(options.positions) if {"lbb", "laser"} & files.keys() else {}
     for axis in sorted(axes & positions.keys() & travels.keys()):
         within("--positions", positions[axis], travels[axis], f"mm of {axis}")
     unstated = axes - positions.keys()

@@ -444,7 +444,8 @@ def not_read(
     """
     entries = report.document.get("inputs")
     items = [x for x in entries if isinstance(x, dict)] if isinstance(entries, list) else []
-    of_fit = {x.get("sha256") for x in items if x.get("role") in ("lbb", "laser", "drift")}
+    roles = ("drift",) if isinstance(report, ThermalReport) else ("lbb", "laser")
+    of_fit = {x.get("sha256") for x in items if x.get("role") in roles}
     if not digests or {*digests.values()} == of_fit:
         return []
     other = [path for path, digest in digests.items() if digest not in of_fit]

@@ -447,7 +447,7 @@ def clause8(
     clearly_failed = d_low - twice_low > allowed or d_high - twice_high > allowed
     clearly_passed = d_low + twice_low <= allowed and d_high + twice_high <= allowed
     short = max(twice_low, twice_high) > CONVERGED_TO * tolerance
-    if u == 0.0 and result.u[index] > 0.0:
+    if u == 0.0 and result.u[index] > allowed:
         # The ends of a step's interval may agree: no u is still wrong where there is one.
         passed = False
     elif math.isnan(u) or (short and not (clearly_failed or clearly_passed)):

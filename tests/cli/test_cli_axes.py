@@ -265,6 +265,7 @@ def test_what_a_ballbar_states_is_shown(tmp_path: Path) -> None:
         "a trace is missing": ("--write-components", tmp_path / "c.json"),
         "not drawn": ("--plot", tmp_path / "a.png"),
         "TEST_PLANE: contradicts --plane YZ: 'XY'": ("--plane", "yz"),
+        "--pitch: 3 values": ("--pitch", "1,2,3"),
     }
     for text, words in refusals.items():
         assert text in done(mtu("circular", stated, *words), 2).stderr

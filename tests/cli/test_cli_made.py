@@ -345,6 +345,10 @@ def test_a_laser_needs_the_positions_of_its_axis_alone(tmp_path: Path) -> None:
         done(mtu(*call, "--positions", positions, cwd=tmp_path))
     words = "the range along x is missing; expected --positions LOW:HIGH:COUNT, or a part (-p)"
     assert words in done(mtu(*call, cwd=tmp_path), 2).stderr
+    # Text that is no range is a fault, whether or not a component needs one.
+    text = (tmp_path / "m.yaml").read_text()
+    (tmp_path / "m.yaml").write_text(text.replace("{of: x, ", "{"))
+    assert "not LOW:HIGH:COUNT" in done(mtu(*call, "--positions", "1:2", cwd=tmp_path), 2).stderr
 
 
 # The installed `mtu thermal-fit` on drift that the published gradients make.

@@ -167,6 +167,10 @@ def test_readings_that_a_report_was_fitted_to_are_no_news(small: Path) -> None:
     with pytest.raises(InputError, match=r"lbb\.cvs: no such file; did you mean 'lbb\.csv'"):
         names({"lbb": [Path("lbb.cvs")]})
     document = json.loads(fitted.read_text())
+    # One that close-loop wrote names drift readings, too.
+    drift = {"role": "drift", "path": "drift.csv", "sha256": "0"}
+    fitted.write_text(json.dumps(document | {"inputs": [*document["inputs"], drift]}))
+    assert names({}) == []
     fitted.write_text(json.dumps(document | {"inputs": []}))
     # A report that names no readings may be of these.
     (item,) = unused({})

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -161,6 +161,14 @@ def test_values_that_are_not_finite_are_counted(bad: float, trials: int | None) 
     with pytest.raises(InputError, match=r"'worse' has no finite value in 7 of") as raised:
         monte_carlo(Other(formula, ("good", "worse")), seed=1, trials=trials)
     assert "good" not in str(raised.value)
+
+
+def test_clause8_takes_no_rounding_for_an_uncertainty() -> None:
+    ends = {name: np.array([3.0]) for name in ("low", "high")}
+    ends |= {name: np.zeros(1) for name in ("se_low", "se_high")}
+    run = replace(monte_carlo(Bent(0.0), seed=1), **ends)
+    assert clause8(3.0, 0.0, Z, replace(run, u=np.array([4e-16]))).passed is True
+    assert clause8(3.0, 0.0, Z, replace(run, u=np.array([0.1]))).passed is False
 
 
 def test_clause8_passes_fails_and_abstains() -> None:
