@@ -7,6 +7,7 @@ The public Python API, imported when it is used: `read_machine`, `read_part`, `r
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 __version__ = "0.1.0"
@@ -14,8 +15,6 @@ _READ = ("read_machine", "read_part", "read_study", "read_readings", "read_point
 
 
 def __getattr__(name: str) -> Any:
-    from importlib import import_module
-
     if name.startswith("_"):
         raise AttributeError(name)
     api = import_module("mtu_cli.api")
@@ -23,6 +22,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    from mtu_cli.api import FUNCTIONS
-
-    return sorted([*globals(), *_READ, *FUNCTIONS, "Result"])
+    return sorted([*globals(), *_READ, *import_module("mtu_cli.api").FUNCTIONS, "Result"])

@@ -347,7 +347,9 @@ def test_a_laser_needs_the_positions_of_its_axis_alone(tmp_path: Path) -> None:
     assert words in done(mtu(*call, cwd=tmp_path), 2).stderr
     # Text that is no range is a fault, whether or not a component needs one.
     text = (tmp_path / "m.yaml").read_text()
-    (tmp_path / "m.yaml").write_text(text.replace("{of: x, ", "{"))
+    (tmp_path / "m.yaml").write_text(
+        text.replace("{of: x, unit: um, coefficients: [1, 0.01]", "{unit: um, coefficients: [1]")
+    )
     assert "not LOW:HIGH:COUNT" in done(mtu(*call, "--positions", "1:2", cwd=tmp_path), 2).stderr
 
 

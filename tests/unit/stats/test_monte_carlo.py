@@ -164,9 +164,8 @@ def test_values_that_are_not_finite_are_counted(bad: float, trials: int | None) 
 
 
 def test_clause8_takes_no_rounding_for_an_uncertainty() -> None:
-    ends = {name: np.array([3.0]) for name in ("low", "high")}
-    ends |= {name: np.zeros(1) for name in ("se_low", "se_high")}
-    run = replace(monte_carlo(Bent(0.0), seed=1), **ends)
+    place, sure = np.array([3.0]), np.zeros(1)
+    run = replace(monte_carlo(Bent(0.0), seed=1), low=place, high=place, se_low=sure, se_high=sure)
     assert clause8(3.0, 0.0, Z, replace(run, u=np.array([4e-16]))).passed is True
     assert clause8(3.0, 0.0, Z, replace(run, u=np.array([0.1]))).passed is False
 
