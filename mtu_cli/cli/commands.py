@@ -102,7 +102,7 @@ COMMANDS = declare(f"""
         reverse_axis current set read verify to_file to_nc feed:moves seed trials digits {OUT}
     budget | one_file | about | - | An uncertainty budget: first and second order, with Monte \
         Carlo. \
-        | file:budget k digits {RANDOM} {OUT}
+        | file:budget k:budget digits {RANDOM} {OUT}
     simulate | simulate | machine | - | A virtual machine: synthetic readings and points, with \
         any effect, seeded. \
         | study machine part components seed passes positions laser_component parts \

@@ -215,8 +215,8 @@ CHOICES = declare("""
     datum | text | DATUM | Best-fit alignment removed from each part: none, offset, \
         offset,rotation or (of a ring) offset,diameter | shown: none
     correlation | text | HOW | shared: full covariance; independent: as the papers | shown: shared
-    k | float --k --coverage-factor | K | Coverage factor of U = k u | \
-        shown: 2; in a budget the k for 95 %
+    k | float --k --coverage-factor | K | Coverage factor of U = k u | shown: 2
+    k:budget | float --k --coverage-factor | K | Coverage factor of U = k u | shown: that for 95 %
     digits | int | N | Significant digits of u that matter | shown: 2
     seed | int | N | Seed of the random numbers
     trials | int | N | Monte Carlo trials; without it the count adapts

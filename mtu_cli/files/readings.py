@@ -152,7 +152,7 @@ def _check_component(
         return {"unit": internal(kinds[i]).text(), "value": unit}
 
     dimension = internal(kind).text()
-    facts = {"of": label, "wanted": dimension, "expected": f"{dimension}: {why}"}
+    facts = {"of": f"the unit of {label}", "wanted": dimension, "expected": f"{dimension}: {why}"}
     bad = inside & (kinds != kind) & (kinds != UNKNOWN)
     faults.cells(table, bad, "unit", of_row, code="wrong-unit", **facts)
     unplaced = inside & empty & placed

@@ -190,7 +190,7 @@ class Import:
         """
         component = self.ask.component
         if not component and self.ask.kind != "inspect":
-            expected = "NAME=FILE, as --laser dx_x=FILE; with import --component NAME"
+            expected = "NAME=FILE, as --laser dx_x=FILE (of mtu import: --component NAME)"
             raise self.file.error("missing-input", what="the component that the file reads",
                                   expected=expected)  # fmt: skip
         for line, target, run, way, value in readings:

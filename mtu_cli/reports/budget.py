@@ -155,7 +155,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     contributions = Table(f"{result.name}: contributions", fields, lines, "\n".join(models))
     rows = [each for item in outputs for each in _estimates(item)]
     footer = f"intervals for {percent:.4g} %; of first order: value ± k u with "
-    footer += listed(map(_factor, outputs))
+    footer += f"the k for {percent:.4g} %, " + listed(map(_factor, outputs))
     estimates = Table(f"{result.name}: result", ESTIMATE, rows, footer)
     fields = declare("- | outputs.name | | output, text")
     for i, item in enumerate(outputs):

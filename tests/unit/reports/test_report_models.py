@@ -339,9 +339,12 @@ def test_the_factor_of_the_interval_stands_beside_a_stated_one() -> None:
     text = "equation: x\ninputs: {x: {value: 0, u: 1, dof: 4}}\ncoverage: {k: 2}\n"
     lines = " ".join(shown(evaluated(text)).split())
     assert "y = 0.0 ± 2.0 (k = 2.00)" in lines
-    assert "95.45 %; of first order: value ± k u with k = 2.87 (t of 4 dof)" in lines
+    assert (
+        "95.45 %; of first order: value ± k u with the k for 95.45 %, k = 2.87 (t of 4 dof)"
+        in lines
+    )
     normal = evaluated(text.replace(", dof: 4", ""))
-    assert "with k = 2.00 (normal)" in " ".join(shown(normal).split())
+    assert "95.45 %, k = 2.00 (normal)" in " ".join(shown(normal).split())
 
 
 def test_correlations_of_inputs_are_reported_and_a_footer_explains_no_missing_column() -> None:
