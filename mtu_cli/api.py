@@ -12,8 +12,8 @@
 ['3-9', '9-15', '3-15']
 
 A study, or what was read, is given by position, options of the command by name (``seed=1``,
-``datum="offset"``, ``at={"dir_x": 1}``). Nothing is written. Faults of the input raise InputError
-with all findings.
+``datum="offset"``, ``at={"dir_x": 1}``). Nothing is written: of a `Result` `report` is what ``-o``
+would write, `page` the report to hand on. Faults of the input raise InputError with all findings.
 """
 
 from __future__ import annotations

@@ -325,17 +325,17 @@ def levels_of_pieces(panel: Panel, sets: Iterable[list[int]]) -> tuple[float, fl
     places = panel.rows(panel.cycles).values(), panel.freed().rows(panel.cycles).values()
     n, pieces, tests = sum(rows.n for rows in places[0]), len(panel.pieces), []
     for columns in sets:
-        rss_level = rss_own = 0.0
+        rss_common = rss_freed = 0.0
         df1, rank, fits = pieces - len(places[0]), pieces, []
         for both in zip(*places, strict=True):
-            level, own = (least_squares(x.inner(columns), x.inner([-1])[:, 0]) for x in both)
+            common, freed = (least_squares(x.inner(columns), x.inner([-1])[:, 0]) for x in both)
             weights = np.zeros(both[1].factor.shape[1])
-            weights[columns], weights[-1] = -own.coefficients, 1.0
+            weights[columns], weights[-1] = -freed.coefficients, 1.0
             fits.append((both[1], weights))
-            rss_level, rss_own = rss_level + level.rss, rss_own + own.rss
-            df1, rank = df1 + own.rank - level.rank, rank + own.rank
+            rss_common, rss_freed = rss_common + common.rss, rss_freed + freed.rss
+            df1, rank = df1 + freed.rank - common.rank, rank + freed.rank
         dof = effective_number(n, autocorrelation(fits)) - rank
-        if df1 > 0 and dof > 0 and rss_own > 0:
-            F = max(rss_level - rss_own, 0.0) / df1 / (rss_own / dof)
-            tests.append((1 - rss_own / rss_level, float(fdtrc(df1, dof, F))))
+        if df1 > 0 and dof > 0 and rss_freed > 0:
+            F = max(rss_common - rss_freed, 0.0) / df1 / (rss_freed / dof)
+            tests.append((1 - rss_freed / rss_common, float(fdtrc(df1, dof, F))))
     return min(tests, default=(0.0, 1.0))

@@ -49,6 +49,7 @@ def test_the_functions_are_found_and_say_what_they_do() -> None:
     assert {"lengths", "graph_sweep", "read_part"} <= {*dir(mtu_cli)}
     assert mtu_cli.lengths.__name__ == "lengths"
     assert "probability of conformance" in mtu_cli.lengths.__doc__
+    assert b"<svg" in mtu_cli.lengths(UNDECLARED).page(".html")
     # One file stands for a list of one.
     part = mtu_cli.read_part(UNDECLARED / "part.yaml")
     one, several = (mtu_cli.read_points(x, part) for x in (str(CMM), [CMM]))
