@@ -271,6 +271,8 @@ CATALOGUE: dict[str, Kind] = {
 EXIT_INPUT = 2
 EXIT_GATE = 3
 
+SUSPICIOUS = "suspicious"
+"""The gate of every command that reads data: a warning of the checks meets it."""
 MOST_SHOWN = 20
 """Findings of an error that are shown; the rest is counted."""
 SHOWN_RUNS = 6

@@ -8,10 +8,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import SUSPICIOUS
 from mtu_cli.files.source import report_bytes
-from mtu_cli.findings import Finding, InputError, counted, error, listed
+from mtu_cli.findings import SUSPICIOUS, Finding, InputError, counted, error, listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.document import Document, document_of, envelope, page_bytes
 from mtu_cli.reports.fields import csv_text
@@ -49,12 +47,12 @@ class Listing:
 
 @dataclass(frozen=True)
 class Result:
-    """What a command gives: its document, warnings beside those of the input, and by name `gates`:
-    the reason why one is met, of a limit where it has one, or None. `files`: what the command
-    writes beside report, table and picture, by path.
+    """What a command gives: its document, warnings beside those of the `inputs` of its call
+    (`cli.load`), and by name `gates`: the reason why one is met, of a limit where it has one, or
+    None. `files`: what the command writes beside report, table and picture, by path.
     """
 
-    inputs: Inputs
+    inputs: Any
     document: Document | Listing
     further: Sequence[Finding] = ()
     gates: Mapping[str, Gate] = field(default_factory=dict)
@@ -62,7 +60,7 @@ class Result:
 
     @classmethod
     def reported(
-        cls, inputs: Inputs, result: Any, warnings: Iterable[Finding] = (), **more: Any
+        cls, inputs: Any, result: Any, warnings: Iterable[Finding] = (), **more: Any
     ) -> Result:
         """An analysis' result as the document of the command, and its warnings after others."""
         document = document_of(inputs.options.command, result, inputs.settings.digits)

@@ -14,8 +14,8 @@ import mtu_cli
 ROOT = Path(mtu_cli.__file__).parent
 FLOORS = {
     "findings": 0, "units": 0, "help": 1, "language": 1, "files": 2,
-    "stats": 3, "formats": 4, "model": 4, "checks": 5, "analyses": 5, "reports": 6, "cli": 7,
-    "result": 7, "api": 8,
+    "stats": 3, "formats": 4, "model": 4, "checks": 5, "analyses": 5, "reports": 6,
+    "result": 6, "cli": 7, "api": 8,
 }  # fmt: skip
 HEAVY = ("numpy", "pandas", "scipy", "matplotlib", "pydantic")
 SLOW = ("pandas", "scipy.linalg", "scipy.stats", "matplotlib")

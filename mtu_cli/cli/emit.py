@@ -16,10 +16,10 @@ from rich.console import Console
 
 from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
+from mtu_cli.cli.options import BESIDE, MADE, WRITTEN, Options
 from mtu_cli.files.headers import is_made, measured_in, number
 from mtu_cli.files.source import files_written, given_path, same, target_faults
-from mtu_cli.findings import EXIT_GATE, Finding, InputError, finding, warning_lines
+from mtu_cli.findings import EXIT_GATE, SUSPICIOUS, Finding, InputError, finding, warning_lines
 from mtu_cli.reports.document import plain_text
 from mtu_cli.result import Result
 from mtu_cli.stats.monte_carlo import Progress

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-SUSPICIOUS = "suspicious"
-"""The gate of every command that reads data: a warning of the checks meets it."""
+from mtu_cli.findings import SUSPICIOUS
+
 REQUIRED = inspect.Parameter.empty
 
 
