@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import f
 
 from mtu_cli.stats.least_squares import FloatArray, compress
 from mtu_cli.stats.selection import (
@@ -73,6 +74,32 @@ def test_levels_of_pieces_are_seen_where_there_are_any() -> None:
     )
     assert np.mean(np.array(ps) < 0.05) < 0.05 + 3.3 * np.sqrt(0.05 * 0.95 / 60)
     assert max(shares) < 0.5
+
+
+def test_the_test_of_levels_is_the_plain_f() -> None:
+    """Where residuals that follow each other do not go together, so that every row counts."""
+    compared = 0
+    for seed in range(8):
+        made = rows(seed, level=0.02)
+        rss, product = np.zeros(2), 0.0
+        for place in range(len(X)):
+            of_place = [Z for (at, _), Z in made.items() if at == place]
+            whole = np.vstack(of_place)
+            levels = np.repeat(np.eye(len(of_place)), len(of_place[0]), axis=0)
+            for k, columns in enumerate((whole[:, :1], levels)):
+                D = np.hstack([columns, whole[:, 1:3]])
+                e = whole[:, 3] - D @ np.linalg.lstsq(D, whole[:, 3], rcond=None)[0]
+                rss[k] += e @ e
+            e = e.reshape(len(of_place), -1)
+            product += float(np.sum(e[:, :-1] * e[:, 1:]))
+        if product < 0:
+            dof = sum(map(len, made.values())) - len(made) - 2 * len(X)
+            F = (rss[0] - rss[1]) / (len(made) - len(X)) / (rss[1] / dof)
+            plain_test = 1 - rss[1] / rss[0], f.sf(F, len(made) - len(X), dof)
+            found = levels_of_pieces(panel_of(made), [[1, 2]])
+            assert found == pytest.approx(plain_test, rel=1e-6)
+            compared += 1
+    assert compared
 
 
 def test_many_cycles_are_held_out_in_blocks() -> None:
