@@ -28,8 +28,6 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
-OUTLYING = ("part", "feature")
-"""Of these a single one is off, the others are right: an effect has no level."""
 ALIAS = 0.999
 """R^2 of the columns of two effects from which on they are the same whatever the errors."""
 
@@ -108,7 +106,8 @@ def _with_levels(
     u = np.sqrt(np.maximum(np.diag(sizes.covariance), 1e-300))
     for level, axis in zip(sizes.levels, table.axes, strict=True):
         key = f"E{axis}"
-        along = [x for x in effects if key in x.equations and x.candidate.over not in OUTLYING]
+        along = [x for x in effects if key in x.equations]
+        along = [x for x in along if not x.not_written] or along
         if key in offsets or not along:
             continue
         # Of effects that it goes with as little the strongest, which stands first.
