@@ -31,7 +31,7 @@ from mtu_cli.stats.coverage import (
     numerical_tolerance,
 )
 from mtu_cli.stats.distributions import Distribution, Kind, shape_moments
-from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.least_squares import FloatArray, least_squares, quotient
 from mtu_cli.stats.monte_carlo import Validation, validated
 from mtu_cli.units import UM
 
@@ -147,7 +147,7 @@ class GraphTrials:
         nominal[np.abs(nominal) <= ROUNDING * self.sizes] = 0.0
         floor = ROUNDING * np.maximum(np.abs(nominal), self.sizes)
         change[np.abs(change) <= floor[:, None]] = 0.0
-        return nominal, np.divide(change, u, out=np.zeros_like(change), where=u > 0)
+        return nominal, quotient(change, u, 0.0)
 
     def shares(self, *, by_place: bool = False) -> dict[str, FloatArray]:
         """Shares (n,) of the first-order variance by source: c C_s c' of the covariance C_s that

@@ -36,9 +36,8 @@ from mtu_cli.model.measurands import (
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings, convergence_warnings, validation_warnings
 from mtu_cli.stats.composed_variance import Variance, covariance_of
-from mtu_cli.stats.covariance import ratio_of
 from mtu_cli.stats.coverage import t_interval
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, quotient
 from mtu_cli.stats.monte_carlo import MonteCarloResult, Validation
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.units import ARCSEC, UM
@@ -105,7 +104,7 @@ def reportable(prediction: Prediction, variance: FloatArray) -> FloatArray:
 
 def rescaled(covariance: FloatArray, variance: FloatArray) -> FloatArray:
     """The correlations of a covariance (..., rows, rows) with other variances (..., rows)."""
-    ratio = ratio_of(variance, np.einsum("...ii->...i", covariance))
+    ratio = np.sqrt(quotient(variance, np.einsum("...ii->...i", covariance), 0.0))
     return covariance * ratio[..., :, None] * ratio[..., None, :]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise, product
 from pathlib import Path
@@ -15,11 +15,9 @@ from mtu_cli.analyses import close_loop as loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.cli.analyse import drift_estimates, fitted, modelled
 from mtu_cli.cli.load import Inputs
-from mtu_cli.files.extend_machine import extended_machine
+from mtu_cli.files.extend_machine import extended_machine, through_component
 from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import Finding, finding, listed, plain
-from mtu_cli.language import to_text
-from mtu_cli.language.tree import Number
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.effect_parameters import joint_effects
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, machine_warnings
@@ -183,27 +181,9 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
         },
         "components": components,
         "covariance": C.tolist() or None,
-        "equations": _through_component(inputs, item.table.component, effect.equations),
+        "equations": through_component(inputs.machine, item.table.component, effect.equations),
         "seen": item.table.ranges(columns),
         "found": provenance,
-    }
-
-
-def _through_component(
-    inputs: Inputs, component: str | None, equations: Mapping[str, str]
-) -> dict[str, str]:
-    """An effect in the machine's equations: one of a component's readings by its lever arms.
-
-    With E the equation and c the component, c + f adds (dE/dc) f.
-    """
-    if component is None:
-        return dict(equations)
-    (text,) = equations.values()
-    forms = inputs.machine.forms.items()
-    levers = {key: x.coefficients[component] for key, x in forms if component in x.coefficients}
-    return {
-        key: text if lever == Number(1.0, lever.column) else f"({to_text(lever)})*({text})"
-        for key, lever in levers.items()
     }
 
 

@@ -20,8 +20,9 @@ from mtu_cli.files.covariates import COVARIATES, POSITIONS, is_covariate
 from mtu_cli.files.machine import LoadedMachine, machine_from
 from mtu_cli.files.yaml_file import composed, parse_yaml, plain_scalar
 from mtu_cli.findings import Finding, InputError, error, finding
-from mtu_cli.language import names, parse
+from mtu_cli.language import names, parse, to_text
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
+from mtu_cli.language.tree import Number
 
 WORD = re.compile(r"((?<![\w.])[A-Za-z_]\w*)")
 Entry = Mapping[str, Any]
@@ -80,6 +81,23 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
         parameters=tuple(f"{x['name']}.{name}" for x in new_effects for name in x["parameters"]),
         warnings=() if lossless else (finding("machine-written-anew", file=file),),
     )
+
+
+def through_component(
+    machine: LoadedMachine, component: str | None, equations: Mapping[str, str]
+) -> dict[str, str]:
+    """The equations of an effect in those of a machine; of one of a component's readings with the
+    lever arms of the component: with E the equation and c the component, c + f adds (dE/dc) f.
+    """
+    if component is None:
+        return dict(equations)
+    (text,) = equations.values()
+    forms = machine.forms.items()
+    levers = {key: x.coefficients[component] for key, x in forms if component in x.coefficients}
+    return {
+        key: text if lever == Number(1.0, lever.column) else f"({to_text(lever)})*({text})"
+        for key, lever in levers.items()
+    }
 
 
 # A unique name for every effect and parameter.

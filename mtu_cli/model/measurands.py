@@ -18,7 +18,7 @@ from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws, Workspace
 from mtu_cli.stats.composed_variance import Variance
-from mtu_cli.stats.covariance import factor_of, ratio_of
+from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
 from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray, quotient
 from mtu_cli.units import UM
@@ -78,7 +78,7 @@ class PointTrials:
                 # By a negative D, which the variance is not (`variance_of`): without
                 # its negative part, all rows of an output scaled alike.
                 drawn = np.sum(self.factor[self.k :] ** 2, axis=1)
-                self.factor *= ratio_of(variance.total, drawn)[self.owner, None]
+                self.factor *= np.sqrt(quotient(variance.total, drawn, 0.0))[self.owner, None]
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.u_exists = self.dof > 2
         self.linear_dof = np.where(self.dof < NORMAL_DOF, self.dof, np.inf)
@@ -221,7 +221,7 @@ def _plane_factor(
     values, vectors = np.linalg.eigh(sources)
     factors = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
     target = np.clip(each.total.reshape(n, a), 0.0, None)
-    ratio = ratio_of(target, np.sum(factors**2, axis=(0, 3)))
+    ratio = np.sqrt(quotient(target, np.sum(factors**2, axis=(0, 3)), 0.0))
     scaled = (factors * ratio[..., None]).transpose(1, 2, 0, 3).reshape(n * a, -1)
     return np.asarray(scaled), each.squares.dof
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from mtu_cli.stats.covariance import drawable_passes
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, quotient
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,7 +210,7 @@ def _of_passes(
     squares: list[Square] = [(S / n, passes, dof, PassSquare(g, between))]
     if halves is not None:
         of_all, of_halves = 2 * (between - halves), _quadratic(g, halves)
-        share = np.divide(of_halves, S, out=np.ones_like(S), where=S > 0).clip(0.0, 1.0)
+        share = quotient(of_halves, S, 1.0).clip(0.0, 1.0)
         beyond_S = of_halves > S
         of_mean = np.where(beyond_S, of_C, 2 * (1 - share) * S / n)
         squares = [(of_mean, (1 - share) * passes, dof, PassSquare(g, between - halves))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, quotient
 
 ROUNDING = 1e-9
 """Difference of two correlations that is 0 but for rounding."""
@@ -34,8 +34,7 @@ def factor_of(C: FloatArray) -> FloatArray:
     positive = values > 1e-14 * values.max(initial=np.finfo(np.float64).eps)
     root = vectors[:, positive] * np.sqrt(values[positive])
     size = np.sqrt(np.sum(root**2, axis=1))
-    scale = np.divide(s, size, out=np.zeros_like(s), where=size > 0)
-    return np.ascontiguousarray(scale[:, None] * root)
+    return np.ascontiguousarray(quotient(s, size, 0.0)[:, None] * root)
 
 
 def reduced_factor(factor: FloatArray) -> FloatArray:
@@ -124,8 +123,3 @@ def as_covariance(C: FloatArray) -> FloatArray:
     F = factor_of(C)
     D = F @ F.T
     return C if np.all(np.abs(D - C) <= ROUNDING * units) else D
-
-
-def ratio_of(target: FloatArray, drawn: FloatArray) -> FloatArray:
-    """The factor that scales rows of the variances `drawn` to those of `target`; 0 where 0."""
-    return np.sqrt(np.divide(target, drawn, out=np.zeros_like(drawn), where=drawn > 0))

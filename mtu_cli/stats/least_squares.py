@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
+from scipy.special import expit, fdtrc
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -110,10 +110,12 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     return b, np.einsum("km,km->m", z, z)
 
 
-def quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
-    """numerator/denominator, nan where the denominator is not above 0."""
-    unknown = np.full_like(numerator, np.nan)
-    return np.divide(numerator, denominator, out=unknown, where=denominator > 0)
+def quotient(
+    numerator: FloatArray, denominator: FloatArray, otherwise: float = np.nan
+) -> FloatArray:
+    """numerator/denominator, `otherwise` where the denominator is not above 0."""
+    result = np.full_like(numerator, otherwise)
+    return np.divide(numerator, denominator, out=result, where=denominator > 0)
 
 
 def polynomial(position: FloatArray, degree: int) -> FloatArray:
@@ -303,3 +305,21 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
                 break
             del chosen[int(np.argmin(loss))]
     return tuple(sorted(chosen))
+
+
+def submodel_average(
+    values: FloatArray, covariance: FloatArray, optional: Sequence[int], n: int
+) -> tuple[float, FloatArray]:
+    """Log evidence and mean (k,) of estimates averaged over the models in which some of `optional`
+    are 0 and the others are as they then are. That one is 0 has the odds sqrt(1 + n) exp(-t^2/2),
+    its prior of the information of one of n units (Kass & Wasserman, JASA 90 (1995) 928).
+    """
+    if not len(optional):
+        return 0.0, values
+    i, rest = optional[0], optional[1:]
+    slopes, variance = covariance[:, i] / covariance[i, i], covariance[i, i]
+    inner = covariance - np.outer(slopes, covariance[i])
+    free, mean = submodel_average(values, covariance, rest, n)
+    zero, without = submodel_average(values - slopes * values[i], inner, rest, n)
+    zero += 0.5 * float(np.log1p(n) - values[i] ** 2 / variance)
+    return float(np.logaddexp(free, zero)), mean + expit(zero - free) * (without - mean)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import chdtr, chdtrc, gammaincinv, ndtr
 
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, quotient
 
 AT_ONCE = 8
 """Variances at a time: the pairs of their sums stay in the processor's cache."""
@@ -60,7 +60,7 @@ def uncertain_variance(
         dof = np.append(dof, numbers)
     total, positive = squares.sum(axis=0), np.maximum(squares, 0.0)
     whole = positive.sum(axis=0)
-    share = np.divide(np.maximum(total, 0.0), whole, out=np.zeros_like(whole), where=whole > 0)
+    share = quotient(np.maximum(total, 0.0), whole, 0.0)
     nodes = [
         _convolution(rows, dof)
         for rows in np.array_split(positive * share, len(whole) // AT_ONCE + 1, axis=1)
@@ -134,8 +134,7 @@ def _merge(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArra
         np.bincount(node.ravel(), each.ravel(), NODES * m).reshape(m, NODES).astype(np.float64)
         for each in (w, w * np.log(pairs))
     )
-    mean: FloatArray = np.exp(np.divide(logs, total, out=np.zeros_like(logs), where=total > 0))
-    return mean, total
+    return np.exp(quotient(logs, total, 0.0)), total
 
 
 def mean_square_tails(

@@ -24,7 +24,7 @@ from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable, taken
-from mtu_cli.analyses.close_loop.likelihood import steps_of
+from mtu_cli.analyses.close_loop.likelihood import TINY, steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -40,7 +40,7 @@ from mtu_cli.model.effect_library import NOTHING_LEFT, candidates_of, choices
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.kernels import weights
-from mtu_cli.stats.least_squares import BoolArray, FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, submodel_average
 from mtu_cli.stats.monte_carlo import Progress
 from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
 from mtu_cli.units import UNITS
@@ -276,12 +276,13 @@ def _corrected(
     the model average; and less the components' polynomial fitted anew to the rest in the `cells`
     (P, H): the residuals of readings that were fitted are too small.
 
-    The average is over the names of each effect's class by their posteriors (Hoeting, Madigan,
-    Raftery & Volinsky, Stat. Sci. 14 (1999) 382), the other effects as they are.
+    The average is over the names of each effect's class by their posteriors, and over whether its
+    margins and levels are there (Hoeting, Madigan, Raftery & Volinsky, Stat. Sci. 14 (1999) 382).
     """
     # A feature or an operation is known as well; of several ranges that fit none is written.
     written = [x for x in effects if x.table is not None or not x.ambiguous]
-    best = _predicted(effects, table)
+
+    best = _predicted(effects, table, diagnosis)
     averaged = best.copy()
     for entry in diagnosis.entries:
         norm = sum(p for _, _, p in entry.credible)
@@ -293,7 +294,7 @@ def _corrected(
                     model=tuple(item if x == entry.item else x for x in diagnosis.model),
                     entries=tuple(rival if x is entry else x for x in diagnosis.entries),
                 )
-                averaged += p / norm * (_predicted(effects_of(other), table) - best)
+                averaged += p / norm * (_predicted(effects_of(other), table, other) - best)
     predicted = np.array([np.zeros(best.shape), _predicted(written, table), averaged])
     result = table.errors - predicted
     powers = fitted_powers(table)
@@ -305,13 +306,30 @@ def _corrected(
     return result
 
 
-def _predicted(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArray:
-    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees."""
+def _averaged(effect: FoundEffect, diagnosis: Diagnosis) -> dict[str, float]:
+    """The sizes of an effect averaged over whether each of its margins and levels is there."""
+    sizes = [p for p in effect.parameters if p.row >= 0 and p.u > 0]
+    rows, values = [p.row for p in sizes], np.array([p.value for p in sizes])
+    optional = [i for i, p in enumerate(sizes) if p.role in ("margin", "level")]
+    # What is known by the others alone has no variance of its own but this.
+    C = diagnosis.sizes.covariance[np.ix_(rows, rows)] * (1 + TINY * np.eye(len(rows)))
+    _, mean = submodel_average(values, C, optional, diagnosis.design.strata.shape[0])
+    return dict(zip((p.name for p in sizes), mean.tolist(), strict=True))
+
+
+def _predicted(
+    effects: Sequence[FoundEffect], table: ResidualTable, average: Diagnosis | None = None
+) -> FloatArray:
+    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees, at
+    their sizes or these averaged.
+    """
     total = np.zeros(table.errors.shape)
     columns: dict[str, Any] = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True))
     columns |= table.covariates
     for effect in effects:
         variables = columns | {p.name: p.value for p in effect.parameters}
+        if average is not None:
+            variables |= _averaged(effect, average)
         if (over := effect.candidate.over) is not None:
             variables[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
         if effect.table is not None:

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from scipy.special import stdtrit
-
 from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.coverage import t_interval
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 WORST = ("unexplained", "class", "named", "none")
@@ -48,8 +47,7 @@ class Parameter:
     @property
     def interval95(self) -> tuple[float, float]:
         """The 95 % interval (Student's t)."""
-        half = float(stdtrit(max(self.dof, 1.0), 0.975)) * self.u
-        return self.value - half, self.value + half
+        return t_interval(self.value, self.u, max(self.dof, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
