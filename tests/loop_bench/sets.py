@@ -42,8 +42,8 @@ from shop_day.plates import WARM, Plate, short_plate, warm_plate, warm_scatter
 
 FOLDS, DAYS = 7, 8
 FIRST_DAY = {1: 0, 2: 5000, 3: 6000, 4: 7000, 5: 8000}
-"""Of tuning (base seed 1) and of judging (2, 3, 4, 5). Judging days move on when the loop was changed
-after a judgement: those before stay where the change left everything that is said of them.
+"""Of tuning (base seed 1) and of judging (from 2 on). Judging days move on when the loop was
+changed after a judgement: those before stay where the change left all that is said of them.
 """
 TUNING, JUDGING = 1, 5
 HELD_OUT = 5

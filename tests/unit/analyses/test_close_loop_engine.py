@@ -224,6 +224,23 @@ def test_an_offset_is_no_effect_where_only_the_reference_is_another(
         assert abs(error) < 3 * np.sqrt(J @ C @ J) < 10 * NOISE_MM
 
 
+@pytest.mark.parametrize("backlash", [0.0, 8 * NOISE_MM])
+def test_a_level_goes_with_an_effect_that_a_machine_can_hold(backlash: float) -> None:
+    """Beside a feature that is off on every part a level of the others: with the lost motion where
+    there is one, else with the feature, as no machine can hold either.
+    """
+    own, level = noise(4, feature=0.2 * NOISE_MM), 1.5 * NOISE_MM
+    own.errors[..., 0] += backlash * own.covariates["dir_x"] + level
+    own.errors[:, 2, 0] += 30 * NOISE_MM
+    found = diagnosis(own, "backlash", "feature-outlier")
+    effects = {each.name: each for each in effects_of(found)}
+    assert effects.keys() == {"feature-outlier"} | ({"backlash-x"} if backlash else set())
+    levels = {p.name: (p, each.name) for each in effects.values() for p in each.of_role("level")}
+    (of_x, first), (_, second) = levels["level_x"], levels["level_y"]
+    assert (first, second) == ("backlash-x" if backlash else "feature-outlier", "feature-outlier")
+    assert abs(of_x.value - level) < 3 * of_x.u < 1.5 * NOISE_MM
+
+
 def test_growth_from_the_first_temperature_is_no_shift() -> None:
     """The reference lies at the end of what was met, its estimate as often within as beyond it: a
     shift is claimed, and the reference missed, no more often than 1 in 20.

@@ -1,10 +1,12 @@
-"""Regression at places with held-out cycles, against plain fits of raw rows."""
+"""Regression at places with held-out cycles, against plain fits of raw rows; averages of models."""
+
+from itertools import combinations
 
 import numpy as np
 import pytest
 from scipy.stats import f
 
-from mtu_cli.stats.least_squares import FloatArray, compress
+from mtu_cli.stats.least_squares import FloatArray, compress, submodel_average
 from mtu_cli.stats.selection import (
     MOST_BLOCKS,
     Fitted,
@@ -120,3 +122,28 @@ def test_held_out_errors_and_products_are_those_of_noise() -> None:
     assert found.after == pytest.approx(0.1, rel=0.1)
     assert abs(products[0]) < 5 * 0.01 / np.sqrt(3 * 6 * 60)
     assert held_out(panel_of(rows(5, cycles=2)), lambda blocks: LINE) is None
+
+
+@pytest.mark.parametrize("optional", [[], [1], [3, 1], [0, 1, 2, 3]])
+def test_sizes_are_averaged_over_the_models_without_some(optional: list[int]) -> None:
+    """Each model fitted by itself to rows of variance 1, with the evidence -rss/2 - k/2 ln(1 + n)
+    of k optional columns in it.
+    """
+    n, rng = 30, np.random.default_rng(len(optional))
+    X = rng.normal(size=(n, 4)) + rng.normal(size=(n, 1))
+    y = X @ [2.0, 0.2, 0.5, 0.0] + rng.normal(size=n)
+    logs, sizes = [], []
+    for count in range(len(optional) + 1):
+        for zero in combinations(optional, count):
+            columns = [i for i in range(4) if i not in zero]
+            b = np.zeros(4)
+            b[columns] = np.linalg.lstsq(X[:, columns], y, rcond=None)[0]
+            penalty = (len(optional) - count) * np.log1p(n)
+            logs.append(-0.5 * (np.sum((y - X @ b) ** 2) + penalty))
+            sizes.append(b)
+    weights = np.exp(np.array(logs) - max(logs))
+    C = np.linalg.inv(X.T @ X)
+    log, mean = submodel_average(C @ X.T @ y, C, optional, n)
+    assert mean == pytest.approx(weights @ np.array(sizes) / weights.sum(), rel=1e-9)
+    # Against the model with all of them, which is fitted first.
+    assert log == pytest.approx(max(logs) + np.log(weights.sum()) - logs[0], rel=1e-9, abs=1e-12)
