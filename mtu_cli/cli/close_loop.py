@@ -15,7 +15,7 @@ from mtu_cli.analyses import close_loop as loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, TableResult
 from mtu_cli.cli.analyse import drift_estimates, fitted, modelled
 from mtu_cli.cli.load import Inputs
-from mtu_cli.files.extend_machine import extended_machine, through_component
+from mtu_cli.files.extend_machine import by_lever_arms, extended_machine
 from mtu_cli.files.source import report_bytes
 from mtu_cli.findings import Finding, finding, listed, plain
 from mtu_cli.model.effect_library import effect_library
@@ -181,7 +181,7 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, 
         },
         "components": components,
         "covariance": C.tolist() or None,
-        "equations": through_component(inputs.machine, item.table.component, effect.equations),
+        "equations": by_lever_arms(inputs.machine, item.table.component, effect.equations),
         "seen": item.table.ranges(columns),
         "found": provenance,
     }

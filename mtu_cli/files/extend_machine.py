@@ -83,11 +83,11 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> Extend
     )
 
 
-def through_component(
+def by_lever_arms(
     machine: LoadedMachine, component: str | None, equations: Mapping[str, str]
 ) -> dict[str, str]:
-    """The equations of an effect in those of a machine; of one of a component's readings with the
-    lever arms of the component: with E the equation and c the component, c + f adds (dE/dc) f.
+    """The equations of an effect as terms of a machine's; of one of a component's readings by the
+    component's lever arms: with E the equation and c the component, c + f adds (dE/dc) f.
     """
     if component is None:
         return dict(equations)

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import expit, fdtrc
+from scipy.special import fdtrc
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -110,11 +111,9 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     return b, np.einsum("km,km->m", z, z)
 
 
-def quotient(
-    numerator: FloatArray, denominator: FloatArray, otherwise: float = np.nan
-) -> FloatArray:
-    """numerator/denominator, `otherwise` where the denominator is not above 0."""
-    result = np.full_like(numerator, otherwise)
+def quotient(numerator: FloatArray, denominator: FloatArray, empty: float = np.nan) -> FloatArray:
+    """numerator/denominator, `empty` where the denominator is not above 0."""
+    result = np.full_like(numerator, empty)
     return np.divide(numerator, denominator, out=result, where=denominator > 0)
 
 
@@ -309,17 +308,19 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
 
 def submodel_average(
     values: FloatArray, covariance: FloatArray, optional: Sequence[int], n: int
-) -> tuple[float, FloatArray]:
-    """Log evidence and mean (k,) of estimates averaged over the models in which some of `optional`
-    are 0 and the others are as they then are. That one is 0 has the odds sqrt(1 + n) exp(-t^2/2),
-    its prior of the information of one of n units (Kass & Wasserman, JASA 90 (1995) 928).
+) -> FloatArray:
+    """Estimates (k,), of variances above 0, averaged over the models in which any of `optional` are
+    0 and the others re-estimated. m zeros have the odds (1 + n)^(m/2) exp(-q n / (2 (1 + n))),
+    q = b' C^-1 b: a prior with the information of one of n units (Kass & Wasserman 1995).
     """
-    if not len(optional):
-        return 0.0, values
-    i, rest = optional[0], optional[1:]
-    slopes, variance = covariance[:, i] / covariance[i, i], covariance[i, i]
-    inner = covariance - np.outer(slopes, covariance[i])
-    free, mean = submodel_average(values, covariance, rest, n)
-    zero, without = submodel_average(values - slopes * values[i], inner, rest, n)
-    zero += 0.5 * float(np.log1p(n) - values[i] ** 2 / variance)
-    return float(np.logaddexp(free, zero)), mean + expit(zero - free) * (without - mean)
+    u = np.sqrt(np.diag(covariance))
+    t, r = values / u, covariance / np.outer(u, u)
+    logs, means = list[float](), list[FloatArray]()
+    for count in range(len(optional) + 1):
+        for zero in map(list, combinations(optional, count)):
+            inverse = np.linalg.pinv(r[np.ix_(zero, zero)], rcond=RANK_TOLERANCE, hermitian=True)
+            shift = inverse @ t[zero]
+            logs.append(0.5 * (count * np.log1p(n) - t[zero] @ shift * n / (1 + n)))
+            means.append(t - r[:, zero] @ shift)
+    weights = np.exp(np.array(logs) - max(logs))
+    return u * (weights @ np.array(means)) / weights.sum()

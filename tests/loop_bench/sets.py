@@ -41,12 +41,12 @@ from shop_day.oracle import SCATTERS, tellable_pair
 from shop_day.plates import WARM, Plate, short_plate, warm_plate, warm_scatter
 
 FOLDS, DAYS = 7, 8
-FIRST_DAY = {1: 0, 2: 5000, 3: 6000, 4: 7000, 5: 8000}
+FIRST_DAY = {1: 0, 2: 5000, 3: 6000, 4: 7000, 5: 8000, 6: 9000}
 """Of tuning (base seed 1) and of judging (from 2 on). Judging days move on when the loop was
 changed after a judgement: those before stay where the change left all that is said of them.
 """
-TUNING, JUDGING = 1, 5
-HELD_OUT = 5
+TUNING, JUDGING = 1, 6
+HELD_OUT = 6
 """The first base that is judged by what is held out now: those before had led to its change."""
 
 

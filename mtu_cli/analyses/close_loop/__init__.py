@@ -14,7 +14,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,7 +24,7 @@ from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.experiment import minimum_detectable, taken
-from mtu_cli.analyses.close_loop.likelihood import TINY, steps_of
+from mtu_cli.analyses.close_loop.likelihood import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -48,6 +48,8 @@ from mtu_cli.units import UNITS
 NULLS, NULLS_OF_FOLD = 299, 99
 """Tables without effects for a p that is reported, and for what passes without a block of parts."""
 FEW_PARTS, FEWEST_ENTRIES = 5, 4
+MOST_OPTIONAL = 8
+"""Sizes that may be 0 or not, of which all combinations are models."""
 
 
 def close_loop(
@@ -279,11 +281,13 @@ def _corrected(
     The average is over the names of each effect's class by their posteriors, and over whether its
     margins and levels are there (Hoeting, Madigan, Raftery & Volinsky, Stat. Sci. 14 (1999) 382).
     """
-    # A feature or an operation is known as well; of several ranges that fit none is written.
+    # A feature or an operation is known as well; of several ranges that fit none is written. The
+    # level beside an outlier is that of the others, which no effect corrects.
     written = [x for x in effects if x.table is not None or not x.ambiguous]
-
-    best = _predicted(effects, table, diagnosis)
-    averaged = best.copy()
+    outliers = [x for x in effects if x.candidate.kind == "outlier"]
+    no_level = {p.row: 0.0 for x in outliers for p in x.of_role("level")}
+    named = _predicted(effects, table, _averaged(diagnosis, effects))
+    averaged = named.copy()
     for entry in diagnosis.entries:
         norm = sum(p for _, _, p in entry.credible)
         for name, item, p in entry.credible:
@@ -294,9 +298,11 @@ def _corrected(
                     model=tuple(item if x == entry.item else x for x in diagnosis.model),
                     entries=tuple(rival if x is entry else x for x in diagnosis.entries),
                 )
-                averaged += p / norm * (_predicted(effects_of(other), table, other) - best)
-    predicted = np.array([np.zeros(best.shape), _predicted(written, table), averaged])
-    result = table.errors - predicted
+                rivals = effects_of(other)
+                change = _predicted(rivals, table, _averaged(other, rivals)) - named
+                averaged += p / norm * change
+    predicted = [np.zeros(named.shape), _predicted(written, table, no_level), averaged]
+    result = table.errors - np.array(predicted)
     powers = fitted_powers(table)
     for rest in result if powers.shape[1] else ():
         valid = cells & table.there & np.isfinite(rest).all(axis=2)
@@ -306,30 +312,28 @@ def _corrected(
     return result
 
 
-def _averaged(effect: FoundEffect, diagnosis: Diagnosis) -> dict[str, float]:
-    """The sizes of an effect averaged over whether each of its margins and levels is there."""
-    sizes = [p for p in effect.parameters if p.row >= 0 and p.u > 0]
-    rows, values = [p.row for p in sizes], np.array([p.value for p in sizes])
-    optional = [i for i, p in enumerate(sizes) if p.role in ("margin", "level")]
-    # What is known by the others alone has no variance of its own but this.
-    C = diagnosis.sizes.covariance[np.ix_(rows, rows)] * (1 + TINY * np.eye(len(rows)))
-    _, mean = submodel_average(values, C, optional, diagnosis.design.strata.shape[0])
-    return dict(zip((p.name for p in sizes), mean.tolist(), strict=True))
+def _averaged(diagnosis: Diagnosis, effects: Sequence[FoundEffect]) -> dict[int, float]:
+    """Sizes by row, averaged over whether margins and levels, of many the least certain, are 0."""
+    sizes = {p.row: p for x in effects if x.table is None for p in x.parameters if p.u > 0}
+    rows, values = [*sizes], np.array([p.value for p in sizes.values()])
+    optional = [i for i, p in enumerate(sizes.values()) if p.role in ("margin", "level")]
+    optional.sort(key=lambda i: abs(values[i]) / sizes[rows[i]].u)
+    C, parts = diagnosis.sizes.covariance[np.ix_(rows, rows)], diagnosis.design.strata.shape[0]
+    mean = submodel_average(values, C, optional[:MOST_OPTIONAL], parts)
+    return dict(zip(rows, mean.tolist(), strict=True))
 
 
 def _predicted(
-    effects: Sequence[FoundEffect], table: ResidualTable, average: Diagnosis | None = None
+    effects: Sequence[FoundEffect], table: ResidualTable, sizes: Mapping[int, float]
 ) -> FloatArray:
-    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees, at
-    their sizes or these averaged.
+    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees; with
+    other `sizes` of some parameters by their rows.
     """
     total = np.zeros(table.errors.shape)
     columns: dict[str, Any] = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True))
     columns |= table.covariates
     for effect in effects:
-        variables = columns | {p.name: p.value for p in effect.parameters}
-        if average is not None:
-            variables |= _averaged(effect, average)
+        variables = columns | {p.name: sizes.get(p.row, p.value) for p in effect.parameters}
         if (over := effect.candidate.over) is not None:
             variables[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
         if effect.table is not None:

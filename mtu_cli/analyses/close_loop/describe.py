@@ -98,7 +98,8 @@ def _with_levels(
     diagnosis: Diagnosis, effects: list[FoundEffect], offsets: set[str]
 ) -> list[FoundEffect]:
     """The effects with the level of each axis that is no offset by itself: with the effect that it
-    goes with most, as in the file of a machine effects have no covariance with others.
+    goes with most, as in the file of a machine effects have no covariance with others; with one
+    outlying feature or part only where there is no other.
     """
     table, sizes = diagnosis.design.table, diagnosis.sizes
     if table.fitted_degree >= 0 or table.datum != "none":
@@ -107,7 +108,7 @@ def _with_levels(
     for level, axis in zip(sizes.levels, table.axes, strict=True):
         key = f"E{axis}"
         along = [x for x in effects if key in x.equations]
-        along = [x for x in along if not x.not_written] or along
+        along = [x for x in along if x.candidate.kind != "outlier"] or along
         if key in offsets or not along:
             continue
         # Of effects that it goes with as little the strongest, which stands first.

@@ -241,6 +241,23 @@ def test_a_level_goes_with_an_effect_that_a_machine_can_hold(backlash: float) ->
     assert abs(of_x.value - level) < 3 * of_x.u < 1.5 * NOISE_MM
 
 
+def test_the_average_predicts_better_than_lower_terms_that_are_0() -> None:
+    """A growth alone: held out the average over whether its scale, drift and level are there has
+    the smaller error.
+    """
+    library, chosen = effect_library(), ("scale", "thermal-drift", "thermal-growth")
+    few = replace(library, families=tuple(x for x in library.families if x.family in chosen))
+    squares = np.zeros(2)
+    for seed in range(16):
+        own, T = noise(seed, parts=20, feature=0.2 * NOISE_MM), np.linspace(24, 28, 20)[:, None]
+        own = replace(own, covariates={**own.covariates, "T_a_degC": T})
+        x = own.places[..., 0]
+        own.errors[..., 0] += 1e-4 * (x - x.mean()) * (T - 20)
+        (item,) = close_loop([own], few, alpha=0.05, max_effects=3, seed=1).tables
+        squares += [each.by_axis["x"] ** 2 for each in (item.after, item.after_averaged)]
+    assert 0.95 < squares[1] / squares[0] < 0.99
+
+
 def test_growth_from_the_first_temperature_is_no_shift() -> None:
     """The reference lies at the end of what was met, its estimate as often within as beyond it: a
     shift is claimed, and the reference missed, no more often than 1 in 20.

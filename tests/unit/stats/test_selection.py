@@ -126,8 +126,8 @@ def test_held_out_errors_and_products_are_those_of_noise() -> None:
 
 @pytest.mark.parametrize("optional", [[], [1], [3, 1], [0, 1, 2, 3]])
 def test_sizes_are_averaged_over_the_models_without_some(optional: list[int]) -> None:
-    """Each model fitted by itself to rows of variance 1, with the evidence -rss/2 - k/2 ln(1 + n)
-    of k optional columns in it.
+    """Each model fitted by itself to rows of variance 1. What k optional columns explain beside
+    the others counts n/(1 + n), and costs k/2 ln(1 + n).
     """
     n, rng = 30, np.random.default_rng(len(optional))
     X = rng.normal(size=(n, 4)) + rng.normal(size=(n, 1))
@@ -139,11 +139,18 @@ def test_sizes_are_averaged_over_the_models_without_some(optional: list[int]) ->
             b = np.zeros(4)
             b[columns] = np.linalg.lstsq(X[:, columns], y, rcond=None)[0]
             penalty = (len(optional) - count) * np.log1p(n)
-            logs.append(-0.5 * (np.sum((y - X @ b) ** 2) + penalty))
+            logs.append(-0.5 * (np.sum((y - X @ b) ** 2) * n / (1 + n) + penalty))
             sizes.append(b)
     weights = np.exp(np.array(logs) - max(logs))
     C = np.linalg.inv(X.T @ X)
-    log, mean = submodel_average(C @ X.T @ y, C, optional, n)
+    mean = submodel_average(C @ X.T @ y, C, optional, n)
     assert mean == pytest.approx(weights @ np.array(sizes) / weights.sum(), rel=1e-9)
-    # Against the model with all of them, which is fitted first.
-    assert log == pytest.approx(max(logs) + np.log(weights.sum()) - logs[0], rel=1e-9, abs=1e-12)
+
+
+def test_sizes_that_depend_on_each_other_are_0_together() -> None:
+    """Two that are one: whichever is 0, the other is; three of four models are without both."""
+    n, t = 10, 1.0
+    mean = submodel_average(np.array([t, t]), np.ones((2, 2)), [0, 1], n)
+    zero = np.exp(-(t**2) * n / (1 + n) / 2)
+    odds = (2 * np.sqrt(1 + n) + (1 + n)) * zero
+    assert mean == pytest.approx(2 * [t / (1 + odds)], rel=1e-9)
