@@ -135,6 +135,24 @@ class ResidualTable:
         axes = tuple(AXES.index(axis) for axis in self.axes if axis in AXES)
         return motions_of(self.datum, self.places, self.operation, axes, self.there)
 
+    @property
+    def steps(self) -> FloatArray:
+        """The resolution (A,) of the errors, mm or rad; 0 of those that it is not known of."""
+        steps = np.zeros(self.errors.shape[2])
+        steps[: len(self.resolution)] = self.resolution
+        return steps
+
+    @property
+    def fitted_powers(self) -> FloatArray:
+        """Orthonormal polynomials (H, k) in position that were removed from the readings."""
+        if self.fitted_degree < 0:
+            return np.zeros((len(self.features), 0))
+        places = np.nan_to_num(self.mean_places)
+        along = places[:, int(np.argmax(np.ptp(places, axis=0)))]
+        degree = min(self.fitted_degree, len(np.unique(along)) - 1)
+        u = (along - along.mean()) / max(float(np.ptp(along)), 1e-300)
+        return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
+
     def ranges(self, columns: Iterable[str]) -> dict[str, list[float]]:
         """Lowest and highest value over the measured cells of positions and those `columns` that
         the table has.
@@ -146,6 +164,23 @@ class ResidualTable:
             if len(column) and np.isfinite(column).all():
                 result[name] = [float(column.min()), float(column.max())]
         return result
+
+    def taken(self, index: IntArray, axis: int) -> ResidualTable:
+        """The table of some of its parts (axis 0), or of its columns (1)."""
+        names = ("parts", "features")[axis]
+        count = len(getattr(self, names))
+
+        def take(values: FloatArray) -> FloatArray:
+            # What is alike in all parts, or columns, may have one row.
+            return values.take(index, axis) if values.shape[axis] == count else values
+
+        of_cells = ("errors", "repeats", "places", "common", "of_part")
+        fields: dict[str, Any] = {name: take(getattr(self, name)) for name in of_cells}
+        fields[names] = tuple(getattr(self, names)[i] for i in index)
+        fields["covariates"] = {name: take(values) for name, values in self.covariates.items()}
+        if axis == 1:
+            fields["operation"] = self.operation[index]
+        return replace(self, **fields)
 
 
 def table_of(cells: Cells, errors: FloatArray, **facts: Any) -> ResidualTable:

@@ -32,6 +32,8 @@ CHECKS = {
     "pattern": "{columns} share a pattern that some {rows} have more of",
     "walk": "{rows} follow one another too smoothly to be scatter",
     "field": "{columns} near one another err alike",
+    "column-variance": "{columns} differ by more than single entries scatter",
+    "part-variance": "{rows} differ by more than single entries scatter, or the model expects",
 }
 """What a check of the remainder says where it is significant."""
 WITHOUT_NAME = "a drift or a smooth field without a name"

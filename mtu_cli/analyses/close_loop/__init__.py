@@ -21,10 +21,8 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
-from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
-from mtu_cli.analyses.close_loop.experiment import minimum_detectable, taken
-from mtu_cli.analyses.close_loop.likelihood import steps_of
+from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -183,7 +181,7 @@ def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
     P, H, A = strata.shape
     axis, live = np.array(strata.axis), fit.weights > 0
     total = np.bincount(axis[live], strata.sizes[live] / fit.weights[live], minlength=A)
-    inner, steps = strata.of("interaction"), steps_of(design.table) / design.scale
+    inner, steps = strata.of("interaction"), design.table.steps / design.scale
     mean_squares = [
         max(np.sum(fit.residual[strata.slices[s]] ** 2) / fit.dof[s], steps[axis[s]] ** 2 / 12)
         for s in inner
@@ -261,7 +259,7 @@ def _held_out(
     def predict(fold: int) -> None:
         test = number == fold
         cells = np.broadcast_to(np.expand_dims(test, 1 - axis), table.there.shape)
-        diagnosis = diagnose(taken(table, np.flatnonzero(~test), axis))
+        diagnosis = diagnose(table.taken(np.flatnonzero(~test), axis))
         errors[:, cells] = _corrected(diagnosis, effects_of(diagnosis), table, ~cells)[:, cells]
 
     with workers(min(count + 1, available_threads())) as executor:
@@ -303,7 +301,7 @@ def _corrected(
                 averaged += p / norm * change
     predicted = [np.zeros(named.shape), _predicted(written, table, no_level), averaged]
     result = table.errors - np.array(predicted)
-    powers = fitted_powers(table)
+    powers = table.fitted_powers
     for rest in result if powers.shape[1] else ():
         valid = cells & table.there & np.isfinite(rest).all(axis=2)
         known = valid.any(axis=0)

@@ -127,7 +127,7 @@ class Design:
         self.members = list[Member]()
         self._around: dict[int, tuple[int, ...]] = {}
         self._fine: dict[int, tuple[tuple[int, ...], FloatArray, tuple[float, float]]] = {}
-        powers = fitted_powers(table).T
+        powers = table.fitted_powers.T
         at, X = strata.of_levers([{0: power[None, None]} for power in powers], 1)
         X = X[:, np.linalg.norm(X[0], axis=1) > EMPTY]
         indices, _ = self.columns.add(at, X[0], np.zeros((X.shape[1], len(table.axes))))
@@ -284,17 +284,6 @@ class Design:
             finer = self.members_at(parent.form, np.array(parent.around)) if parent.around else []
             self._around[m] = self.add(parent.candidate, finer) if finer else ()
         return self._around[m]
-
-
-def fitted_powers(table: ResidualTable) -> FloatArray:
-    """Orthonormal polynomials (H, k) in position that were removed from the readings of a table."""
-    if table.fitted_degree < 0:
-        return np.zeros((len(table.features), 0))
-    places = np.nan_to_num(table.mean_places)
-    along = places[:, int(np.argmax(np.ptp(places, axis=0)))]
-    degree = min(table.fitted_degree, len(np.unique(along)) - 1)
-    u = (along - along.mean()) / max(float(np.ptp(along)), 1e-300)
-    return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
 
 
 def _freed_lever(lever: Levers, table: ResidualTable) -> Levers:

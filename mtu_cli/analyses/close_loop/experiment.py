@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from scipy.special import chdtri, ndtri
@@ -23,7 +22,7 @@ from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.stats.least_squares import FloatArray
 
 MORE = 6
 """Further parts that a follow-up is judged by."""
@@ -98,7 +97,7 @@ def follow_ups(
     counting = [name for name in counters if len(table.covariates[name]) == P > 1]
     rows = {n: np.broadcast_to(v, (P, v.shape[1])) for n, v in table.covariates.items()}
     last = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
-    more = taken(table, np.r_[:P, last], 0)
+    more = table.taken(np.r_[:P, last], 0)
     more = replace(
         more,
         parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
@@ -136,24 +135,6 @@ def follow_ups(
             shifted[P:, :, i] += shift
             text = f"shift {what} by {shift:.3g} mm along {axis}"
             yield text, replace(more, places=shifted)
-
-
-def taken(table: ResidualTable, index: IntArray, axis: int) -> ResidualTable:
-    """The table of some of its parts (axis 0), or of its columns (1)."""
-    names = ("parts", "features")[axis]
-    count = len(getattr(table, names))
-
-    def take(values: FloatArray) -> FloatArray:
-        # What is alike in all parts, or columns, may have one row.
-        return values.take(index, axis) if values.shape[axis] == count else values
-
-    of_cells = ("errors", "repeats", "places", "common", "of_part")
-    fields: dict[str, Any] = {name: take(getattr(table, name)) for name in of_cells}
-    fields[names] = tuple(getattr(table, names)[i] for i in index)
-    fields["covariates"] = {name: take(values) for name, values in table.covariates.items()}
-    if axis == 1:
-        fields["operation"] = table.operation[index]
-    return replace(table, **fields)
 
 
 def minimum_detectable(diagnosis: Diagnosis) -> dict[str, float]:

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.special import gammaincc, log_ndtr, stdtr
+from scipy.special import fdtrc, gammaincc, log_ndtr, stdtr
 
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood, lever_of
-from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
 """What a datum takes from each part cannot scatter."""
-CHECKS = ("pattern", "walk", "field")
+CHECKS = ("pattern", "walk", "field", "column-variance", "part-variance")
 AMPLITUDES = np.geomspace(1e-2, 1e4, 30)
 """Variances of a random function over the stratum's, among which the largest likelihood is."""
 LEAST_LEFT = 2e-3
@@ -79,7 +79,7 @@ class Gate:
             if kernel.name:
                 ratios = self.likelihood.kernel_deviance(fit, kernel, Y, AMPLITUDES)
                 tests[kernel.name] = one_sided(ratios.max(axis=0))
-        tests |= self._offsets(len(Y), fit)
+        tests |= self._offsets(fit)
         scattering, self.ratios[tuple(sorted(columns))] = self._scatter(cells)
         tests |= scattering | self._checks(fit, Y)
         return list(tests), np.reshape(list(tests.values()), (len(tests), len(Y))).T
@@ -192,7 +192,7 @@ class Gate:
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
-    def _offsets(self, rows: int, fit: Fit) -> dict[str, FloatArray]:
+    def _offsets(self, fit: Fit) -> dict[str, FloatArray]:
         """-log p of each axis' mean against the scatter of parts and features, and of the level
         that effects leave of it: where these are counted from is arbitrary.
         """
@@ -206,9 +206,7 @@ class Gate:
                 continue
             level, u = self.likelihood.level(fit, a)
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
-            lp = self.rng.exponential(size=rows)
-            lp[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
-            tests[candidate.name] = lp
+            tests[candidate.name] = self._of_p(2 * float(stdtr(nu, -least)))
         return tests
 
     def _scatter(self, cells: FloatArray) -> tuple[dict[str, FloatArray], dict[str, float]]:
@@ -285,7 +283,37 @@ class Gate:
                 form = np.einsum("bn,bn->b", y @ kernels[s], y)
                 total += form / np.maximum(np.einsum("bn,bn->b", y, y), 1e-300)
             checks[name] = gamma_log_p(total)
-        return checks
+        return checks | self._variances(fit, squares, inner, rough)
+
+    def _variances(
+        self, fit: Fit, squares: FloatArray, inner: list[int], rough: BoolArray
+    ) -> dict[str, FloatArray]:
+        """F tests that features differ by more than single entries scatter, or parts by more than
+        the model expects; where it expects nothing, than single entries. Less is ordinary: errors
+        of single holes, setting up. `squares` (S,) are the residual sums of the strata.
+        """
+        strata, like, tests = self.strata, self.likelihood, dict[str, FloatArray]()
+        P, H, _ = strata.shape
+        entries = {strata.axis[s]: (squares[s] / fit.dof[s], fit.dof[s]) for s in inner}
+        points = self.design.table.component is None
+        for name, kind, n in (("column-variance", "feature", P), ("part-variance", "part", H)):
+            group = [s for s in strata.of(kind) if rough[s] and strata.axis[s] in entries]
+            p = list[float]()
+            for s in group if points else ():
+                variance, dof = entries[strata.axis[s]]
+                ordinary, own = (1 + n) * variance, fit.dof[s]
+                if known := like.extra_dof[s]:
+                    ordinary, dof, own = like.extra[s] / known, known, max(own - known, 1.0)
+                p.append(float(fdtrc(own, dof, squares[s] / own / ordinary)))
+            if p:
+                tests[name] = self._of_p(min(p) * len(p))
+        return tests
+
+    def _of_p(self, p: float) -> FloatArray:
+        """-log p (B + 1,) of a test whose p is known, observed first."""
+        lp = self.rng.exponential(size=self.B + 1)
+        lp[0] = -np.log(np.clip(p, 1e-300, 1.0))
+        return lp
 
 
 def one_sided(ratio: FloatArray) -> FloatArray:

@@ -62,7 +62,7 @@ class Likelihood:
         measured = np.isfinite(table.errors).all(axis=2) & table.there
         gaps = Missing(measured, free_lines(table))
         errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
-        steps = steps_of(table)
+        steps = table.steps
         inner = max(float(np.std(gaps.interaction(E))) for E in np.moveaxis(errors, 2, 0))
         largest = float(np.abs(errors).max())
         sizes = (inner, float(np.std(errors)), float(steps.max()), largest)
@@ -300,13 +300,6 @@ SAME = 1e-6
 """Of a direction; less is rounding."""
 
 
-def steps_of(table: ResidualTable) -> FloatArray:
-    """The resolution (A,) of errors, mm."""
-    steps = np.zeros(table.errors.shape[2])
-    steps[: len(table.resolution)] = table.resolution
-    return steps
-
-
 def free_lines(table: ResidualTable) -> FloatArray:
     """Orthonormal directions (H, k) in which each part is free: its level, and of readings the
     slope, direction, and both, along which passes move.
@@ -331,7 +324,7 @@ def outliers(table: ResidualTable) -> BoolArray:
 
     The search is repeated without them, as outliers hide others.
     """
-    errors, lines, least = np.nan_to_num(table.errors), free_lines(table), steps_of(table)
+    errors, lines, least = np.nan_to_num(table.errors), free_lines(table), table.steps
     measured = np.isfinite(table.errors).all(axis=2) & table.there
     mask = np.zeros(errors.shape, bool)
     if errors.shape[0] < FEWEST_FOR_OUTLIERS or errors.shape[1] < 2:
