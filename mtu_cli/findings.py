@@ -544,7 +544,7 @@ class _Words(Formatter):
         if isinstance(value, float) and not format_spec:
             return f"{value:.4g}"
         return format(
-            shorten(value, LONGEST_NAME) if isinstance(value, str) else value, format_spec
+            shorten(value, LONGEST_TEXT) if isinstance(value, str) else value, format_spec
         )
 
 

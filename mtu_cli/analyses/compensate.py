@@ -84,7 +84,10 @@ def grid(low: float | None, high: float | None, step: float | None) -> FloatArra
     for no whole number of steps.
     """
     if low is None or high is None or step is None:
-        raise error("incomplete", what="one of --from, --to, --step", other="the other two")
+        given = {"--from": low, "--to": high, "--step": step}
+        missing = [name for name, value in given.items() if value is None]
+        expected = "--from, --to and --step together, or none of them"
+        raise error("missing-input", what=f"a value of {' and '.join(missing)}", expected=expected)
     count = (high - low) / step if step > 0 else -1.0
     if not 1 <= count <= MOST_STEPS or abs(count - round(count)) > SAME_STEP:
         value = f"{low:g} to {high:g} by {step:g} mm"

@@ -150,7 +150,7 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
         footer += f"; zero at {result.reference:g} {'deg' if result.asked.rotary else 'mm'}"
     test = "a new test of as many runs" if result.errors is None or result.errors.read else STATED
     meaning = f"E, B, M: ISO 230-2; after: {test} at the same targets"
-    moves = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
+    moves = f"errors in {unit}, places as the readings count them; wrong sign: with the other sign"
     before, after, size = result.before or {}, result.after or {}, result.unit.to_internal
     rows = [
         {"name": name, "before": value, "after": after.get(name), "size": size}

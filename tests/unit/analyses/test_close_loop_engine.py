@@ -153,6 +153,31 @@ def test_a_rate_below_one_in_the_null_tables_finds_what_is_plain() -> None:
     assert found.entries[0].p == pytest.approx(1 / 1000)
 
 
+def test_features_or_parts_that_differ_by_more_than_entries_scatter_are_left() -> None:
+    """As much as single entries is ordinary; parts are held against what the model expects."""
+    few = ("backlash", "squareness")
+    assert diagnosis(noise(5), *few).verdict == "none"
+    assert diagnosis(noise(5, feature=6 * NOISE_MM), *few).fired == ("column-variance",)
+    assert diagnosis(noise(5, part=6 * NOISE_MM), *few).fired == ("part-variance",)
+    expected = np.zeros((1, H, 2, 2))
+    expected[0, :, [0, 1], [0, 1]] = 6 * NOISE_MM
+    own = noise(5, part=6 * NOISE_MM)
+    assert diagnosis(replace(own, of_part=expected), *few).verdict == "none"
+    strict = replace(own, of_part=expected / 8, pass_dof=50.0)
+    assert diagnosis(strict, *few).fired == ("part-variance",)
+
+
+def test_two_effects_that_hide_each_other_leave_features_that_differ() -> None:
+    """An angle and a hole that is off, neither of which is plain beside the other."""
+    own = noise(8, part=0.2 * NOISE_MM, feature=0.1 * NOISE_MM)
+    y = own.places[0, :, 1] - own.places[0, :, 1].mean()
+    own.errors[..., 0] += 5 * NOISE_MM * y / np.abs(y).max()
+    own.errors[:, int(np.argmin(y)), 0] += 12 * NOISE_MM
+    found = diagnosis(own, "squareness", "feature-outlier")
+    assert found.names == []
+    assert (found.verdict, found.fired) == ("unexplained", ("column-variance",))
+
+
 def test_a_mean_of_exactly_0_is_tested_too() -> None:
     own = noise(1)
     half = own.errors[: P // 2]
