@@ -142,7 +142,7 @@ def test_sizes_are_averaged_over_the_models_without_some(optional: list[int]) ->
             logs.append(-0.5 * (np.sum((y - X @ b) ** 2) * n / (1 + n) + penalty))
             sizes.append(b)
     weights = np.exp(np.array(logs) - max(logs))
-    C = np.linalg.inv(X.T @ X)
+    C = np.asarray(np.linalg.inv(X.T @ X), np.float64)
     mean = submodel_average(C @ X.T @ y, C, optional, n)
     assert mean == pytest.approx(weights @ np.array(sizes) / weights.sum(), rel=1e-9)
 
