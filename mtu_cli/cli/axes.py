@@ -153,12 +153,12 @@ def compensate(inputs: Inputs) -> Result:
     given = assignments(
         "--set", options.set, "NAME=VALUE", "axis=X", lambda _, x: x, defaults, "parameter"
     )
+    if options.read and options.written.keys() & {"to_file", "to_nc"}:
+        names = "--read and --to-file or --to-nc"
+        raise error("exclusive", names=names, expected="a call for each")
     if control is None:
         return _skew(inputs, {**defaults, **given})
     if options.read:
-        if options.written.keys() & {"to_file", "to_nc"}:
-            names = "--read and a file to write of the table"
-            raise error("exclusive", names=names, expected="a call for each")
         table = _read(inputs, options.read, control.read_back, {**defaults, **given})
         return Result.reported(inputs, analysis.as_read(options.read.name, control, table))
     if not options.component:

@@ -33,7 +33,7 @@ CHECKS = {
     "walk": "{rows} follow one another too smoothly to be scatter",
     "field": "{columns} near one another err alike",
     "column-variance": "{columns} differ by more than single entries scatter",
-    "part-variance": "{rows} differ by more than single entries scatter, or the model expects",
+    "part-variance": "{rows} differ by more than the model or single entries explain",
 }
 """What a check of the remainder says where it is significant."""
 WITHOUT_NAME = "a drift or a smooth field without a name"

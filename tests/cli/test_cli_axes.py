@@ -430,6 +430,7 @@ def test_readings_count_in_any_order_of_the_names(tmp_path: Path) -> None:
         (("--for", "linuxnc", "--component", "pos_x"), "did you mean 'linuxcnc'"),
         (("--for", "acs"), "--component NAME"),
         (("--for", "acs", "--read", "x", "--to-file", "y"), "a call for each"),
+        (("--for", "klipper", "--read", "x", "--to-file", "y"), "a call for each"),
         (("--for", "acs", "--component", "pos_x", "--reference", "nan"), "from -1e+06"),
         (("--for", "acs", "--component", "pos_x", "--from", "0"), "of --to and --step is missing"),
         (("--for", "acs", "--component", "pos_x", "--direction", "both"), "one column"),

@@ -47,7 +47,7 @@ NULLS, NULLS_OF_FOLD = 299, 99
 """Tables without effects for a p that is reported, and for what passes without a block of parts."""
 FEW_PARTS, FEWEST_ENTRIES = 5, 4
 MOST_OPTIONAL = 8
-"""Sizes that may be 0 or not, of which all combinations are models."""
+"""Sizes that may be 0: the models are all their combinations, whose number doubles with each."""
 
 
 def close_loop(

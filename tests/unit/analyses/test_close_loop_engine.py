@@ -10,7 +10,7 @@ import pytest
 from effect_tables import shop_covariates, table
 from loop_examples import effect, parameter, searched, uncorrelated
 from scipy.integrate import quad
-from scipy.stats import binom, invgamma
+from scipy.stats import binom, f, invgamma
 
 from mtu_cli.analyses.close_loop import close_loop
 from mtu_cli.analyses.close_loop import diagnosis as engine
@@ -171,6 +171,24 @@ def test_features_or_parts_that_differ_by_more_than_entries_scatter_are_left() -
     assert diagnosis(replace(own, of_part=expected), *few).verdict == "none"
     strict = replace(own, of_part=expected / 8, pass_dof=50.0)
     assert diagnosis(strict, *few).fired == ("part-variance",)
+
+
+def test_the_variance_checks_are_f_tests_of_the_means() -> None:
+    """Of means of parts and features in a plain table, against what single entries explain."""
+    own = noise(6, part=3 * NOISE_MM, feature=2.5 * NOISE_MM)
+    gate = Gate(posed_of(own, "backlash"), np.random.default_rng(0), 9)
+    fit = gate.likelihood.fit(())
+    strata = gate.strata
+    squares = np.array([np.sum(fit.residual[part] ** 2) for part in strata.slices])
+    checks = gate._variances(fit, squares, strata.of("interaction"), squares > 0)
+    E = own.errors - own.errors.mean(axis=(0, 1))
+    rest = E - E.mean(axis=0) - E.mean(axis=1, keepdims=True)
+    entry, dof = np.sum(rest**2, axis=(0, 1)) / ((P - 1) * (H - 1)), (P - 1) * (H - 1)
+    for name, axis, n in (("column-variance", 0, P), ("part-variance", 1, H)):
+        own_dof = P * H // n - 1
+        square = n * np.sum(E.mean(axis=axis) ** 2, axis=0) / own_dof
+        p = f.sf(square / ((1 + n) * entry), own_dof, dof)
+        assert np.exp(-checks[name][0]) == pytest.approx(2 * p.min(), rel=1e-6)
 
 
 def test_two_effects_that_hide_each_other_leave_features_that_differ() -> None:
