@@ -192,9 +192,7 @@ CATALOGUE: dict[str, Kind] = {
         "the search{of} stopped at {most}, and more would pass (--max-effects)"
     ),
     "effect-not-written": _warning("{effect} is not added to the machine: {reason}"),
-    "written-class": _warning(
-        "of effects that this data cannot separate the likeliest is written: {names}"
-    ),
+    "written-class": _warning("of effects that this data cannot separate one is written: {names}"),
     # Comparison and correction.
     "not-tested": _warning("{what} not tested ({items}): {reason}"),
     "outside-measured-range": _warning(

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import made_files as made
+import nptdms
 import numpy as np
 import pytest
 from fuzz.damage import nudged
 
-from mtu_cli.files.readings import read_readings
+from mtu_cli.files.readings import read_points, read_readings
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.formats.base import Ask, Import, of_content
@@ -63,11 +64,12 @@ def test_rtl_with_wrapped_negative_targets_and_descending_reverse_runs() -> None
 
 @pytest.mark.parametrize("code_page", ["utf-8", "utf-8-sig", "cp1252", "gbk"])
 def test_code_pages_and_broken_degree_signs(code_page: str) -> None:
-    name = "\u673a\u5e8a" if code_page == "gbk" else "Fr\u00e4se"
+    # cp1252 accepts most bytes: GBK is tried only where it does not, as of the first of these.
+    name = "\u4e02\u5e8a" if code_page == "gbk" else "Fr\u00e4se"
     content = made.RTL.replace("Fr\u00e4szentrum 20\u00b0", name).encode(code_page)
     found = read(raw(content, "x.rtl"), ASK)
-    # cp1252 accepts most bytes: GBK is tried only where it does not.
-    assert code_page == "gbk" or found.facts["Machine"].startswith(name)
+    assert found.facts["Machine"].startswith(name)
+    assert found.file.encoding == code_page.removesuffix("-sig")
     broken = made.RTL.replace("\u00b0", "\u00c2\u00b0").encode()
     assert "20\u00b0" in read(raw(broken, "x.rtl"), ASK).facts["Machine"]
 
@@ -211,7 +213,6 @@ def test_a_ballbar_file_and_a_capture() -> None:
 
 def tdms(seconds: float = 30.0) -> bytes:
     """A made TDMS: temperature, probe, and a longer channel, 30 s apart."""
-    nptdms = pytest.importorskip("nptdms")
     made_of = {"T spindle": ("degC", [20.0, 20.5, 21.0]), "Probe Z": ("um", [0.0, 0.4, 0.9]),
                "Voltage": ("V", [1.0, 2.0, 3.0, 4.0])}  # fmt: skip
     target = io.BytesIO()
@@ -368,19 +369,80 @@ def test_headings_in_a_column_of_numbers_are_numbers(tmp_path: Path) -> None:
         profiled(tmp_path, texts.replace(": position_deg}", ": position_mm}"), text)
 
 
-@pytest.mark.parametrize("name", ["x.rtl", "wide.csv", "e.dat", "laser.txt"])
-def test_an_instruments_file_reads_as_the_contracts_csv(name: str, tmp_path: Path) -> None:
+READINGS = "component,position_mm,pass,direction,error,unit"
+CONTRACT = {
+    "x.rtl": """
+-150 1 + 0.1 um;-100 1 + 0.25 um;-50 1 + -0.5 um;0 1 + 0 um;50 1 + 1.5 um;100 1 + 2.25 um;\
+150 1 + 3.125 um;150 1 - 4.125 um;100 1 - 3.25 um;50 1 - 2.5 um;0 1 - 1 um;-50 1 - 0.5 um;\
+-100 1 - 1.25 um;-150 1 - 1.1 um""",
+    "wide.csv": """
+-100 1 + 1.5 um;-100 1 - 2.25 um;-100 2 + 0.125 um;-100 2 - 2 um;0 1 + -1.5 um;0 1 - 2.75 um;\
+0 2 + 0.5 um;0 2 - 2.5 um;100 1 + 3 um;100 2 + 4.25 um;100 2 - 1 um""",
+    "e.dat": """
+-10 1 + -0.000099019 mm;0.24 1 + -0.000086019 mm;-10 2 + -0.000094019 mm;\
+0.24 2 + -0.000102019 mm;-10 1 - -0.000081019 mm;0.24 1 - -0.000072019 mm;\
+-10 2 - -0.000102019 mm;0.24 2 - -0.000090019 mm""",
+    # Its positions have six decimals; the directions are as they are labelled.
+    "e.md": """
+-10 1 + -0.000099 mm;-10 2 + -0.000094 mm;0.24 1 + -0.000086 mm;0.24 2 + -0.000102 mm;\
+-10 1 - -0.000081 mm;-10 2 - -0.000102 mm;0.24 1 - -0.000072 mm;0.24 2 - -0.00009 mm""",
+    "laser.txt": """
+0 1 + 0.1 um;0 1 - 0.2 um;50 1 + 0.4 um;50 1 - 0.6 um;100 1 + 0.9 um;100 1 - 1 um""",
+}
+"""What the made files hold, by hand: position, pass, direction, error and unit of each reading."""
+
+
+def same_readings(content: bytes, name: str, folder: Path) -> None:
+    """What a file gives the fit is what its readings, written by hand as a CSV, do."""
     heard = list[Import]()
     convert = converter(lambda path, role: ASK, heard.append)
-    path, plain = tmp_path / name, tmp_path / "plain.csv"
-    path.write_bytes(made.FILES[name][1])
-    direct = read_readings([(path, "laser")], None, for_fit=False, convert=convert)
-    plain.write_bytes(heard[0].converted()[0])
-    other = read_readings([(plain, "laser")], None, for_fit=False, convert=convert)
+    path, plain = folder / name, folder / "plain.csv"
+    path.write_bytes(content)
+    by_hand = [",".join(["dx_x", *row.split()]) for row in CONTRACT[name].strip().split(";")]
+    plain.write_text("\n".join([READINGS, *by_hand]).replace("+", "1").replace(",-,", ",-1,"))
+    direct, other = (
+        read_readings([(each, "laser")], None, for_fit=False, convert=convert)
+        for each in (path, plain)
+    )
     assert len(heard) == 1
     for field in ("position_mm", "error", "pass_number", "direction", "code"):
-        np.testing.assert_allclose(getattr(direct, field), getattr(other, field), atol=1e-9)
+        np.testing.assert_allclose(
+            getattr(direct, field), getattr(other, field), rtol=0, atol=1e-12
+        )
     assert direct.row.tolist() == heard[0].rows
+
+
+@pytest.mark.parametrize("name", CONTRACT)
+def test_an_instruments_file_reads_as_the_contracts_csv(name: str, tmp_path: Path) -> None:
+    content = made.FILES[name][1]
+    same_readings(content, name, tmp_path)
+    if name == "wide.csv":
+        points = content.replace(b",", b".").replace(b";", b"\t")
+        same_readings(points, name, tmp_path)
+
+
+@pytest.mark.parametrize("sign", [",", "."])
+def test_features_by_parts_read_as_the_contracts_points(sign: str, tmp_path: Path) -> None:
+    by_hand = """part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm
+P1,hole1,10.0021,20.0010,10,20
+P1,hole2,110.0042,19.9990,110,20
+P2,hole2,110.0051,20.0030,110,20
+"""
+    (tmp_path / "wide.csv").write_text(made.WIDE_POINTS.replace(",", sign))
+    (tmp_path / "plain.csv").write_text(by_hand)
+    convert = converter(lambda path, role: Ask(kind="points"), lambda found: None)
+    wide, plain = (
+        read_points([(tmp_path / name, "cmm")], None, convert) for name in ("wide.csv", "plain.csv")
+    )
+    assert (wide.parts, wide.features) == (plain.parts, plain.features)
+    for field in ("part", "feature", "measured", "nominal"):
+        np.testing.assert_allclose(getattr(wide, field), getattr(plain, field), rtol=0, atol=1e-12)
+
+
+def test_a_target_without_a_deviation_in_a_run_is_counted() -> None:
+    found = read(raw(made.RTL.replace("  2   4    1.000000\r\n", ""), "x.rtl"), ASK)
+    assert len(found.rows) == 13
+    assert found.left_out["targets of runs, of which the file has no deviation"] == 1
 
 
 @pytest.mark.parametrize("comma", [False, True])

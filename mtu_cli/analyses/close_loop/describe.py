@@ -204,6 +204,7 @@ def _smooth(diagnosis: Diagnosis, entry: Entry) -> FoundEffect:
         kind="smooth",
         says=f"a smooth error of {kernel.axis[:1]} along {kernel.along}",
         sentence=f"{{A}} has a smooth error along {kernel.along}, {{value}} rms",
+        separates="measure at places between these",
     )
     axis = design.table.axes[design.strata.axis[next(iter(kernel.directions))]]
     return FoundEffect(

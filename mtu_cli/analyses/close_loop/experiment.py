@@ -17,7 +17,7 @@ from mtu_cli.analyses.close_loop.design import Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Experiment
-from mtu_cli.analyses.close_loop.strata import strata_of
+from mtu_cli.analyses.close_loop.strata import Strata, strata_of
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
 from mtu_cli.model.machine_model import AXES
@@ -47,16 +47,18 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
     if len(rivals) < 2:
         return None
     sizes = like.fit(like.closure(items[:1])).sizes(rivals[0])[: len(rivals[0].form.parameters)]
-    strata, by_kind = design.strata, dict[tuple[str, int], list[float]]()
-    for s in np.flatnonzero(weights > 0).tolist():
-        by_kind.setdefault((strata.kinds[s], strata.axis[s]), []).append(1 / weights[s])
-    variance = {key: float(np.mean(values)) for key, values in by_kind.items()}
+    places, H = _places(design.strata), design.strata.shape[1]
+    variance = {place: 1 / w for place, w in zip(places, weights.tolist(), strict=True) if w > 0}
+    # Along the same lines whole parts, or passes, scatter in a follow-up.
+    inner = {a: column for kind, a, column in places if kind == "interaction"}
+    bases = enumerate(design.strata.of_features)
+    lines = [basis[:, 1 : inner.get(a, H)] for a, basis in bases]
+    scattering = any(kind == "feature" for kind, *_ in variance)
     best = Experiment("", 0.0)
     for do, table in follow_ups(design.table, rivals):
-        P, H, A = table.errors.shape
-        strata = strata_of(P, [np.zeros((H, 0))] * A, features_scatter=("feature", 0) in variance)
-        keys = zip(strata.kinds, strata.axis, strict=True)
-        of_strata = [variance.get((k, a), variance.get(("interaction", a), 1.0)) for k, a in keys]
+        strata = strata_of(len(table.parts), lines, features_scatter=scattering)
+        rest = {a: variance.get(("interaction", a, k), 1.0) for a, k in inner.items()}
+        of_strata = [variance.get(x, rest.get(x[1], 1.0)) for x in _places(strata)]
         root = 1 / np.sqrt(of_strata)[strata.labels()]
         data, signal, distances = TableData(table), np.zeros(len(root)), list[float]()
         for m in items:
@@ -80,6 +82,12 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
         if not best.do or d > ENOUGH * best.predicted_d:
             best = Experiment(do, d)
     return best if best.predicted_d > 0 else None
+
+
+def _places(strata: Strata) -> list[tuple[str, int, int]]:
+    """Kind, axis, and first column of the features' basis of each stratum."""
+    columns = strata.cells[2][[part.start for part in strata.slices]].tolist()
+    return [*zip(strata.kinds, strata.axis, columns, strict=True)]
 
 
 def follow_ups(

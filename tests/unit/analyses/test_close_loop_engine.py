@@ -16,7 +16,7 @@ from mtu_cli.analyses.close_loop import close_loop
 from mtu_cli.analyses.close_loop import diagnosis as engine
 from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_references
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
-from mtu_cli.analyses.close_loop.experiment import follow_ups, minimum_detectable
+from mtu_cli.analyses.close_loop.experiment import experiment, follow_ups, minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.result import FoundEffect
@@ -656,3 +656,32 @@ def test_a_clock_that_starts_anew_with_each_part_does_not_go_on() -> None:
     text, more = next(follow_ups(replace(own, covariates=clock), ()))
     assert "as before" in text
     assert (more.covariates["time_min"][-1] == np.arange(H)).all()
+
+
+def test_the_predicted_separation_is_that_of_so_many_passes() -> None:
+    """Of reversals that scatter from pass to pass far more than readings do: six more passes make
+    the size, over its u, as much larger as the root of their number says.
+    """
+    rng, passes, H = np.random.default_rng(8), 5, 22
+    places = np.full((H, 3), np.nan)
+    places[:, 0] = np.tile(50.0 * np.arange(11), 2)
+    way = np.repeat([1.0, -1.0], 11)
+    covariates = {"sequence": np.arange(1.0, passes + 1)[:, None], "dir_x": way[None]}
+    own = table(
+        passes, H, axes=("x",), places=places, covariates=covariates, component="dx_x",
+        operations=("",), fitted_degree=1,
+    )  # fmt: skip
+    errors = 5e-5 * rng.normal(size=own.errors.shape)
+    errors[..., 0] += way * (5e-3 + 4e-4 * rng.normal(size=(passes, 1)))
+    found = diagnosis(replace(own, errors=errors), "backlash", "trend")
+    (entry,), members = found.entries, found.design.members
+    rival = next(
+        i for i, x in enumerate(members) if found.design.candidates[x.candidate].name == "trend-x"
+    )
+    both = ((entry.name, entry.item, 0.6), ("trend-x", rival, 0.4))
+    best = experiment(found, replace(entry, credible=both))
+    (size,) = found.sizes.effects[0].of_role("own")
+    assert best is not None
+    assert best.do == "run 6 more passes as before"
+    expected = size.value / size.u * np.sqrt((passes + 6) / passes)
+    assert best.predicted_d == pytest.approx(expected, rel=1e-3)

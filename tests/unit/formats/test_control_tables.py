@@ -4,6 +4,7 @@
 the commanded position plus what the table adds there. The axis then errs by its own error.
 """
 
+import math
 import re
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -60,6 +61,12 @@ def linuxcnc(text: str) -> Command:
     """Source: trim = nominal - value (type 0), added to the commanded motor position."""
     rows = rows_of(text)
     return command(((n, n - f) for n, f, _ in rows), ((n, n - r) for n, _, r in rows))
+
+
+def linuxcnc_trims(text: str) -> Command:
+    """Type 1: the trims themselves."""
+    rows = rows_of(text)
+    return command(((n, f) for n, f, _ in rows), ((n, r) for n, _, r in rows))
 
 
 def siemens_enc(text: str) -> Command:
@@ -139,6 +146,7 @@ def table(text: str) -> Command:
 
 CONTROLS: dict[str, Callable[[str], Command]] = {
     "linuxcnc": linuxcnc,
+    "linuxcnc-trims": linuxcnc_trims,
     "siemens-enc": siemens_enc,
     "siemens-cec": siemens_cec,
     "heidenhain": heidenhain,
@@ -162,9 +170,9 @@ FORWARD, REVERSE = np.array([2.0, 5.0, -3.0]) * 1e-3, np.array([-1.0, 1.0, -8.0]
 
 
 def made(name: str) -> tuple[Controller, dict[str, str]]:
-    """A control with its parameters; `heidenhain-old` is the old variant."""
-    control = CONTROLLERS[name.removesuffix("-old")]
-    own = {"type": "0", "counts_per_mm": "1000"}
+    """A control with its parameters: the old variant of `heidenhain-old`, type 1 of the trims."""
+    control = CONTROLLERS[name.removesuffix("-old").removesuffix("-trims")]
+    own = {"type": "1" if name.endswith("-trims") else "0", "counts_per_mm": "1000"}
     own |= {"variant": "old"} if name.endswith("-old") else {}
     known = {key: value for key, value in own.items() if key in control.parameters}
     return control, {**control.parameters, **known}
@@ -244,7 +252,7 @@ def test_what_a_control_would_not_read_is_refused(name: str, text: str, said: st
         control.read_back(text, own)
 
 
-TARGETS = np.round(6.5536 * np.arange(15), 4)
+TARGETS = np.round(6.5536 * np.arange(-8, 7), 4)
 TRUE = 0.02 * np.sin(TARGETS / 20) + 1e-4 * TARGETS + np.array([[0.001], [-0.001]])
 
 
@@ -314,6 +322,15 @@ def test_a_simulated_control_moves_by_the_table_in_the_right_sense(name: str) ->
         assert verified(*changed).verdict == verdict
 
 
+def klipper(text: str) -> float:
+    """Source: side = sqrt(2 AC^2 + 2 BD^2 - 4 AD^2) / 2, factor = tan(pi/2 - acos((AC^2 - side^2 -
+    AD^2) / (2 side AD))), of which y times is taken from x.
+    """
+    ac, bd, ad = map(float, re.findall(rf"SET_SKEW XY=({NUMBER}),({NUMBER}),({NUMBER})", text)[0])
+    side = math.sqrt(2 * ac * ac + 2 * bd * bd - 4 * ad * ad) / 2
+    return math.tan(math.pi / 2 - math.acos((ac * ac - side * side - ad * ad) / (2 * side * ad)))
+
+
 def test_skew_of_klipper() -> None:
     angle = read_skew("SET_SKEW XY=140.4,142.8,99.8")
     assert np.tan(-angle) == pytest.approx(-0.0169507, abs=1e-7)
@@ -322,18 +339,18 @@ def test_skew_of_klipper() -> None:
         text = write_skew(true, DEFAULTS)
         assert abs(read_skew(text) - true) <= skew_quantum(DEFAULTS) / 2
         # Klipper: x' = x - y factor; the axis y leans by the angle toward -x, and the two cancel.
-        factor = np.tan(-read_skew(text))
+        factor = klipper(text)
         assert 0 - 100 * factor - 100 * np.tan(true) == pytest.approx(0, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", ["beckhoff", "aerotech"])
 def test_E_and_B_after_compensation_lie_in_their_intervals(name: str) -> None:
-    """400 axes with drift between passes; a table of one column leaves the backlash as it is."""
+    """1000 axes with drift between passes; a table of one column leaves the backlash as it is."""
     rng = np.random.default_rng(49)
     control, own = made(name)
     targets = np.linspace(0, 500, 11)
     inside, below = [], []
-    for _ in range(400):
+    for _ in range(1000):
         true = np.cumsum(rng.normal(0, 2e-3, 11)) + np.array([[1e-3], [-1e-3]])
         first = axis_errors(*readings(rng, targets, true, **DRIFTING))
         result = compensate(first, control, own, Frame(), seed=3, trials=600)
