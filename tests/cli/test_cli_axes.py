@@ -53,6 +53,22 @@ def test_a_matrix_without_a_unit_is_in_that_of_the_component(tmp_path: Path) -> 
     assert "the unit of the readings is missing" in done(mtu(*call, cwd=tmp_path), 2).stderr
 
 
+def test_what_a_positioning_test_lacks_of_the_standard_is_warned_of(tmp_path: Path) -> None:
+    """Three targets and four runs where it asks for five of each, all zeroed at the first one."""
+    targets, readings = published(3)
+    few = readings[:, :3, :4] * (np.arange(3) > 0)[:, None]
+    laser = write_readings(tmp_path / "few.csv", targets[:3], few)
+    document = report("iso230", "--laser", laser)
+    texts = [x["message"] for x in document["warnings"] if x["code"] == "test-conditions"]
+    assert ["3 targets over 20 mm" in texts[0], "4 runs at a target" in texts[1]] == [True, True]
+    assert all("ISO 230-2" in text for text in texts)
+    axis = document["results"]["axes"]["dx_x"]
+    assert axis["at_target"][0]["R"] is None
+    assert axis["at_target"][1]["R"] > 0
+    (gap,) = (x for x in document["warnings"] if x["code"] == "not-estimable")
+    assert "R at 15 mm" in gap["message"]
+
+
 def test_limits_meet_their_gate(laser: Path) -> None:
     call = ("iso230", "--laser", laser, "--fail-if", "nonconforming")
     budget = ("--budget", laser.with_name("budget.yaml"))
