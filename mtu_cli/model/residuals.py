@@ -153,6 +153,23 @@ class ResidualTable:
         u = (along - along.mean()) / max(float(np.ptp(along)), 1e-300)
         return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
 
+    @property
+    def along(self) -> FloatArray | None:
+        """Places (H,) along the axis that a component was read along; None of fewer than four, and
+        of no axis.
+        """
+        spans = np.nan_to_num(np.ptp(self.mean_places, axis=0))
+        along = self.mean_places[:, int(np.argmax(spans))]
+        return along if spans.max() > 0 and len(np.unique(along)) > 3 else None
+
+    @property
+    def direction(self) -> FloatArray:
+        """The direction (H,) in which readings are taken at each place; 0 where none is stated."""
+        unknown = np.zeros((1, len(self.features)))
+        named = (v for name, v in self.covariates.items() if name.startswith("dir_"))
+        values = next(named, unknown)
+        return (values if values.shape == unknown.shape else unknown)[0]
+
     def ranges(self, columns: Iterable[str]) -> dict[str, list[float]]:
         """Lowest and highest value over the measured cells of positions and those `columns` that
         the table has.

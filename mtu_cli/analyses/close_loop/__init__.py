@@ -181,11 +181,13 @@ def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
     P, H, A = strata.shape
     axis, live = np.array(strata.axis), fit.weights > 0
     total = np.bincount(axis[live], strata.sizes[live] / fit.weights[live], minlength=A)
-    inner, steps = strata.of("interaction"), design.table.steps / design.scale
-    mean_squares = [
-        max(np.sum(fit.residual[strata.slices[s]] ** 2) / fit.dof[s], steps[axis[s]] ** 2 / 12)
-        for s in inner
-    ]
+    mean_squares, steps = list[float](), design.table.steps / design.scale
+    for s in strata.of("interaction"):
+        # What readings have alike in all passes is no repeatability.
+        varies = strata.cells[1][strata.slices[s]] > 0
+        if dof := fit.dof[s] * np.mean(varies):
+            square = np.sum(fit.residual[strata.slices[s]][varies] ** 2) / dof
+            mean_squares.append(max(square, steps[axis[s]] ** 2 / 12))
     variance = np.asarray(total * design.scale**2 / (P * H), float)
     return variance, design.scale * float(np.sqrt(np.mean(mean_squares))) if mean_squares else None
 

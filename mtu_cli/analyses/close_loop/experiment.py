@@ -41,24 +41,20 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
     it. Of follow-ups that do as well, the one that is less work stands first.
     """
     design, like = diagnosis.design, diagnosis.models.likelihood
-    weights = diagnosis.sizes.fit.weights
     posteriors = {m: max(p, 1e-300) for _, m, p in entry.credible if m >= 0}
     items, rivals = [*posteriors], [design.members[m] for m in posteriors]
     if len(rivals) < 2:
         return None
     sizes = like.fit(like.closure(items[:1])).sizes(rivals[0])[: len(rivals[0].form.parameters)]
-    places, H = _places(design.strata), design.strata.shape[1]
-    variance = {place: 1 / w for place, w in zip(places, weights.tolist(), strict=True) if w > 0}
+    places, weights = _places(design.strata), diagnosis.sizes.fit.weights.tolist()
+    variance = {place: 1 / w for place, w in zip(places, weights, strict=True) if w > 0}
     # Along the same lines whole parts, or passes, scatter in a follow-up.
     inner = {a: column for kind, a, column in places if kind == "interaction"}
-    bases = enumerate(design.strata.of_features)
-    lines = [basis[:, 1 : inner.get(a, H)] for a, basis in bases]
-    scattering = any(kind == "feature" for kind, *_ in variance)
-    best = Experiment("", 0.0)
+    lines = [basis[:, 1 : inner.get(a)] for a, basis in enumerate(design.strata.of_features)]
+    best, crossed = Experiment("", 0.0), "feature" in design.strata.kinds
     for do, table in follow_ups(design.table, rivals):
-        strata = strata_of(len(table.parts), lines, features_scatter=scattering)
-        rest = {a: variance.get(("interaction", a, k), 1.0) for a, k in inner.items()}
-        of_strata = [variance.get(x, rest.get(x[1], 1.0)) for x in _places(strata)]
+        strata = strata_of(len(table.parts), lines, features_scatter=crossed)
+        of_strata = [variance.get(place, np.inf) for place in _places(strata)]
         root = 1 / np.sqrt(of_strata)[strata.labels()]
         data, signal, distances = TableData(table), np.zeros(len(root)), list[float]()
         for m in items:

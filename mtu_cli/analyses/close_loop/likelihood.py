@@ -15,7 +15,9 @@ from mtu_cli.analyses.close_loop.strata import PADDING, Closures, Missing, Strat
 from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.alignment import small_motions
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
+from mtu_cli.stats.outliers import median_polish, outlying
 
 QUANTILES = (np.arange(12) + 0.5) / 12
 ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
@@ -306,12 +308,8 @@ def free_lines(table: ResidualTable) -> FloatArray:
     """
     columns = [np.ones(len(table.features))]
     if table.component is not None:
-        along = _along(table)
-        columns += [] if along is None else [along]
-        sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
-        if sign is not None and sign.shape == (1, len(table.features)):
-            columns.append(np.asarray(sign[0], float))
-            columns += [] if along is None else [sign[0] * (along - along.mean())]
+        along, way = table.along, table.direction
+        columns += [way] if along is None else [along, way, way * (along - along.mean())]
     X = np.column_stack(columns)
     rest = np.abs(np.diag(np.linalg.qr(X, mode="r")))
     Q, R = np.linalg.qr(X[:, rest > 1e-8 * np.linalg.norm(X, axis=0)])
@@ -322,25 +320,35 @@ def outliers(table: ResidualTable) -> BoolArray:
     """Where (P, H, A) single entries are further from what part and feature predict than `GROSS`
     robust standard deviations of the interaction, at least that of rounding.
 
-    The search is repeated without them, as outliers hide others.
+    Outliers hide others: the search begins without those that are far off the medians of part and
+    feature, of readings in each direction, and is repeated without what is excluded.
     """
     errors, lines, least = np.nan_to_num(table.errors), free_lines(table), table.steps
     measured = np.isfinite(table.errors).all(axis=2) & table.there
     mask = np.zeros(errors.shape, bool)
     if errors.shape[0] < FEWEST_FOR_OUTLIERS or errors.shape[1] < 2:
         return mask
-    for a in range(errors.shape[2]):
+    (P, H, A), ways = errors.shape, table.direction if table.component else np.zeros(len(lines))
+    for a in range(A):
+        polished, groups = np.where(measured, errors[..., a], np.nan), np.unique(ways)
+        for columns in (ways == way for way in groups):
+            polished[:, columns] = median_polish(polished[:, columns])
+        start, _ = outlying(polished, P * len(groups) + H, least[a] ** 2 / 12)
         for _ in range(ROUNDS):
-            gaps = Missing(measured & ~mask[..., a], lines)
-            filled = gaps.filled(errors[..., a])
-            fitted = filled - gaps.interaction(filled)
-            deviation = np.where(measured, errors[..., a] - fitted, 0.0)
-            spread = max(1.4826 * float(np.median(np.abs(deviation[measured]))), float(least[a]))
-            new = (np.abs(deviation) > GROSS * spread) & measured & ~mask[..., a]
-            if not new.any() or (mask[..., a] | new).sum() > MOST_SHARE * measured.sum():
+            deviation = Missing(measured & ~start, lines).deviation(errors[..., a])
+            far = _far(deviation, measured, least[a])
+            mask[..., a] |= start & far
+            start = mask[..., a] | far
+            if (start == mask[..., a]).all() or start.sum() > MOST_SHARE * measured.sum():
                 break
-            mask[..., a] |= new
     return mask
+
+
+def _far(deviation: FloatArray, measured: BoolArray, least: float) -> BoolArray:
+    """Measured entries (P, H) that are far off, if they are few."""
+    sizes = np.where(measured, np.abs(deviation), 0.0)
+    far = sizes > GROSS * max(1.4826 * float(np.median(sizes[measured])), least)
+    return far & (far.sum() <= MOST_SHARE * measured.sum())
 
 
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
@@ -362,7 +370,7 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
             rest = rest - lines[a] @ (lines[a].T @ rest)
             if (size := float(np.linalg.norm(rest))) > SAME:
                 lines[a] = np.column_stack([lines[a], rest / size])
-    along = _along(table) if readings and P >= 3 else None
+    along = table.along if readings and P >= 3 else None
     if along is None:
         # Along a line of a single part nothing is separable from its scatter, unless that is known.
         estimable = P > 1 or table.of_part.shape[3] > 0
@@ -381,23 +389,13 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
     return replace(strata, spread=np.sqrt(spread[int(np.argmin(deviance)), j]))
 
 
-def _along(table: ResidualTable) -> FloatArray | None:
-    """Places (H,) along the axis that the readings of a component were taken along."""
-    places = table.mean_places
-    spans = np.nan_to_num(np.ptp(places, axis=0))
-    i = int(np.argmax(spans))
-    return places[:, i] if spans[i] > 0 and len(np.unique(places[:, i])) > 3 else None
-
-
 def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
     """The unit pattern (H, A) of a small turn or growth of a whole part."""
     if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
         return None
-    q = places[:, [AXES.index(axis) for axis in axes]]
-    q = q - q.mean(axis=0)
+    at = tuple(AXES.index(axis) for axis in axes)
+    q = places[:, at] - places[:, at].mean(axis=0)
     if "rotation" in name:
-        rotation, (i, j) = np.zeros_like(q), map(axes.index, "xy")
-        rotation[:, i], rotation[:, j] = -q[:, j], q[:, i]
-        q = rotation
+        q = small_motions(places, at, "offset,rotation")[:, -1].reshape(q.shape)
     size = np.linalg.norm(q)
     return q / size if size > 0 else None

@@ -332,6 +332,11 @@ class Missing:
         result[..., p, h] = -E @ self.inverse
         return result
 
+    def deviation(self, table: FloatArray) -> FloatArray:
+        """Tables (..., P, H) less what their measured cells predict, of missing ones too."""
+        filled = self.filled(table)
+        return np.asarray(table - filled + self.interaction(filled))
+
     def interaction(self, table: FloatArray) -> FloatArray:
         """Tables (..., P, H) less the means of the features and what each part has of the lines."""
         rest = table - table.mean(axis=-2, keepdims=True)

@@ -18,7 +18,7 @@ from mtu_cli.analyses.close_loop.describe import crossings, effects_of, without_
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosis_of
 from mtu_cli.analyses.close_loop.experiment import experiment, follow_ups, minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
-from mtu_cli.analyses.close_loop.likelihood import Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Likelihood, outliers
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.strata import Missing
 from mtu_cli.language import evaluate, linear_form, parse
@@ -658,22 +658,41 @@ def test_a_clock_that_starts_anew_with_each_part_does_not_go_on() -> None:
     assert (more.covariates["time_min"][-1] == np.arange(H)).all()
 
 
+def laser_runs(passes: int, targets: int, errors: FloatArray) -> ResidualTable:
+    """Readings of dx_x, forward and then in reverse, at targets 50 mm apart."""
+    places = np.full((2 * targets, 3), np.nan)
+    places[:, 0] = np.tile(50.0 * np.arange(targets), 2)
+    way = np.repeat([1.0, -1.0], targets)
+    covariates = {"sequence": np.arange(1.0, passes + 1)[:, None], "dir_x": way[None]}
+    own = table(
+        passes, 2 * targets, axes=("x",), places=places, covariates=covariates,
+        component="dx_x", operations=("",),
+    )  # fmt: skip
+    return replace(own, errors=errors[..., None])
+
+
+def test_two_readings_of_five_do_not_hide_each_other_and_a_profile_is_no_scatter() -> None:
+    """The first reverse readings of a laser are far off; along the line of their pass they would
+    make others so. What all passes have alike, though it has no name, is no repeatability.
+    """
+    rng, s = np.random.default_rng(5), 1e-3
+    errors = s * rng.normal(size=(5, 10)) + 2e-2 * rng.normal(size=10)
+    errors[0, 5:7] += (0.11, 0.045)
+    own = laser_runs(5, 5, errors)
+    assert np.argwhere(outliers(own)[..., 0]).tolist() == [[0, 5], [0, 6]]
+    (result,) = close_loop([own], effect_library(), alpha=0.05, max_effects=1, seed=1).tables
+    # 16 degrees of freedom: a line in each direction of four passes, less the two readings.
+    assert result.floor == pytest.approx(s, rel=0.5)
+
+
 def test_the_predicted_separation_is_that_of_so_many_passes() -> None:
     """Of reversals that scatter from pass to pass far more than readings do: six more passes make
     the size, over its u, as much larger as the root of their number says.
     """
-    rng, passes, H = np.random.default_rng(8), 5, 22
-    places = np.full((H, 3), np.nan)
-    places[:, 0] = np.tile(50.0 * np.arange(11), 2)
-    way = np.repeat([1.0, -1.0], 11)
-    covariates = {"sequence": np.arange(1.0, passes + 1)[:, None], "dir_x": way[None]}
-    own = table(
-        passes, H, axes=("x",), places=places, covariates=covariates, component="dx_x",
-        operations=("",), fitted_degree=1,
-    )  # fmt: skip
-    errors = 5e-5 * rng.normal(size=own.errors.shape)
-    errors[..., 0] += way * (5e-3 + 4e-4 * rng.normal(size=(passes, 1)))
-    found = diagnosis(replace(own, errors=errors), "backlash", "trend")
+    rng, passes = np.random.default_rng(8), 5
+    errors = 5e-5 * rng.normal(size=(passes, 22))
+    errors += np.repeat([1.0, -1.0], 11) * (5e-3 + 4e-4 * rng.normal(size=(passes, 1)))
+    found = diagnosis(laser_runs(passes, 11, errors), "backlash", "trend")
     (entry,), members = found.entries, found.design.members
     rival = next(
         i for i, x in enumerate(members) if found.design.candidates[x.candidate].name == "trend-x"
