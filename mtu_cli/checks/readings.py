@@ -156,9 +156,13 @@ def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
         group = group[np.sort(np.unique(table.error[group], axis=0, return_index=True)[1])]
         if len(group) < 2:
             continue
-        residuals = median_polish(table.error[group], table.position_mm[group[0]])
-        fitted = residuals.shape[1] + 2 * residuals.shape[0]
-        mask, s = outlying(residuals, fitted, _rounding(data, group))
+        mask = np.zeros(group.shape, bool)
+        # Two readings far off at one end of a pass hide in a slope of it.
+        for x, lines in ((None, 1), (table.position_mm[group[0]], 2)):
+            residuals = median_polish(table.error[group], x)
+            fitted = residuals.shape[1] + lines * residuals.shape[0]
+            far, s = outlying(residuals, fitted, _rounding(data, group))
+            mask |= far
         if len(group) == 2:
             # Both are as far from their mean: the one farther off its neighbours is meant.
             bend = np.abs(np.diff(table.error[group], 2, append=np.nan, prepend=np.nan))

@@ -164,11 +164,25 @@ class ResidualTable:
 
     @property
     def direction(self) -> FloatArray:
-        """The direction (H,) in which readings are taken at each place; 0 where none is stated."""
+        """The direction (H,) in which each place is approached; 0 where it is not one for each."""
         unknown = np.zeros((1, len(self.features)))
         named = (v for name, v in self.covariates.items() if name.startswith("dir_"))
         values = next(named, unknown)
         return (values if values.shape == unknown.shape else unknown)[0]
+
+    @property
+    def free_lines(self) -> FloatArray:
+        """Orthonormal directions (H, k) in which each part is free: its level, and of readings the
+        slope, direction, and both, along which passes move.
+        """
+        columns = [np.ones(len(self.features))]
+        if self.component is not None:
+            along, way = self.along, self.direction
+            columns += [way] if along is None else [along, way, way * (along - along.mean())]
+        X = np.column_stack(columns)
+        rest = np.abs(np.diag(np.linalg.qr(X, mode="r")))
+        Q, R = np.linalg.qr(X[:, rest > 1e-8 * np.linalg.norm(X, axis=0)])
+        return np.asarray(Q * np.sign(np.diag(R)))
 
     def ranges(self, columns: Iterable[str]) -> dict[str, list[float]]:
         """Lowest and highest value over the measured cells of positions and those `columns` that

@@ -29,7 +29,7 @@ from mtu_cli.units import PARAMETER_UNITS, UNITS
 CHOICE = re.compile(r"\(([\w ]+)\|([\w ]+)\)")
 """Of ``(gains|loses)`` the first is used where the first parameter is positive."""
 CHECKS = {
-    "pattern": "{columns} share a pattern that some {rows} have more of",
+    "pattern": "several {rows} share a pattern over the {columns}",
     "walk": "{rows} follow one another too smoothly to be scatter",
     "field": "{columns} near one another err alike",
     "column-variance": "{columns} differ by more than single entries scatter",

@@ -174,8 +174,8 @@ def _result(
 
 def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
     """What the effects leave: the variance (A,) of one coordinate by all that scatters, and the
-    repeatability, of single entries about the means of parts and of features alone, at least that
-    of rounding; None where there are no such entries.
+    repeatability, of single entries about the means of parts and of features, of readings about the
+    lines of passes and what all have alike, at least that of rounding; None where there are none.
     """
     design, strata, fit = diagnosis.design, diagnosis.design.strata, diagnosis.sizes.fit
     P, H, A = strata.shape
@@ -185,7 +185,9 @@ def _scatter(diagnosis: Diagnosis) -> tuple[FloatArray, float | None]:
     for s in strata.of("interaction"):
         # What readings have alike in all passes is no repeatability.
         varies = strata.cells[1][strata.slices[s]] > 0
-        if dof := fit.dof[s] * np.mean(varies):
+        X = design.columns.dense(fit.columns)[:, strata.slices[s]][:, varies]
+        leverage = fit.weights[s] * np.einsum("ik,ij,jk->", X, fit.covariance, X)
+        if (dof := diagnosis.models.likelihood.n[s] - np.sum(~varies) - leverage) > 0:
             square = np.sum(fit.residual[strata.slices[s]][varies] ** 2) / dof
             mean_squares.append(max(square, steps[axis[s]] ** 2 / 12))
     variance = np.asarray(total * design.scale**2 / (P * H), float)

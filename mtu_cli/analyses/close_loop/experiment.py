@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import chdtri, ndtri
 
 from mtu_cli.analyses.close_loop.design import Member
-from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
+from mtu_cli.analyses.close_loop.diagnosis import OF_PARTS, Diagnosis
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.result import Experiment
 from mtu_cli.analyses.close_loop.strata import Strata, strata_of
@@ -46,14 +46,19 @@ def experiment(diagnosis: Diagnosis, entry: Entry) -> Experiment | None:
     if len(rivals) < 2:
         return None
     sizes = like.fit(like.closure(items[:1])).sizes(rivals[0])[: len(rivals[0].form.parameters)]
-    places, weights = _places(design.strata), diagnosis.sizes.fit.weights.tolist()
-    variance = {place: 1 / w for place, w in zip(places, weights, strict=True) if w > 0}
-    # Along the same lines whole parts, or passes, scatter in a follow-up.
-    inner = {a: column for kind, a, column in places if kind == "interaction"}
-    lines = [basis[:, 1 : inner.get(a)] for a, basis in enumerate(design.strata.of_features)]
-    best, crossed = Experiment("", 0.0), "feature" in design.strata.kinds
+    known, weights = design.strata, diagnosis.sizes.fit.weights.tolist()
+    variance = {x: 1 / w for x, w in zip(_places(known), weights, strict=True) if w > 0}
+    # Whole parts, or passes, scatter along the same lines and bend as before.
+    inner = {a: column for kind, a, column in _places(known) if kind == "interaction"}
+    lines = [basis[:, 1 : inner.get(a)] for a, basis in enumerate(known.of_features)]
+    moving = sum(name in OF_PARTS for name, _, _ in diagnosis.scatter)
+    spread, (a, _, j) = np.ones(known.of_features.shape[:2]), known.cells
+    spread[a, j] = known.spread
+    best, crossed = Experiment("", 0.0), "feature" in known.kinds
     for do, table in follow_ups(design.table, rivals):
-        strata = strata_of(len(table.parts), lines, features_scatter=crossed)
+        strata = strata_of(len(table.parts), lines, features_scatter=crossed, moving=moving)
+        a, _, j = strata.cells
+        strata = replace(strata, of_features=known.of_features, spread=spread[a, j])
         of_strata = [variance.get(place, np.inf) for place in _places(strata)]
         root = 1 / np.sqrt(of_strata)[strata.labels()]
         data, signal, distances = TableData(table), np.zeros(len(root)), list[float]()

@@ -206,6 +206,8 @@ class Gate:
                 continue
             level, u = self.likelihood.level(fit, a)
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
+            # The constant of readings was fitted: what outliers leave in it is none.
+            least *= self.design.table.fitted_degree < 0
             tests[candidate.name] = self._of_p(2 * float(stdtr(nu, -least)))
         return tests
 
@@ -246,6 +248,8 @@ class Gate:
         for k, (name, lever) in enumerate(levers.items()):
             share = float(operation.mean())
             a, b = (n * share, n * (1 - share)) if lever is None else (P - 1.0, n - (P - 1.0))
+            if min(a, b) <= 0:
+                continue
             part, rest = result[:, k], total - result[:, k]
             L = n * np.log(total / n) - a * np.log(part / a) - b * np.log(rest / b)
             L = L / (1 + kurtosis / 2) if lever is None else np.where(part / a > rest / b, L, 0.0)

@@ -62,7 +62,7 @@ class Likelihood:
         self, table: ResidualTable, candidates: Sequence[Candidate], scatter: Sequence[str] = ()
     ) -> None:
         measured = np.isfinite(table.errors).all(axis=2) & table.there
-        gaps = Missing(measured, free_lines(table))
+        gaps = Missing(measured, table.free_lines)
         errors = np.moveaxis(gaps.filled(np.moveaxis(table.errors, -1, 0)), 0, -1)
         steps = table.steps
         inner = max(float(np.std(gaps.interaction(E))) for E in np.moveaxis(errors, 2, 0))
@@ -302,20 +302,6 @@ SAME = 1e-6
 """Of a direction; less is rounding."""
 
 
-def free_lines(table: ResidualTable) -> FloatArray:
-    """Orthonormal directions (H, k) in which each part is free: its level, and of readings the
-    slope, direction, and both, along which passes move.
-    """
-    columns = [np.ones(len(table.features))]
-    if table.component is not None:
-        along, way = table.along, table.direction
-        columns += [way] if along is None else [along, way, way * (along - along.mean())]
-    X = np.column_stack(columns)
-    rest = np.abs(np.diag(np.linalg.qr(X, mode="r")))
-    Q, R = np.linalg.qr(X[:, rest > 1e-8 * np.linalg.norm(X, axis=0)])
-    return np.asarray(Q * np.sign(np.diag(R)))
-
-
 def outliers(table: ResidualTable) -> BoolArray:
     """Where (P, H, A) single entries are further from what part and feature predict than `GROSS`
     robust standard deviations of the interaction, at least that of rounding.
@@ -323,9 +309,9 @@ def outliers(table: ResidualTable) -> BoolArray:
     Outliers hide others: the search begins without those that are far off the medians of part and
     feature, of readings in each direction, and is repeated without what is excluded.
     """
-    errors, lines, least = np.nan_to_num(table.errors), free_lines(table), table.steps
+    errors, lines, least = np.nan_to_num(table.errors), table.free_lines, table.steps
     measured = np.isfinite(table.errors).all(axis=2) & table.there
-    mask = np.zeros(errors.shape, bool)
+    mask, most = np.zeros(errors.shape, bool), MOST_SHARE * measured.sum()
     if errors.shape[0] < FEWEST_FOR_OUTLIERS or errors.shape[1] < 2:
         return mask
     (P, H, A), ways = errors.shape, table.direction if table.component else np.zeros(len(lines))
@@ -334,21 +320,16 @@ def outliers(table: ResidualTable) -> BoolArray:
         for columns in (ways == way for way in groups):
             polished[:, columns] = median_polish(polished[:, columns])
         start, _ = outlying(polished, P * len(groups) + H, least[a] ** 2 / 12)
+        start &= start.sum() <= most
         for _ in range(ROUNDS):
-            deviation = Missing(measured & ~start, lines).deviation(errors[..., a])
-            far = _far(deviation, measured, least[a])
+            deviation = np.abs(Missing(measured & ~start, lines).deviation(errors[..., a]))
+            spread = max(1.4826 * float(np.median(deviation[measured])), float(least[a]))
+            far = measured & (deviation > GROSS * spread)
             mask[..., a] |= start & far
             start = mask[..., a] | far
-            if (start == mask[..., a]).all() or start.sum() > MOST_SHARE * measured.sum():
+            if (start == mask[..., a]).all() or start.sum() > most:
                 break
     return mask
-
-
-def _far(deviation: FloatArray, measured: BoolArray, least: float) -> BoolArray:
-    """Measured entries (P, H) that are far off, if they are few."""
-    sizes = np.where(measured, np.abs(deviation), 0.0)
-    far = sizes > GROSS * max(1.4826 * float(np.median(sizes[measured])), least)
-    return far & (far.sum() <= MOST_SHARE * measured.sum())
 
 
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
@@ -358,7 +339,7 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
     P, H, A = errors.shape
     readings = table.component is not None
     # By axis orthonormal directions (H, k) along which whole parts move beside their level.
-    lines = [free_lines(table)[:, 1:]] * A if readings else []
+    lines = [table.free_lines[:, 1:]] * A if readings else []
     for F in () if readings else np.moveaxis(table.of_part.mean(axis=0), 1, 0):
         size = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
         U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)

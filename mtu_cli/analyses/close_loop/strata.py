@@ -316,8 +316,8 @@ class Missing:
         self.measured, self.lines = measured, lines
         self.cells = p, h = np.nonzero(~measured)
         within = (np.eye(len(lines)) - lines @ lines.T)[h[:, None], h[None]]
-        M = ((p[:, None] == p[None]) - 1 / len(measured)) * within
-        self.inverse = np.linalg.pinv(M, rcond=1e-9, hermitian=True) if len(p) else M
+        self.M = ((p[:, None] == p[None]) - 1 / len(measured)) * within
+        self.inverse = np.linalg.pinv(self.M, rcond=1e-9, hermitian=True) if len(p) else self.M
 
     def filled(self, table: FloatArray) -> FloatArray:
         """Tables (..., P, H) with their missing cells filled in, whatever stood there; those that
@@ -333,9 +333,16 @@ class Missing:
         return result
 
     def deviation(self, table: FloatArray) -> FloatArray:
-        """Tables (..., P, H) less what their measured cells predict, of missing ones too."""
+        """A table (P, H) less what its measured cells predict; of a missing one in proportion to
+        its standard deviation, as large as the residual would be if only that were missing, and 0
+        where nothing predicts it.
+        """
         filled = self.filled(table)
-        return np.asarray(table - filled + self.interaction(filled))
+        result, size = self.interaction(filled), np.diag(self.M)
+        known = np.abs(np.einsum("ij,ji->i", self.M, self.inverse) - 1) < 1e-6
+        factor = np.sqrt(size / np.where(known, np.diag(self.inverse), np.inf))
+        result[self.cells] = factor * (table - filled)[self.cells]
+        return result
 
     def interaction(self, table: FloatArray) -> FloatArray:
         """Tables (..., P, H) less the means of the features and what each part has of the lines."""
