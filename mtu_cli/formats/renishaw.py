@@ -106,9 +106,7 @@ def read(result: Import) -> None:
             expected = f"{stated}, as {key} says"
             result.fault("wrong-count", row=row, found=f"{count} {what}", expected=expected)
     result.faults.raise_if_any()
-    result.drop(
-        "targets of runs, of which the file has no deviation", len(targets) * runs - len(values)
-    )
+    result.drop("deviations missing in the file", len(targets) * runs - len(values))
     one_way = head.get("Flags", (0, ""))[1].split()[1:2] == ["1"]
     even = [value for (run, _), (_, value) in values.items() if run % 2 == 0]
     padded = one_way and bool(even) and not any(even) and any(v for _, v in values.values())

@@ -241,7 +241,7 @@ EFFECT = """
     log_bayes_factor | one.log_bayes_factor | natural log of the Bayes factor against the model \
         without it
     posterior | one.posterior | its share among the explanations in its place
-    explained_share | one.explained_share | share of the weighted squares of the errors
+    explained_share | one.explained_share | its weighted squares over those of all errors
     class | one.class_names | names that this data cannot separate, itself first
     aliases | one.aliases | other names for the same errors here, whatever the data
     experiment. | one.experiment

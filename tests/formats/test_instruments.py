@@ -442,7 +442,7 @@ P2,hole2,110.0051,20.0030,110,20
 def test_a_target_without_a_deviation_in_a_run_is_counted() -> None:
     found = read(raw(made.RTL.replace("  2   4    1.000000\r\n", ""), "x.rtl"), ASK)
     assert len(found.rows) == 13
-    assert found.left_out["targets of runs, of which the file has no deviation"] == 1
+    assert found.left_out["deviations missing in the file"] == 1
 
 
 @pytest.mark.parametrize("comma", [False, True])
