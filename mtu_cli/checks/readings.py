@@ -10,7 +10,7 @@ import numpy as np
 
 from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, check, limits, split
 from mtu_cli.files.covariates import SENSOR_DEGC, is_temperature
-from mtu_cli.stats.outliers import median_polish, outlying, spikes
+from mtu_cli.stats.outliers import FEWEST, GROSS, median_polish, medians, outlying, spikes
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.units import LENGTH, UNITS, Unit
 
@@ -156,13 +156,13 @@ def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
         group = group[np.sort(np.unique(table.error[group], axis=0, return_index=True)[1])]
         if len(group) < 2:
             continue
-        mask = np.zeros(group.shape, bool)
+        error, x, r = table.error[group], table.position_mm[group[0]], _rounding(data, group)
+        residuals = median_polish(error, x)
+        mask, s = outlying(residuals, residuals.shape[1] + 2 * residuals.shape[0], r)
         # Two readings far off at one end of a pass hide in a slope of it.
-        for x, lines in ((None, 1), (table.position_mm[group[0]], 2)):
-            residuals = median_polish(table.error[group], x)
-            fitted = residuals.shape[1] + lines * residuals.shape[0]
-            far, s = outlying(residuals, fitted, _rounding(data, group))
-            mask |= far
+        residuals = median_polish(error)
+        hidden, scatter = outlying(residuals, sum(residuals.shape), r)
+        mask |= hidden & _off_the_line(error, x, hidden, scatter)
         if len(group) == 2:
             # Both are as far from their mean: the one farther off its neighbours is meant.
             bend = np.abs(np.diff(table.error[group], 2, append=np.nan, prepend=np.nan))
@@ -175,6 +175,19 @@ def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
             place = np.nan_to_num(table.position_mm)
             for run in split(rows, place, table.cycle, table.file_index):
                 yield name, run, *spikes(table.error[run], r=_rounding(data, run))
+
+
+def _off_the_line(error: Floats, x: Floats, mask: Mask, s: float) -> Mask:
+    """Readings (passes, n) at x (n,) that are GROSS standard deviations of the prediction by the
+    line through those of their pass that are not in `mask` off it.
+    """
+    rest, result = error - medians(np.where(mask, np.nan, error), 0), np.zeros_like(mask)
+    X = np.vander(x - x.mean(), 2)
+    for i in np.flatnonzero(mask.any(axis=1) & ((~mask).sum(axis=1) >= FEWEST)):
+        Q = X @ np.linalg.pinv(X[~mask[i]])
+        off = np.abs(rest[i] - Q @ rest[i, ~mask[i]])
+        result[i] = off > GROSS * s * np.sqrt(1 + (Q**2).sum(axis=1))
+    return result
 
 
 def _rounding(data: ReadingsData, rows: Rows) -> float:

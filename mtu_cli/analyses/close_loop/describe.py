@@ -182,8 +182,8 @@ def _aliases(diagnosis: Diagnosis, member: Member) -> tuple[str, ...]:
     inner = design.columns.cross(terms[:, :, None], terms[:, None])
     _, products = design.columns.crossed((terms, inner), member.terms)
     G = np.tensordot(diagnosis.sizes.fit.weights, products, 1)
-    both = G[:, :k, k:] @ np.linalg.solve(G[:, k:, k:], G[:, k:, :k])
-    share = np.trace(np.linalg.solve(G[:, :k, :k], both), axis1=1, axis2=2)
+    one, other = (np.linalg.pinv(G[:, at, at], hermitian=True) for at in (slice(k), slice(k, None)))
+    share = np.trace(one @ G[:, :k, k:] @ other @ G[:, k:, :k], axis1=1, axis2=2)
     same = np.array(rivals, object)[share > ALIAS * k]
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in same))
 

@@ -173,7 +173,7 @@ def minimum_detectable(diagnosis: Diagnosis) -> dict[str, float]:
         signal = (np.einsum("smkk->m", partials.information) + prior) / k
         crossed = design.columns.cross(partials.terms, partials.terms).sum(axis=-1)
         shares = fit.weights[:, None] * crossed
-        v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
+        v = np.maximum(fit.dof @ shares / np.maximum(shares.sum(axis=0), 1e-300) - k, 1.0)
         p = (1 - (1 - diagnosis.models.alpha) ** (1 / tests)) / counts[of[partials.members]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
         z = np.sqrt(c2) * (1 - 0.25 / v) + ndtri(0.8) * np.sqrt(1 + c2 / (2 * v))

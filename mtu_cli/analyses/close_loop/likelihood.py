@@ -325,6 +325,7 @@ def outliers(table: ResidualTable) -> BoolArray:
             deviation = np.abs(Missing(measured & ~start, lines).deviation(errors[..., a]))
             spread = max(1.4826 * float(np.median(deviation[measured])), float(least[a]))
             far = measured & (deviation > GROSS * spread)
+            far &= far.sum() <= most
             mask[..., a] |= start & far
             start = mask[..., a] | far
             if (start == mask[..., a]).all() or start.sum() > most:

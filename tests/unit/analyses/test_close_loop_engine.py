@@ -1,5 +1,6 @@
 """The engine of closing the loop: each part of it against a slow plain version, or its rate."""
 
+from contextlib import suppress
 from dataclasses import replace
 from itertools import cycle, islice, pairwise
 from types import SimpleNamespace
@@ -23,6 +24,7 @@ from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood, outliers
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.strata import Missing
+from mtu_cli.findings import InputError
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
 from mtu_cli.model.residuals import ResidualTable
@@ -713,20 +715,27 @@ def test_what_all_passes_have_alike_is_no_repeatability() -> None:
     rng, s = np.random.default_rng(8), 1e-3
     squares = []
     for _ in range(50):
-        errors = s * rng.normal(size=(3, 10)) + 2e-2 * rng.normal(size=10)
-        own = laser_runs(3, 5, errors)
+        own = laser_runs(3, 5, s * rng.normal(size=(3, 10)) + 2e-2 * rng.normal(size=10))
         squares.append(scatter_of(diagnosis(own, "backlash"))[1] or 0.0)
     assert np.mean(np.square(squares)) == pytest.approx(s**2, rel=0.15)
 
 
-def test_few_cells_have_no_scatter_to_compare() -> None:
-    """Six parts of two features, the second measured on three of them."""
-    own = noise(9, parts=6)
+@pytest.mark.parametrize("seed", range(8))
+def test_few_cells_are_judged_or_refused(seed: int) -> None:
+    """Six parts of two features, the second measured on three of them; and at random."""
+    rng, own = np.random.default_rng(seed), noise(9, parts=6)
     errors = own.errors[:, :2].copy()
     errors[3:, 1] = np.nan
-    few = replace(own.taken(np.arange(2), 1), errors=errors)
-    result = close_loop([few], effect_library(), alpha=0.05, max_effects=1, seed=1)
-    assert result.verdict in ("none", "named", "class", "unexplained")
+    if seed:
+        own = noise(seed, parts=8)
+        errors = own.errors[:, :3].copy()
+        errors[rng.random((8, 3)) < 0.5] = np.nan
+        errors[2] += 0.05
+    few = replace(own.taken(np.arange(errors.shape[1]), 1), errors=errors)
+    few = replace(few, repeats=np.isfinite(errors).all(axis=2).astype(int))
+    with suppress(InputError):
+        (result,) = close_loop([few], effect_library(), alpha=0.05, max_effects=1, seed=1).tables
+        assert np.isfinite(result.after.rms)
 
 
 def tables_that_scatter(kind: str) -> tuple[ResidualTable, str]:
