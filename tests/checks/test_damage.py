@@ -11,6 +11,7 @@ from made_tables import made_readings
 
 from checks.damage import CONFIGS, DAMAGES, DRAWS, counted, draws
 from mtu_cli import checks
+from mtu_cli.checks.readings import _off_the_line
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.readings import read_readings
 
@@ -67,3 +68,19 @@ def test_short_passes_are_suspicious_only_where_another_unit_explains_them() -> 
 def test_sound_readings_raise_no_alarm(drawn: list[tuple], tmp_path: Path) -> None:
     seen = {id(sound): (study, DAMAGES[kind].of, sound) for kind, study, sound, _ in drawn}
     assert [found for args in seen.values() for found in judged(*args, tmp_path)] == []
+
+
+@pytest.mark.parametrize(("factor", "marked"), [(0.99, False), (1.01, True)])
+def test_a_reading_is_judged_by_the_line_through_the_others_of_its_pass(
+    factor: float, marked: bool
+) -> None:
+    """Beyond eight standard deviations of a reading predicted there by three others."""
+    x, s, error = np.array([0.0, 30.0, 50.0, 90.0]), 0.7, np.zeros((5, 4))
+    others = np.vander(x[:3], 2)
+    at = np.array([x[3], 1.0])
+    u = s * np.sqrt(1 + at @ np.linalg.inv(others.T @ others) @ at)
+    error[2] = 2.0 + 0.1 * x
+    error[2, 3] += factor * 8 * u
+    mask = np.zeros(error.shape, bool)
+    mask[2, 3] = True
+    assert _off_the_line(error, x, mask, s)[2, 3] == marked

@@ -17,7 +17,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.alignment import small_motions
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
-from mtu_cli.stats.outliers import median_polish, outlying
+from mtu_cli.stats.outliers import NORMAL_MAD, median_polish, outlying
 
 QUANTILES = (np.arange(12) + 0.5) / 12
 ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
@@ -323,7 +323,7 @@ def outliers(table: ResidualTable) -> BoolArray:
         start &= start.sum() <= most
         for _ in range(ROUNDS):
             deviation = np.abs(Missing(measured & ~start, lines).deviation(errors[..., a]))
-            spread = max(1.4826 * float(np.median(deviation[measured])), float(least[a]))
+            spread = max(NORMAL_MAD * float(np.median(deviation[measured])), float(least[a]))
             far = measured & (deviation > GROSS * spread)
             far &= far.sum() <= most
             mask[..., a] |= start & far

@@ -710,14 +710,44 @@ def test_a_whole_part_that_is_off_is_no_outlying_entry(features: int) -> None:
     assert diagnosis(own, "part-outlier").names == ["part-outlier"]
 
 
+def dense_design(parts: int, lines: FloatArray) -> FloatArray:
+    """Columns (P H, k): a constant for every feature, and for every part its lines."""
+    H = len(lines)
+    return np.column_stack([np.kron(np.eye(parts), lines), np.tile(np.eye(H), (parts, 1))])
+
+
 def test_what_all_passes_have_alike_is_no_repeatability() -> None:
-    """Of a profile that has no name; s^2 over 50 sets has a standard error of 5 %."""
+    """Of a profile that has no name s^2 is that of least squares with a constant for every feature
+    and four lines for every pass.
+    """
     rng, s = np.random.default_rng(8), 1e-3
-    squares = []
-    for _ in range(50):
-        own = laser_runs(3, 5, s * rng.normal(size=(3, 10)) + 2e-2 * rng.normal(size=10))
-        squares.append(scatter_of(diagnosis(own, "backlash"))[1] or 0.0)
-    assert np.mean(np.square(squares)) == pytest.approx(s**2, rel=0.15)
+    own = laser_runs(2, 5, s * rng.normal(size=(2, 10)) + 2e-2 * rng.normal(size=10))
+    found = diagnosis(own, "trend")
+    assert found.names == []
+    X, y = dense_design(2, own.free_lines), own.errors[..., 0].ravel()
+    _, floor = scatter_of(found)
+    rest = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    assert floor == pytest.approx(np.sqrt(rest @ rest / (len(y) - np.linalg.matrix_rank(X))))
+
+
+def test_what_is_left_out_deviates_as_its_prediction_says() -> None:
+    """Against dense least squares of the others: the deviation over its standard deviation, times
+    that of the residual if only it were left out; 0 of what is alone in its feature.
+    """
+    rng, P, H = np.random.default_rng(9), 5, 8
+    lines = np.linalg.qr(np.vander(np.arange(float(H)), 2))[0]
+    Y, measured = rng.normal(size=(P, H)), np.ones((P, H), bool)
+    measured[[0, 0, 3], [6, 7, 2]] = False
+    X, there = dense_design(P, lines), measured.ravel()
+    hat = X @ np.linalg.pinv(X)
+    inverse = np.linalg.pinv(X[there].T @ X[there])
+    deviation = Y.ravel() - X @ inverse @ X[there].T @ Y.ravel()[there]
+    variance = 1 + np.einsum("ni,ij,nj->n", X, inverse, X)
+    expected = np.where(there, 1.0, np.sqrt((1 - np.diag(hat)) / variance)) * deviation
+    found = Missing(measured, lines).deviation(Y)
+    assert found.ravel() == pytest.approx(expected, abs=1e-9)
+    measured[:, 5] = False
+    assert Missing(measured, lines).deviation(Y)[:, 5].tolist() == [0.0] * P
 
 
 @pytest.mark.parametrize("seed", range(8))
